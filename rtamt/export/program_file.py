@@ -3,10 +3,11 @@
 The library (`rtamt/native/fmu/`) is the same in every unit. This file holds what differs: programs
 as `rtamt.program.encoding` encodes them, the names behind the value references, and how constants
 follow from parameters. It is text, one record a line, with fields between single blanks; a field
-that is absent is ``-``. Numbers are written so that they read as the same double (``repr``).
+that is absent is ``-``, and a flag is 0 or 1. Numbers are written so that they read as the same
+double (``repr``).
 
 =========================================  =========================================================
-``rtamt-program 1``                        first line: the version of the format
+``rtamt-program 2``                        first line: the version of the format
 ``token TOKEN``                            the guid (FMI 2) or instantiation token (FMI 3)
 ``samples NUMERATOR DENOMINATOR``          the period in seconds, of programs on samples
 ``ticks SCALE TICKS UNITS BOUNDS``         over dense time: ticks in a second, in the form of
@@ -157,7 +158,7 @@ class ProgramFile:
 def program_text(file: ProgramFile) -> str:
     """The text of a file, which is written in UTF-8 with the line ends of Unix."""
     writer = _Writer([each.name for each in file.parameters])
-    writer.add("rtamt-program", 1)
+    writer.add("rtamt-program", 2)
     writer.add("token", file.token)
     sources: Sequence[int | None] = [None] * len(file.formulas)
     match file.programs:
@@ -225,6 +226,8 @@ class _Writer:
             return self._number(field)
         if isinstance(field, str):
             return field or "-"
+        if isinstance(field, bool):
+            return str(int(field))
         return "-" if field is None else repr(field)
 
     def _number(self, number: Traced) -> str:

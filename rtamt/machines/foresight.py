@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine, without_nan
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.protocols import End
 from rtamt.machines.signals import (
     BOUNDS,
     ENDED,
@@ -28,6 +28,7 @@ from rtamt.machines.signals import (
     Settled,
     Signal,
     Values,
+    WindowPass,
     lasting,
     same,
 )
@@ -37,10 +38,12 @@ from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.memory import limit_beyond
 from rtamt.program.outlook import (
     Outlook,
+    at_unseen,
     initial,
     look_out,
     looks_ahead,
     nested,
+    otherwise_read,
     planned,
     sufficient,
     throughout,
@@ -174,29 +177,23 @@ class Foresight:
         known = [column[:n] for column in self._predicates]
         return Foresight(*self._arguments, known, n)
 
-    def robustness(self) -> tuple[float, float]:
-        """The robustness if the trace is complete: two zeros if it hangs on neutral predicates."""
-        return self._worst.at_zero(ENDED, cut=False), self._best.at_zero(ENDED, cut=False)
+    def bounds(self, end: End) -> tuple[float, float]:
+        """The least and the greatest robustness that a reading of the end leaves possible.
 
-    def bounds(self, *, cut: bool) -> tuple[float, float]:
-        """The least and the greatest robustness if the trace was cut, or goes on for ever."""
-        pair = self._worst, self._best
-        if cut and self._worst is not self._best:
-            # Each is an episode of its own (`rtamt.machines.neutral`): what it decided stands.
-            going_on = [[its.at_zero(world, cut=False) for world in BOUNDS] for its in pair]
-            cuts = [verdict_of(*bounds) == 0 for bounds in going_on]
-        else:
-            cuts = [cut, cut]
+        If the trace is complete the greatest is its robustness, and the least the same, but for two
+        zeros if it hangs on neutral predicates.
+        """
+        worlds = (ENDED, ENDED) if end == "complete" else BOUNDS
         lower, upper = (
-            its.at_zero(world, cut=its_cut)
-            for its, world, its_cut in zip(pair, BOUNDS, cuts, strict=True)
+            its.at_zero(world, cut=end == "cut")
+            for its, world in zip((self._worst, self._best), worlds, strict=True)
         )
         return lower, upper
 
-    def undecided(self, registers: tuple[int, ...], *, cut: bool) -> list[Flags]:
-        """Where some registers of the formulas may be of either sign."""
-        lower, low = self._worst.inputs(registers, LOWER, cut=cut)
-        upper, high = self._best.inputs(registers, UPPER, cut=cut)
+    def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
+        """Where some registers of the formulas may be of either sign; for a trace that goes on."""
+        lower, low = self._worst.inputs(registers, LOWER, cut=end == "cut")
+        upper, high = self._best.inputs(registers, UPPER, cut=end == "cut")
         if low is high and same(
             *([signal.recorded for signal in signals] for signals in (lower, upper))
         ):
@@ -223,7 +220,7 @@ class _Reading:
         self._machine = machine
         self._n = n
         self._signals = [[Signal(column, unseen) for column in predicates] for unseen in UNSEEN]
-        self._passes: dict[tuple[Program, tuple[int, ...]], tuple[list[FoldPass], Pass]] = {}
+        self._passes: dict[tuple[Program, tuple[int, ...], int, frozenset[int]], _Passes] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
         self._at_once: dict[str, float] = {}
 
@@ -274,12 +271,12 @@ class _Reading:
                 case Map(function, args):
                     apply = FUNCTIONS[function].apply
                     found[register] = functools.reduce(apply, (found[a] for a in args))
-                case Window(_, _, None, args):  # it begins now: a later begin is a shift
+                case Window(_, _, None, args) as window:  # it begins now: a later begin is a shift
                     key = program, register
                     if key not in self._roots:
                         self._roots[key] = _Root(program, register, self._machine)
                     operands = self._values(program, args, world, cut=cut)
-                    recorded = cut or world == ENDED
+                    recorded = cut or world == ENDED or window.skips(best=world == UPPER)
                     found[register] = self._roots[key].value(operands, recorded=recorded)
                 case Window():
                     (its,) = self._values(program, (register,), world, cut=cut)
@@ -302,16 +299,53 @@ class _Reading:
     def _inputs(
         self, program: Program, registers: tuple[int, ...], world: int, *, cut: bool
     ) -> tuple[list[Signal], Pass]:
-        key = program, registers
+        others = frozenset[int]()
+        if world != ENDED:
+            others = otherwise_read(program, best=world == UPPER, cut=cut)
+        key = program, registers, world, others
         if key not in self._passes:
-            folded, last = planned(program, registers)
-            folds = [FoldPass(window, self._machine) for window in folded]
-            self._passes[key] = folds, Pass(last, self._machine)
-        folds, final = self._passes[key]
-        signals = self._signals[world][:]
-        for fold in folds:
-            signals.append(fold.signal(signals, world, self._n, cut=cut))
-        return signals, final
+            self._passes[key] = _Passes(program, registers, world, others, self._machine)
+        passes = self._passes[key]
+        return passes.signals(self._signals[world], self._n, cut=cut), passes.last
+
+
+class _Passes:
+    """The passes that find some registers of a program in a world.
+
+    Attributes:
+        last: The last one; those before it find variables that it needs.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        registers: tuple[int, ...],
+        world: int,
+        others: frozenset[int],
+        machine: MakeMachine,
+    ) -> None:
+        windows, last = planned(program, registers, others)
+        beyond = at_unseen(program, best=world == UPPER)
+        self._world = world
+        self._windows = [
+            WindowPass(each, machine)
+            if each.window.hi is not None
+            else FoldPass(each, machine, beyond[each.register])
+            for each in windows
+        ]
+        self.last = Pass(last, machine)
+
+    def signals(self, known: Sequence[Signal], n: int, *, cut: bool) -> list[Signal]:
+        """The variables of the last pass, of which the first ones are known."""
+        signals, opened = [*known], [*known]
+        needs_open = cut and any(window.needs_open for window in self._windows)
+        for window in self._windows:
+            its = None
+            if needs_open:
+                its = window.signal(opened, self._world, n, None, cut=False)
+                opened.append(its)
+            signals.append(window.signal(signals, self._world, n, its, cut=cut))
+        return signals
 
 
 def _differ(low: Array, high: Array) -> NDArray[np.bool_]:

@@ -21,7 +21,8 @@ from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, Snapshot, Stateful
-from rtamt.machines.readout import Readout, verdict_of, verdicts_of
+from rtamt.machines.readout import Readout, moved, verdicts_of
+from rtamt.program.algebra import greater, lesser
 from rtamt.program.polarity import positive
 from rtamt.program.program import Program
 
@@ -70,7 +71,7 @@ def _readings(program: Program) -> tuple[Program, Program] | None:
 
 
 def _parts(state: Snapshot) -> tuple[Snapshot, Snapshot, Any]:
-    """The states of the two readings, and which ends decided."""
+    """The states of the two readings, and the robustness of what was cut."""
     if not isinstance(state, tuple) or len(state) != 3:
         raise ValueError(
             "expected a state that a machine with predicates that count 0 gave; those of other "
@@ -96,7 +97,7 @@ class _NeutralMachine:
 
     def __init__(self, worst: EpisodeMachine, best: EpisodeMachine) -> None:
         self._worst, self._best = worst, best
-        self._complete = False  # whether the end decided: the bounds are the robustnesses
+        self._moved: float | None = None  # the robustness, if the trace was cut
         self._readout: Readout | None = None
 
     @property
@@ -113,15 +114,15 @@ class _NeutralMachine:
 
     @property
     def robustness(self) -> float:
-        return self._best.robustness
+        return self._best.robustness if self._moved is None else self._moved
 
     @property
     def lower(self) -> float:
-        return self._worst.robustness if self._complete else self._worst.lower
+        return self._worst.lower
 
     @property
     def upper(self) -> float:
-        return self._best.robustness if self._complete else self._best.upper
+        return self._best.upper
 
     def update(self, *args: object, **named: object) -> float:
         robustness = self._best.update(*args, **named)
@@ -130,26 +131,27 @@ class _NeutralMachine:
         return robustness
 
     def finish(self, end: End = "complete") -> float:
-        is_open = not self.finished and verdict_of(self.lower, self.upper) == 0
-        robustness = self._best.finish(end)
+        cut, robustness = end == "cut" and not self.finished, self.robustness
+        self._best.finish(end)
         self._worst.finish(end)
-        self._complete |= is_open and end == "complete"
+        if cut:
+            self._moved = moved(robustness, self.lower, self.upper)
         self._show()
-        return robustness
+        return self.robustness
 
     def reset(self) -> None:
         for machine in (self._worst, self._best):
             machine.reset()
-        self._complete = False
+        self._moved = None
         self._show()
 
     def state(self) -> Snapshot:
-        return self._worst.state(), self._best.state(), self._complete
+        return self._worst.state(), self._best.state(), self._moved
 
     def restore(self, state: Snapshot) -> None:
-        worst, best, complete = _parts(state)
+        worst, best, robustness = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
-        self._complete = complete
+        self._moved = robustness
         self._show()
 
     def show_in(
@@ -168,7 +170,7 @@ class _NeutralBank:
 
     def __init__(self, worst: EpisodeBank, best: EpisodeBank) -> None:
         self._worst, self._best = worst, best
-        self._complete = np.zeros(len(best.samples), dtype=np.bool_)
+        self._moved = np.full(len(best.samples), np.nan)  # the robustness of lanes that were cut
 
     @property
     def samples(self) -> NDArray[np.int64]:
@@ -180,15 +182,15 @@ class _NeutralBank:
 
     @property
     def robustness(self) -> Floats:
-        return self._best.robustness
+        return np.where(np.isnan(self._moved), self._best.robustness, self._moved)
 
     @property
     def lower(self) -> Floats:
-        return np.where(self._complete, self._worst.robustness, self._worst.lower)
+        return self._worst.lower
 
     @property
     def upper(self) -> Floats:
-        return np.where(self._complete, self._best.robustness, self._best.upper)
+        return self._best.upper
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
@@ -201,27 +203,29 @@ class _NeutralBank:
     def update(
         self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
     ) -> Floats:
-        results = self._best.update(values, mask, upper)
+        self._best.update(values, mask, upper)
         self._worst.update(values, mask, upper)
-        return results
+        return self.robustness
 
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
-        is_open = ~self.finished & (self.verdict == 0)
-        results = self._best.finish(mask, end)
+        before, robustness = self.finished, self.robustness
+        self._best.finish(mask, end)
         self._worst.finish(mask, end)
-        if end == "complete":
-            self._complete |= is_open & self.finished
-        return results
+        if end == "cut":
+            ended = self.finished & ~before
+            inside = greater(self.lower, lesser(robustness, self.upper))
+            self._moved = np.where(ended, inside, self._moved)
+        return self.robustness
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         for bank in (self._worst, self._best):
             bank.reset(mask)
-        self._complete &= self.finished
+        self._moved = np.where(self.finished, self._moved, np.nan)
 
     def state(self) -> Snapshot:
-        return self._worst.state(), self._best.state(), self._complete.copy()
+        return self._worst.state(), self._best.state(), self._moved.copy()
 
     def restore(self, state: Snapshot) -> None:
-        worst, best, complete = _parts(state)
+        worst, best, robustness = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
-        self._complete = complete.copy()
+        self._moved = robustness.copy()

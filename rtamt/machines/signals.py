@@ -7,6 +7,7 @@ that depend on recorded samples alone are settled, and the same in every world.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine
 from rtamt.machines.protocols import DiscreteMachine, Snapshot
+from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Load
 from rtamt.program.outlook import (
     past,
@@ -33,6 +35,7 @@ __all__ = [
     "Settled",
     "Signal",
     "Values",
+    "WindowPass",
     "lasting",
     "same",
 ]
@@ -217,25 +220,82 @@ def _variables(program: Program) -> list[int] | None:
     return places
 
 
+class WindowPass:
+    """A window with an end, which reads unseen elements otherwise than a machine does.
+
+    In the open reading it is a window that skips them; in that of a cut trace, a part of an
+    operator without end.
+
+    Attributes:
+        needs_open: Whether its values of a cut trace need those of the open reading.
+    """
+
+    def __init__(self, folded: Folded, machine: MakeMachine) -> None:
+        self._window = folded.window
+        self._operands = Pass(folded.operands, machine)
+        self._fold = Pass(folded.fold, machine)
+        self.needs_open = folded.window.endless
+
+    def signal(
+        self, signals: Sequence[Signal], world: int, n: int, opened: Signal | None, *, cut: bool
+    ) -> Signal:
+        """The folds at all times.
+
+        Args:
+            signals: Those of the variables of its operands.
+            world: The world, of a trace that is not complete.
+            n: Length of the trace.
+            opened: If the trace was cut and `needs_open`, the folds of the open reading.
+            cut: Whether the trace was cut.
+        """
+        window, operands = self._window, self._operands.signals(signals, world, n)
+        if not cut and window.skips(best=world == UPPER):
+            (found,) = self._fold.signals(operands, ENDED, n)
+            nothing = np.array(FOLDS[window.fold].identity[-1:])
+            return Signal(found.recorded, nothing if window.lo else operands[-1].beyond)
+        (found,) = self._fold.signals(operands, world, n)
+        if opened is None or not window.endless:
+            return found
+        at = max(0, n - window.begin)
+        return Signal(np.concatenate([found.recorded[:at], opened.recorded[at:]]), opened.beyond)
+
+
 class FoldPass:
-    """A window without end, folded backwards, and what it gave for signals so far."""
+    """A window without end, folded backwards, and what it gave for signals so far.
 
-    def __init__(self, window: Folded, machine: MakeMachine) -> None:
-        self._operands = Pass(window.operands, machine)
-        fold = window.fold
+    Args:
+        folded: The window.
+        machine: Makes the discrete machines of a back-end.
+        beyond: Its value at all unseen times of the open reading, if it is known.
+
+    Attributes:
+        needs_open: Whether its values of a cut trace need those of the open reading.
+    """
+
+    def __init__(self, folded: Folded, machine: MakeMachine, beyond: float | None) -> None:
+        self._window = folded.window
+        self._operands = Pass(folded.operands, machine)
+        fold = folded.fold
         self._machine = machine(fold, SampleReader(fold), tuple(fold.outputs.values()))
-        self._identity = window.identity
+        self._beyond = beyond
         self._found: list[tuple[list[Array], Array]] = []
+        self.needs_open = beyond is None
 
-    def signal(self, signals: Sequence[Signal], world: int, n: int, *, cut: bool) -> Signal:
-        """The fold of the operands from every time on; of recorded times alone if cut."""
+    def signal(
+        self, signals: Sequence[Signal], world: int, n: int, opened: Signal | None, *, cut: bool
+    ) -> Signal:
+        """The fold of the operands from every time on; the arguments are those of `WindowPass`."""
         operands = self._operands.signals(signals, world, n)
         recorded = [operand.recorded for operand in operands]
-        if cut or world == ENDED:
+        if world == ENDED:
             return Signal(self._folded(recorded), UNSEEN[world])
+        if cut:  # it speaks of recorded times alone
+            known = np.array([self._beyond]) if opened is None else opened.beyond
+            return Signal(self._folded(recorded), known)
         # Of what comes later, the fold reads the last operand alone (`rtamt.program.algebra`).
         last = operands[-1].beyond
-        if len(last) == 1 and last[0] == self._identity:
+        nothing = FOLDS[self._window.fold].identity[-1]
+        if self._window.skips(best=world == UPPER) or (len(last) == 1 and last[0] == nothing):
             return Signal(self._folded(recorded), last)
         length = max(len(operand.beyond) for operand in operands)
         whole = [np.concatenate([o.recorded, lasting(o.beyond, length)]) for o in operands]
@@ -253,7 +313,7 @@ class FoldPass:
 
 def same(some: Sequence[Array], others: Sequence[Array]) -> bool:
     """Whether these are the same arrays."""
-    return all(a is b for a, b in zip(some, others, strict=True))
+    return len(some) == len(others) and all(map(operator.is_, some, others))
 
 
 def lasting(values: Array, length: int) -> Array:

@@ -11,7 +11,7 @@ from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.readout import moved, verdict_of
 from rtamt.monitors.evaluation import raw_trace
 from rtamt.monitors.holds import zero_text
 from rtamt.monitors.monitor import Verdict
@@ -218,40 +218,37 @@ def judge(
     columns, length = raw_trace(reader, signals, n, period)
     machine = BACKENDS[backend].discrete_machine
     foresight = Foresight.of(program, reader, machine, columns, length)
-    worst, robustness = foresight.robustness()
-    lower, upper = foresight.bounds(cut=False)
-    decided = _verdict(lower, upper) is not Verdict.UNDECIDED
-    if not decided and reading == "complete":
-        lower, upper = worst, robustness
-    elif not decided and reading == "cut":
-        lower, upper = foresight.bounds(cut=True)
+    complete = foresight.bounds("complete")
+    lower, upper = bounds = complete if reading == "complete" else foresight.bounds(reading)
 
     # Without what its passes have found so far, which is as long as the trace.
     kept = foresight.until(foresight.n)
 
     def untested() -> tuple[Untested, ...]:
-        if reading == "complete" or _verdict(lower, upper) is not Verdict.UNDECIDED:
+        if reading == "complete" or _verdict(*bounds) is not Verdict.UNDECIDED:
             return ()
-        return found_untested(kept, seconds, cut=reading == "cut")
+        return found_untested(kept, seconds, reading)
 
     return Judgement.of(
-        (robustness, lower, upper),
+        (moved(complete[1], lower, upper), lower, upper),
         reading,
         str(specification.formula),
-        _verdict(worst, robustness),
+        _verdict(*complete),
         untested,
-        lambda: _first_decided(kept) if decided else None,
+        lambda: _first_decided(kept),
     )
 
 
-def _first_decided(foresight: Foresight) -> int:
-    """The first sample at which the open reading is decided; it is so at the last one."""
+def _first_decided(foresight: Foresight) -> int | None:
+    """The first sample at which the open reading is decided, if it is at the last one."""
     low, high = 0, 1  # undecided after low samples, or none; decided after high samples
 
     def decided(n: int) -> bool:
-        bounds = foresight.until(n).bounds(cut=False)
+        bounds = foresight.until(n).bounds("open")
         return _verdict(*bounds) is not Verdict.UNDECIDED
 
+    if not decided(foresight.n):
+        return None
     while high < foresight.n and not decided(high):
         low, high = high, 2 * high
     high = min(high, foresight.n)

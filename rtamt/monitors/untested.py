@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from rtamt.language.node import Node
 from rtamt.machines.foresight import Foresight
+from rtamt.machines.protocols import End
 from rtamt.program.instructions import Map, Window
 
 __all__ = ["Untested", "found_untested"]
@@ -49,14 +50,12 @@ class Untested:
         return f"{time:.12g} s" if self.unit == "s" else f"sample {time:.12g}"
 
 
-def found_untested(
-    foresight: Foresight, period: Fraction | None, *, cut: bool
-) -> tuple[Untested, ...]:
+def found_untested(foresight: Foresight, period: Fraction | None, end: End) -> tuple[Untested, ...]:
     """What an undecided verdict hangs on: the outermost formulas that need more than was recorded.
 
     It goes from the root to operands that are undecided, and to the first time at which they are.
     """
-    walk = _Walk(foresight, cut=cut)
+    walk = _Walk(foresight, end)
     walk.walk()
     unit, step = ("samples", Fraction(1)) if period is None else ("s", period)
 
@@ -73,9 +72,9 @@ def found_untested(
 class _Walk:
     """From the root of the formulas down to what was not recorded."""
 
-    def __init__(self, foresight: Foresight, *, cut: bool) -> None:
+    def __init__(self, foresight: Foresight, end: End) -> None:
         self._foresight = foresight
-        self._cut = cut
+        self._end = end
         self._n = foresight.n
         self.found: dict[tuple[Node, int], tuple[int, int | None]] = {}
 
@@ -89,7 +88,7 @@ class _Walk:
             seen.add(place)
             instruction = program.instructions[register]
             if isinstance(instruction, Map):
-                flags = self._foresight.undecided(instruction.args, cut=self._cut)
+                flags = self._foresight.undecided(instruction.args, self._end)
                 operands = zip(instruction.args, flags, strict=True)
                 stack += [(operand, time) for operand, its in operands if its.at(time)]
             elif isinstance(instruction, Window):
@@ -99,9 +98,14 @@ class _Walk:
         """The operands of a window that are undecided at recorded times; notes what is beyond."""
         n = self._n
         begin = 0 if window.lo is None else max(0, time + window.lo)
-        missing = window.hi is None and (not self._cut or begin >= n)
+        cut = self._end == "cut"
+        missing = window.hi is None and (not cut or begin >= n)
+        if window.endless:
+            missing = cut and time + window.begin >= n
+        if not cut:  # an unseen element may not be there, but for that of the window's own time
+            missing |= window.hi is not None and time + window.hi >= max(n, time + 1)
         deeper = []
-        flags = self._foresight.undecided(window.args, cut=self._cut)
+        flags = self._foresight.undecided(window.args, self._end)
         for operand, its in zip(window.args, flags, strict=True):
             end = n - 1 if window.hi is None else time + window.hi
             first = its.first(begin, min(end, n - 1))

@@ -55,6 +55,8 @@ class FormulaRow(NamedTuple):
     second: int
     lo: int | None
     hi: int | None
+    guard: bool  # these two as in `rtamt.program.instructions.Window`
+    endless: bool
 
 
 class DenseRow(NamedTuple):
@@ -150,10 +152,12 @@ def encoded_episode(program: Program) -> EncodedEpisode:
     for register in range(program.terms, len(program.instructions)):
         instruction = program.formula(register)
         lo = hi = None
+        guard = endless = False
         if isinstance(instruction, Window):
             lo, hi = instruction.lo, instruction.hi
+            guard, endless = instruction.guard, instruction.endless
         kind, name, first, second, _ = _fields(program, instruction)
-        formulas.append(FormulaRow(kind, name, first, second, lo, hi))
+        formulas.append(FormulaRow(kind, name, first, second, lo, hi, guard, endless))
     return EncodedEpisode(
         tuple(_terms(program)),
         tuple(formulas),

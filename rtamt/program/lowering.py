@@ -157,6 +157,12 @@ class ProgramBuilder:
         """The register of a window."""
         return self._emit(window, term=False)
 
+    def _guard(self, begin: int, p: int, *, endless: bool) -> int:
+        """What has to hold before the window of ``until`` begins."""
+        if begin == 1 and not endless:
+            return p
+        return self.emit(Window("min", 0, begin - 1, (p,), guard=True, endless=endless))
+
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """Since: the fold up to the begin of the interval, and p from there to now."""
         begin, end = bounds
@@ -181,7 +187,7 @@ class ProgramBuilder:
             fold = self.map("max", self.window("max", begin, begin, q), later)
         if begin == 0:
             return fold
-        return self.map("min", self.window("min", 0, begin - 1, p), fold)
+        return self.map("min", self._guard(begin, p, endless=end is None), fold)
 
 
 def compile_program(

@@ -3,6 +3,11 @@
 They have no negations (`rtamt.program.polarity`), so every register is monotone in the predicates:
 the robustness is least (greatest) on the trace whose unseen predicates are all -inf (+inf).
 Predicates are therefore computed first, and are variables of the programs that follow.
+
+In the open reading an unseen sample may not be there, and some windows skip it
+(`rtamt.program.instructions.Window.skips`). Mostly that changes nothing, as what they skip is what
+their fold makes of nothing. The others, which `otherwise_read` finds, are read by passes of their
+own.
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ __all__ = [
     "look_out",
     "looks_ahead",
     "nested",
+    "otherwise_read",
     "past",
     "planned",
     "reaches",
@@ -112,6 +118,7 @@ def unending(program: Program, unseen: float) -> Program:
     needed = program.pruned()
     instructions = needed.instructions
     ends = _ends(needed, unseen)
+    best = unseen > 0
     fixed: dict[int, float] = {}  # the values of registers that have one value at all times
     for register, instruction in enumerate(instructions):
         if isinstance(instruction, Load):
@@ -123,11 +130,14 @@ def unending(program: Program, unseen: float) -> Program:
         always = _stays(instruction, [fixed.get(a) for a in args])
         if isinstance(instruction, Window):
             # A window that may be empty has no value of its operands then.
+            nothing = FOLDS[instruction.fold].identity[-1]
             empty = instruction.hi is not None and instruction.hi < 0
-            always = None if empty else always
-            decides = -FOLDS[instruction.fold].identity[-1]
-            if instruction.hi is None and len(args) == 1 and ends[register] == decides:
-                always = decides
+            skips = instruction.skips(best=best)
+            if empty or (skips and instruction.lo and always != nothing):
+                always = None
+            endless = instruction.hi is None and not skips
+            if endless and len(args) == 1 and ends[register] == -nothing:
+                always = -nothing
         if always is not None:
             fixed[register] = always
     if all(isinstance(instructions[register], Const) for register in fixed):
@@ -140,6 +150,62 @@ def unending(program: Program, unseen: float) -> Program:
         .reordered([*fixed, *others], terms)
         .pruned()
     )
+
+
+def otherwise_read(program: Program, *, best: bool, cut: bool) -> frozenset[int]:
+    """The windows with an end whose values near the end of a trace are not those of a machine.
+
+    Args:
+        program: The program; its variables are predicates, which are unknown at unseen samples.
+        best: Whether it is the upper bound.
+        cut: Whether it is the reading of a trace that was cut; else the open one.
+    """
+    beyond = at_unseen(program, best=best)
+    skipping, endless, late = set(), set(), False
+    for register, window in enumerate(program.instructions):
+        if not isinstance(window, Window):
+            continue
+        if window.hi is None:
+            late |= beyond[register] is None
+            continue
+        value = beyond[window.args[-1]]
+        skips = window.skips(best=best) and value != FOLDS[window.fold].identity[-1]
+        if skips:
+            skipping.add(register)
+        if window.endless and (skips or window.guard or value is None):
+            endless.add(register)
+    if not cut:
+        return frozenset(skipping)
+    # A future without end has the values of the open reading where nothing was recorded.
+    return frozenset(skipping | endless if endless or late else ())
+
+
+@functools.lru_cache(maxsize=1024)
+def at_unseen(program: Program, *, best: bool) -> tuple[float | None, ...]:
+    """The value of each register at all unseen times of the open reading, if it is known.
+
+    Args:
+        program: The program; its variables are predicates.
+        best: Whether it is the upper bound.
+    """
+    unseen = math.inf if best else -math.inf
+    values: list[float | None] = []
+    for instruction in program.instructions:
+        match instruction:
+            case Load():
+                values.append(unseen)
+            case Const(value):
+                values.append(value)
+            case Map():
+                values.append(_stays(instruction, [values[a] for a in instruction.args]))
+            case Window(_, lo, _, args) as window:
+                known = [values[a] for a in args]
+                if window.skips(best=best):  # folds are idempotent
+                    values.append(FOLDS[window.fold].identity[-1] if lo else known[-1])
+                else:
+                    behind = lo is None or lo < 0
+                    values.append(None if behind or None in known else known[-1])
+    return tuple(values)
 
 
 def _stays(instruction: Map | Window, values: Sequence[float | None]) -> float | None:
@@ -205,7 +271,9 @@ def together(program: Program) -> Program | None:
             if not isinstance(instruction, Load | Const):
                 written = replace(instruction, args=tuple(new[a] for a in instruction.args))
             register = emit(written)
-            if isinstance(written, Window) and not (end is None or math.isnan(unseen)):
+            if isinstance(written, Window) and not (
+                end is None or math.isnan(unseen) or written.skips(best=unseen > 0)
+            ):
                 register = _with_end(written, end, register, emit)
             new.append(register)
         outputs[str(unseen)] = new[part.result]
@@ -244,6 +312,8 @@ def _ends(program: Program, unseen: float) -> list[float | None]:
                 ends.append(unseen)
             case Const(value):
                 ends.append(value)
+            case Window(fold, lo) if lo and instruction.skips(best=unseen > 0):
+                ends.append(FOLDS[fold].identity[-1])
             case Map() | Window():
                 ends.append(_stays(instruction, [ends[a] for a in instruction.args]))
     return ends
@@ -299,10 +369,20 @@ def throughout(program: Program, register: int) -> Program:
 
 
 @functools.lru_cache(maxsize=512)
-def planned(program: Program, registers: tuple[int, ...]) -> tuple[tuple[Folded, ...], Program]:
-    """Applies `folded_apart` to the part that computes some registers, its outputs in order."""
+def planned(
+    program: Program, registers: tuple[int, ...], others: frozenset[int]
+) -> tuple[tuple[Folded, ...], Program]:
+    """Applies `folded_apart` to the part that computes some registers, its outputs in order.
+
+    The registers of windows are those of the whole program.
+    """
     outputs = {str(i): register for i, register in enumerate(registers)}
-    return folded_apart(replace(program, result=registers[0], outputs=outputs).pruned())
+    kept = sorted(program.needed(*registers))
+    windows, last = folded_apart(
+        program.restricted(registers[0], outputs),
+        [i for i, register in enumerate(kept) if register in others],
+    )
+    return tuple(each._replace(register=kept[each.register]) for each in windows), last
 
 
 def reaches(program: Program, ahead: Mapping[str, int]) -> list[int]:

@@ -1,7 +1,8 @@
 """The readings of the end of a trace, written down naively; shares no code with the library.
 
 A value is an interval ``(low, high)``; -0.0 counts as less than +0.0. The complete and the open
-reading are those of `oracle`; here is that of a trace that was cut.
+reading are those of `oracle`; here is that of a trace that was cut. Of a future without end it has
+the open bounds where no sample of its window was recorded.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ import functools
 import math
 from collections.abc import Iterable
 
-from oracle import Read, Trace, Value, bounds, episode, predicate
+from oracle import Read, Trace, Value, bounds, episode, opened, predicate
 
+from rtamt.language.formula import make
+from rtamt.language.interval import Interval
 from rtamt.language.node import Node
 
 INF = math.inf
@@ -21,11 +24,13 @@ UNKNOWN = -INF, INF
 def ended(
     formula: Node, trace: Trace, n: int, end: str, read: Read = predicate
 ) -> tuple[float, float, float]:
-    """Robustness and bounds of a trace of n samples that ends."""
+    """Robustness, moved to the bounds, and bounds of a trace of n samples that ends."""
     now, low, high = episode(formula, trace, n, read)
-    if (holds(low) == holds(high)) or end == "open":
-        return now, low, high
-    return now, *((now, now) if end == "complete" else cut(formula, trace, n, 0, read))
+    if end == "complete":
+        low = high = now
+    elif end == "cut":
+        low, high = cut(formula, trace, n, 0, read)
+    return max(low, min(now, high, key=_order), key=_order), low, high
 
 
 def holds(x: float) -> bool:
@@ -40,12 +45,13 @@ def cut(
 
     Predicates are known at ``seen`` samples, at first n.
     """
-    return _Cut(trace, n, read, n if seen is None else seen).at(f, i)
+    return _Cut(f, trace, n, read, n if seen is None else seen).at(f, i)
 
 
 class _Cut:
-    def __init__(self, trace: Trace, n: int, read: Read, seen: int) -> None:
+    def __init__(self, f: Node, trace: Trace, n: int, read: Read, seen: int) -> None:
         self.trace, self.n, self.read, self.seen = trace, n, read, seen
+        self.open = opened(f, trace, seen, read)
         self.known: dict[tuple[Node, int], Value] = {}
 
     def at(self, f: Node, i: int) -> Value:
@@ -60,12 +66,10 @@ class _Cut:
         a, b = bounds(f)
         p, q = (functools.partial(self.at, g) for g in (f.args[0], f.args[-1]))
         back = range(int(max(i - b, 0)), i - a + 1)
-        if b < INF:
-            ahead: range | None = range(i + a, int(i + b) + 1)
-        elif f.op.name in ("always", "eventually", "until", "unless"):
-            if i >= self.n:
-                return UNKNOWN
-            ahead = range(i + a, self.n) or None
+        last = self.n - 1 if b == INF else i + int(b)
+        ahead = range(i + a, last + 1)
+        if f.op.name in ("always", "eventually", "until") and b == INF and not ahead:
+            return self.open(f, i)
         match f.op.name:
             case "not":
                 return _not(p(i))
@@ -96,18 +100,16 @@ class _Cut:
             case "since":
                 return _any(_all([q(j), *map(p, range(j + 1, i + 1))]) for j in back)
             case "always":
-                return UNKNOWN if ahead is None else _all(map(p, ahead))
+                return _all(map(p, ahead))
             case "eventually":
-                return UNKNOWN if ahead is None else _any(map(p, ahead))
-            case "until" | "unless":
-                if ahead is None:  # p is needed up to a witness of which nothing is known
-                    until = _all([UNKNOWN, *map(p, range(i, i + a))])
-                else:
-                    until = _any(_all([q(j), *map(p, range(i, j))]) for j in ahead)
-                if f.op.name == "until":
-                    return until
-                last = self.n - 1 if b == INF else i + int(b)
-                return _any([_all(map(p, range(i, last + 1))), until])
+                return _any(map(p, ahead))
+            case "until":
+                return _any(_all([q(j), *map(p, range(i, j))]) for j in ahead)
+            case "unless":
+                end = None if b == INF else int(b)
+                throughout = make("always", f.args[:1], Interval.of(0, end))
+                until = make("until", f.args, Interval.of(a, end))
+                return _any([self.at(throughout, i), self.at(until, i)])
         raise NotImplementedError(f.op.name)
 
 

@@ -1,8 +1,10 @@
 """The definitions of STL robustness, written down naively; shares no code with the library.
 
 A value is an interval ``(low, high)``. On a finite trace every predicate is a point. Over all
-continuations of a trace (``open_end=True``) a predicate at an unseen sample is (-inf, inf), the
-future has no end, and from `settled` samples on every sub-formula keeps its value.
+continuations and ends of a trace (``open_end=True``) a predicate at an unseen sample is
+(-inf, inf), the future has no end, and from `settled` samples on every sub-formula keeps its value.
+But for the instant of the operator itself, an unseen sample may not be there: it can be missing
+from a window of the future.
 """
 
 from __future__ import annotations
@@ -55,8 +57,14 @@ def episode(
 ) -> tuple[float, float, float]:
     """After n samples: robustness at 0 if the trace ended now, and its bounds otherwise."""
     now = robustness(formula, trace, n, read)[0] if n else math.nan
-    low, high = _meaning(trace, n, n + settled(formula), read, open_end=True)(formula, 0)
-    return now, low, high
+    return now, *opened(formula, trace, n, read)(formula, 0)
+
+
+def opened(
+    formula: Node, trace: Trace, n: int, read: Read = predicate
+) -> Callable[[Node, int], Value]:
+    """The bounds of sub-formulas at any time, whatever comes after n samples, nothing too."""
+    return _meaning(trace, n, n + settled(formula), read, open_end=True)
 
 
 def horizon(f: Node) -> float:
@@ -135,6 +143,18 @@ def _meaning(  # noqa: C901
         stop = int(min(i + b, max(i + a, last) if open_end else last))
         ahead = range(i + a, stop + 1)
         back = range(int(max(i - b, 0)), i - a + 1)
+
+        def needed(j: int, value: Value) -> Value:
+            """What time j adds to a minimum over times from now on."""
+            return (value[0], INF) if open_end and j >= n and j != i else value
+
+        def offered(j: int, value: Value) -> Value:
+            """What time j adds to a maximum."""
+            return not_(needed(j, not_(value)))
+
+        def witness(j: int) -> Value:
+            return offered(j, all_([q(j), *map(p, range(i, j))]))
+
         match f.op.name:
             case "not":
                 return not_(p(i))
@@ -153,9 +173,9 @@ def _meaning(  # noqa: C901
             case "s_prev":
                 return any_([p(i - 1)] if i > first else [])
             case "next":
-                return all_([p(i + 1)] if i < final else [])
+                return all_([needed(i + 1, p(i + 1))] if i < final else [])
             case "s_next":
-                return any_([p(i + 1)] if i < final else [])
+                return any_([offered(i + 1, p(i + 1))] if i < final else [])
             case "rise":
                 return all_([p(i), not_(p(i - 1))] if i > first else [p(i)])
             case "fall":
@@ -165,17 +185,16 @@ def _meaning(  # noqa: C901
             case "once":
                 return any_(map(p, back))
             case "always":
-                return all_(map(p, ahead))
+                return all_(needed(j, p(j)) for j in ahead)
             case "eventually":
-                return any_(map(p, ahead))
+                return any_(offered(j, p(j)) for j in ahead)
             case "until":
-                return any_(all_([q(j), *map(p, range(i, j))]) for j in ahead)
+                return any_(map(witness, ahead))
             case "since":
                 return any_(all_([q(j), *map(p, range(j + 1, i + 1))]) for j in back)
             case "unless":
-                throughout = all_(map(p, range(i, stop + 1)))
-                reached = any_(all_([q(j), *map(p, range(i, j))]) for j in ahead)
-                return any_([throughout, reached])
+                throughout = all_(needed(j, p(j)) for j in range(i, stop + 1))
+                return any_([throughout, *map(witness, ahead)])
         raise NotImplementedError(f.op.name)
 
     return at

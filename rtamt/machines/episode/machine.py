@@ -39,6 +39,7 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.episode.initial import InitialFold
 from rtamt.machines.episode.streams import (
     CUT,
+    OPEN,
     WORLDS,
     Constant,
     Pointwise,
@@ -50,9 +51,9 @@ from rtamt.machines.episode.streams import (
     UnboundedPast,
 )
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import Readout, verdict_of
+from rtamt.machines.readout import Readout, moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
-from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
@@ -92,9 +93,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
             instruction = self.program.instructions[register]
             if isinstance(instruction, Window):
                 streams = [self._streams[a] for a in instruction.args]
-                self._folds[register] = InitialFold(
-                    FOLDS[instruction.fold], instruction.lo, instruction.hi, streams
-                )
+                self._folds[register] = InitialFold(instruction, streams)
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
         self._values_of_unknowns = np.zeros((5, len(self._axes)))
@@ -110,14 +109,12 @@ class PythonEpisodeMachine(PythonSampleMachine):
             return Predicate(corners, register)
         match self.program.formula(register):
             case Map(function, args):
-                return Pointwise(FOLDS[function], [self._streams[a] for a in args])
-            case Window(name, lo, hi, args):
+                return Pointwise(function, [self._streams[a] for a in args])
+            case Window(_, lo, hi, args) as window:
                 streams = [self._streams[a] for a in args]
                 if hi is None:
-                    return UnboundedFuture(FOLDS[name], self._axes[register], streams)
-                if lo is None:
-                    return UnboundedPast(FOLDS[name], hi, streams)
-                return Sliding(FOLDS[name], lo, hi, streams)
+                    return UnboundedFuture(window, self._axes[register], streams)
+                return (UnboundedPast if lo is None else Sliding)(window, streams)
             case _ as never:
                 assert_never(never)
 
@@ -202,17 +199,21 @@ class PythonEpisodeMachine(PythonSampleMachine):
     def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
             refuse_finish()
-        if not self.finished and verdict_of(self.lower, self.upper) == 0:
+        if not self.finished:
             if end == "complete":
                 self.lower = self.upper = self.robustness
             elif end == "cut":
-                t = self.samples - 1
-                for stream in self._streams.values():
-                    stream.look(t, self._values_of_unknowns, CUT)
-                self.lower, self.upper = self._results(t, CUT)
-        self.finished = True
+                self._cut()
+                self.robustness = moved(self.robustness, self.lower, self.upper)
+            self.finished = True
         self._show()
         return self.robustness
+
+    def _cut(self) -> None:
+        t, worlds = self.samples - 1, [*OPEN.values(), *CUT]
+        for stream in self._streams.values():
+            stream.look(t, self._values_of_unknowns, worlds)
+        self.lower, self.upper = self._results(t, CUT)
 
     def reset(self) -> None:
         super().reset()

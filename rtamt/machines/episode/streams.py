@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers
 from rtamt.machines.windows import fold_all, padded, slide
-from rtamt.program.algebra import Arrays, LatticeFold, greater, lesser
+from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
+from rtamt.program.instructions import Window
 
 __all__ = [
     "CUT",
     "LOWER",
     "NOW",
+    "OPEN",
     "UPPER",
     "WORLDS",
     "Array",
@@ -36,6 +38,7 @@ __all__ = [
     "UnboundedFuture",
     "UnboundedPast",
     "in_world",
+    "skips",
 ]
 
 Array = NDArray[np.float64]
@@ -44,6 +47,9 @@ INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
 CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
 """The worlds of a trace that was cut, which are found when it ends."""
+OPEN = {CUT_LOWER: LOWER, CUT_UPPER: UPPER}
+"""The world of the open reading whose values a future without end has where nothing was recorded.
+"""
 _NOTHING: Array = np.zeros(0)
 
 
@@ -52,6 +58,11 @@ def in_world(settled: Array, unknowns: Array) -> Array:
     for u in unknowns:
         settled = greater(settled[0], lesser(settled[1], u))
     return settled
+
+
+def skips(window: Window, world: int) -> bool:
+    """Whether unseen elements count nothing in a world, but for the one of the window's time."""
+    return world in {LOWER, UPPER} and window.skips(best=world == UPPER)
 
 
 class Polynomials(StateFields):
@@ -195,10 +206,12 @@ class Operands:
         elements = tuple(s.settled(first, end) for s in self.streams)
         return padded(self.fold, elements, first - begin, 0)
 
-    def seen(self, world: int, begin: int, end: int, t: int, unknowns: Array) -> Arrays:
-        """The elements of times begin to end in a world; identities outside the trace."""
+    def seen(
+        self, world: int, begin: int, end: int, unknowns: Array, last: int | None = None
+    ) -> Arrays:
+        """The elements of times begin to end in a world; identities outside 0 to ``last``."""
         first = max(0, begin)
-        last = min(end, t) if world == NOW else end
+        last = end if last is None else min(end, last)
         if first > last:
             return self.identities(end - begin + 1)
         elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
@@ -214,16 +227,44 @@ class Operands:
 class _Windowed(Stream):
     """The folds of a window at every time."""
 
-    def __init__(self, operands: Operands, late: int, past: int) -> None:
+    def __init__(self, window: Window, operands: Operands, late: int, past: int) -> None:
         super().__init__(operands.corners, late, past)
+        self.window = window
         self.operands = operands
         self.fold = operands.fold
 
     def look(self, t: int, unknowns: Array, worlds: Sequence[int] = WORLDS) -> None:
         begin = self.last + 1
         for world in worlds:
-            count = (t if world == NOW else t + self.past) - begin + 1
-            self.open[world] = self._open(world, begin, max(0, count), t, unknowns)
+            count = max(0, (t if world == NOW else t + self.past) - begin + 1)
+            values = self._open(world, begin, count, t, unknowns)
+            # Of times from this one on the values are others.
+            own = t + 1 - (self.window.begin if world in CUT and self.window.endless else 0)
+            own = max(begin, own)
+            if skips(self.window, world):
+                values, self.tail[world] = self._alone(world, values, begin, own, unknowns)
+            elif world in CUT and (self.window.endless or self.window.hi is None):
+                rest = self.open[OPEN[world]][own - begin :]
+                values = np.concatenate([values[: own - begin], rest])
+                self.tail[world] = self.tail[OPEN[world]]
+            self.open[world] = values
+
+    def _alone(
+        self, world: int, values: Array, begin: int, own: int, unknowns: Array
+    ) -> tuple[Array, float]:
+        """The values and the tail if from a time on each window has its own element alone."""
+        if self.window.lo != 0:
+            nothing = self.fold.identity[-1]
+            rest = np.full(len(values[own - begin :]), nothing)
+            return np.concatenate([values[: own - begin], rest]), nothing
+        last = self.operands.streams[-1]
+        end = begin + len(values) - 1
+        rest = last.seen(world, own, end, unknowns) if own <= end else _NOTHING
+        return np.concatenate([values[: own - begin], rest]), last.tail[world]
+
+    def _last(self, world: int, t: int) -> int | None:
+        """The last time whose elements count in a world; None: all of them."""
+        return t if world == NOW or skips(self.window, world) else None
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         """The values of ``count`` times from begin on; sets the tail."""
@@ -233,11 +274,11 @@ class _Windowed(Stream):
 class Sliding(_Windowed):
     """The fold over offsets lo to hi."""
 
-    def __init__(self, fold: LatticeFold, lo: int, hi: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(fold, streams)
-        super().__init__(operands, max(0, operands.late + hi), max(0, operands.past - lo))
+    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
+        self._lo, self._hi = lo, hi = window.lo or 0, window.hi or 0
+        operands = Operands(FOLDS[window.fold], streams)
+        super().__init__(window, operands, max(0, operands.late + hi), max(0, operands.past - lo))
         operands.hold(self.late, lo)
-        self._lo, self._hi = lo, hi
 
     def _settled(self, time: int) -> Array:
         elements = self.operands.settled(time + self._lo, time + self._hi)
@@ -249,15 +290,16 @@ class Sliding(_Windowed):
         if count == 0:
             return _NOTHING
         end = begin + count - 1 + self._hi
-        elements = self.operands.seen(world, begin + self._lo, end, t, unknowns)
+        last = self._last(world, t)
+        elements = self.operands.seen(world, begin + self._lo, end, unknowns, last)
         return slide(self.fold, elements, self._hi - self._lo + 1)[-1]
 
 
 class Pointwise(Sliding):
     """The least or greatest of the operands at one time."""
 
-    def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
-        super().__init__(fold, 0, 0, streams)
+    def __init__(self, fold: str, streams: Sequence[Stream]) -> None:
+        super().__init__(Window(fold, 0, 0, ()), streams)
 
     def _settled(self, time: int) -> Array:
         return self._across([s.settled(time, time)[..., 0] for s in self.operands.streams])
@@ -288,11 +330,11 @@ class UnboundedPast(_Windowed):
 
     STATE = (*_Windowed.STATE, "_total")
 
-    def __init__(self, fold: LatticeFold, hi: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(fold, streams)
-        super().__init__(operands, max(0, operands.late + hi), operands.past - hi)
+    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
+        self._hi = hi = window.hi or 0
+        operands = Operands(FOLDS[window.fold], streams)
+        super().__init__(window, operands, max(0, operands.late + hi), operands.past - hi)
         operands.hold(self.late, hi)
-        self._hi = hi
         self._total = Polynomials(operands.identities(*operands.corners, 1))
 
     def reset(self) -> None:
@@ -307,9 +349,8 @@ class UnboundedPast(_Windowed):
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         combine = self.fold.combine_arrays
         total = tuple(in_world(a, unknowns[world]) for a in self._total.kept)
-        elements = self.operands.seen(
-            world, begin + self._hi, begin + count - 1 + self._hi, t, unknowns
-        )
+        end = begin + count - 1 + self._hi
+        elements = self.operands.seen(world, begin + self._hi, end, unknowns, self._last(world, t))
         elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
         prefixes = slide(self.fold, padded(self.fold, elements, count, 0), count + 1)
         last = tuple(a[-1:] for a in prefixes)
@@ -328,9 +369,9 @@ class UnboundedFuture(_Windowed):
         axis: The axis of its unknown, the value at the first open time.
     """
 
-    def __init__(self, fold: LatticeFold, axis: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(fold, streams)
-        super().__init__(operands, operands.late, operands.past)
+    def __init__(self, window: Window, axis: int, streams: Sequence[Stream]) -> None:
+        operands = Operands(FOLDS[window.fold], streams)
+        super().__init__(window, operands, operands.late, operands.past)
         operands.hold(self.late, 0)
         self.axis = axis
 
@@ -345,13 +386,13 @@ class UnboundedFuture(_Windowed):
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         tail = self.operands.tail(world)
         unseen = 0
-        if world in CUT:  # it speaks of recorded times alone, and nothing is known of it later
+        if world in CUT or skips(self.window, world):  # what follows is found by `look`
             tail, unseen = self.operands.identities(1), begin + count - 1 - t
         else:
             self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
         count -= unseen
-        elements = self.operands.seen(world, begin, begin + count - 1, t, unknowns)
+        elements = self.operands.seen(world, begin, begin + count - 1, unknowns)
         elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
         suffixes = slide(self.fold, padded(self.fold, elements, 0, count), count + 1)[-1]
         unknowns[world, self.axis] = suffixes[0]
-        return np.append(suffixes[:count], [self.tail[world]] * unseen)
+        return np.append(suffixes[:count], [math.nan] * unseen)

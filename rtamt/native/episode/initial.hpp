@@ -89,16 +89,19 @@ class InitialFold final : public InitialValue {
 public:
     using Element = typename F::Element;
 
-    InitialFold(Workspace& workspace, Operands<F> in, Time lo, Time hi)
+    InitialFold(Workspace& workspace, Operands<F> in, Time lo, Time hi, const Role& role)
         : workspace_(workspace),
           in_(in),
           begin_(std::max<Time>(0, lo)),
           end_(hi),
+          endless_from_(role.endless_from),
           total_(workspace.unknowns.corners(in.unknown_mask())) {
-        for (World w : kAll) absorbs_[w] = in_.absorbs(w);
+        for (World w : kAhead) skips_[w] = in_.skips(w, hi, role);
+        for (World w : kAll) absorbs_[w] = !skips_[w] && in_.absorbs(w);
         if (begin_ == 0 && end_ == kNever) {
             for (World w : kAll) quiet_[w] = !in_.may_be_open(w);
-            for (World w : kCut) quiet_[w] = in_.latency() == 0;
+            for (World w : kAhead)
+                if (recorded(w)) quiet_[w] = in_.latency() == 0;
         }
         if constexpr (F::width == 1) {
             if (begin_ > 0 || end_ < kNever) return;
@@ -149,7 +152,10 @@ public:
     }
 
     void cut(Time t) override {
-        for (World w : kCut) values_[w] = F::result(find(w, t));
+        for (World w : kCut) {
+            const bool over = endless_from_ && *endless_from_ > t;
+            values_[w] = F::result(find(over ? open_of(w) : w, t));
+        }
     }
 
     void substitute(std::size_t unknown, const double* value) override {
@@ -170,12 +176,22 @@ private:
         for (World w : kCut) {
             wants_[w] = true;
             want(w, !recorded(w));
+            if (!endless_from_) continue;
+            wants_[open_of(w)] = true;
+            want(open_of(w));
         }
     }
     // Whether the fold is over recorded times alone.
-    bool recorded(World w) const { return w == kNow || (is_cut(w) && end_ == kNever); }
+    bool recorded(World w) const {
+        return w == kNow || skips_[w] || (is_cut(w) && end_ == kNever);
+    }
 
     Element find(World w, Time t) const {
+        if (skips_[w] && t < 0) {  // time 0 is there
+            if (begin_ > 0) return F::identity;
+            const Elements in = in_.values(w, 0, 0, &workspace_.scratch[0]);
+            return get<F>(in.p, in.q, 0);
+        }
         Element x = total_.in_world(w, workspace_.unknowns);
         const Element tail = recorded(w) ? F::identity : in_.tail(w);
         if (quiet_[w]) return F::combine_alone(x, tail);
@@ -201,6 +217,8 @@ private:
     Operands<F> in_;
     Time begin_;
     Time end_;
+    std::optional<Time> endless_from_;
+    std::array<bool, kWorlds> skips_{};
     std::array<bool, kWorlds> absorbs_{};
     std::array<bool, kWorlds> quiet_{};  // whether the tail follows what has settled
     std::array<bool, kWorlds> summarised_{};  // whether the operand finds its extremes

@@ -40,7 +40,8 @@ std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<FormulaRow>&
     Fingerprint print;
     print.add(terms);
     for (const FormulaRow& f : formulas)
-        print.add(f.kind, f.name, f.a, f.b, f.lo.value_or(-kNever), f.hi.value_or(kNever));
+        print.add(f.kind, f.name, f.a, f.b, f.lo.value_or(-kNever), f.hi.value_or(kNever),
+                  f.guard, f.endless);
     return print.value();
 }
 
@@ -104,7 +105,7 @@ private:
         }
         if (!f.lo)
             return of_fold<UnboundedPastStream, Stream>(f.name, workspace, a, b, *f.hi);
-        return of_fold<SlidingStream, Stream>(f.name, workspace, a, b, *f.lo, *f.hi);
+        return of_fold<SlidingStream, Stream>(f.name, workspace, a, b, *f.lo, *f.hi, f.role());
     }
 
     std::unique_ptr<InitialValue> term(std::size_t r) {
@@ -119,7 +120,7 @@ private:
                                                        made(initial_, f.b));
         return of_fold<InitialFold, InitialValue>(f.name, machine_.workspace_, made(streams_, f.a),
                                                   made(streams_, f.b), f.lo.value_or(0),
-                                                  f.hi.value_or(kNever));
+                                                  f.hi.value_or(kNever), f.role());
     }
 
     EpisodeMachine& machine_;
@@ -235,21 +236,21 @@ void EpisodeMachine::find_values(Time t, const double* terms) {
 }
 
 void EpisodeMachine::finish(End end) {
-    if (!finished_ && verdict() == 0) {
-        if (end == End::complete) values_[kLower] = values_[kUpper] = values_[kNow];
-        if (end == End::cut) cut();
-    }
+    if (finished_) return;
+    if (end == End::complete) values_[kLower] = values_[kUpper] = values_[kNow];
+    if (end == End::cut) cut();
     finished_ = true;
 }
 
 void EpisodeMachine::cut() {
     const Time t = terms_.samples() - 1;
     for (const auto& stream : streams_)
-        for (World w : kCut)
+        for (World w : kAtEnd)
             if (stream->finds_open(w)) stream->find_open(w, t);
     for (const auto& value : initial_) value->cut(t);
     values_[kLower] = initial_.back()->value(kCutLower);
     values_[kUpper] = initial_.back()->value(kCutUpper);
+    values_[kNow] = moved(values_[kNow], lower(), upper());
 }
 
 void EpisodeMachine::reset() {

@@ -30,6 +30,13 @@ struct FormulaRow {
     std::size_t b;
     std::optional<Time> lo;  // nothing: no bound
     std::optional<Time> hi;
+    bool guard;
+    bool endless;
+
+    Role role() const {
+        if (!endless) return {guard, std::nullopt};
+        return {guard, guard ? hi.value_or(0) + 1 : lo.value_or(0)};
+    }
 };
 
 }  // namespace episode
@@ -40,6 +47,11 @@ enum class End { complete, cut, open };
 // 1 if bounds say that a specification is satisfied, -1 if violated, else 0.
 inline int verdict_of(double lower, double upper) {
     return negative(upper) ? -1 : !negative(lower);
+}
+
+// The robustness, or the bound that is nearest to it.
+inline double moved(double robustness, double lower, double upper) {
+    return alone::greater(lower, alone::lesser(robustness, upper));
 }
 
 class EpisodeMachine {
@@ -71,7 +83,8 @@ public:
     // 1 if the bounds say that the specification is satisfied, -1 if violated, else 0.
     int verdict() const { return verdict_of(lower(), upper()); }
     bool finished() const { return finished_; }
-    // Ends the trace, of at least one sample; a trace that has ended stays as it is.
+    // Ends the trace, of at least one sample, and moves the robustness to the bounds; a trace that
+    // has ended stays as it is.
     void finish(End end);
 
     std::uint64_t fingerprint() const { return fingerprint_; }  // of the program

@@ -76,7 +76,7 @@ public:
 
     bool summarises(World w, bool greatest) const override {
         if (greatest != kGreatest) return summary_ && summary_->covers(w);
-        if (latency_ == 0 || unknown_mask() != 0 || is_cut(w) || !outlook_[w].certain) return false;
+        if (latency_ == 0 || unknown_mask() != 0 || at_end(w) || !outlook_[w].certain) return false;
         return (!a_.may_be_open(w) || a_.summarises(w, greatest)) &&
                (!b_.may_be_open(w) || b_.summarises(w, greatest));
     }

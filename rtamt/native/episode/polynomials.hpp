@@ -12,14 +12,20 @@
 
 namespace rtamt::episode {
 
-// What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best; and
-// again the worst and the best of a trace that was cut, which are found when it ends.
-enum World : int { kNow, kLower, kUpper, kCutLower, kCutUpper };
-constexpr int kWorlds = 5;
+// What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best. The
+// others are found when a trace is cut: the worst and the best anew, and those of a cut trace.
+enum World : int { kNow, kLower, kUpper, kOpenLower, kOpenUpper, kCutLower, kCutUpper };
+constexpr int kWorlds = 7;
 constexpr World kAll[] = {kNow, kLower, kUpper};
+constexpr World kAtEnd[] = {kOpenLower, kOpenUpper, kCutLower, kCutUpper};
 constexpr World kCut[] = {kCutLower, kCutUpper};
-constexpr World kAhead[] = {kLower, kUpper, kCutLower, kCutUpper};  // there are unseen samples
+// There are unseen samples.
+constexpr World kAhead[] = {kLower, kUpper, kOpenLower, kOpenUpper, kCutLower, kCutUpper};
+constexpr bool at_end(World w) { return w >= kOpenLower; }
 constexpr bool is_cut(World w) { return w >= kCutLower; }
+constexpr bool is_upper(World w) { return w == kUpper || w == kOpenUpper || w == kCutUpper; }
+// The open world that a world of a cut trace goes over to where nothing was recorded.
+constexpr World open_of(World w) { return w == kCutLower ? kOpenLower : kOpenUpper; }
 
 constexpr std::size_t kMaxUnknowns = 6;
 constexpr std::size_t kMaxCorners = std::size_t{1} << kMaxUnknowns;

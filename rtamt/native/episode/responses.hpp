@@ -47,7 +47,7 @@ protected:
     template <class F>
     static bool neutral(const Stream& q, World w) {
         const Outlook& o = q.outlook(w);
-        return !is_cut(w) && o.certain && same(o.tail, F::identity) && !q.may_be_open(w);
+        return !at_end(w) && o.certain && same(o.tail, F::identity) && !q.may_be_open(w);
     }
 
     Parts parts_;

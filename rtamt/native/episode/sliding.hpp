@@ -17,19 +17,27 @@ class SlidingStream final : public Stream {
 public:
     using Element = typename F::Element;
 
-    SlidingStream(Workspace& workspace, Operands<F> in, Time lo, Time hi)
+    SlidingStream(Workspace& workspace, Operands<F> in, Time lo, Time hi, const Role& role)
         : Stream(workspace, std::max<Time>(0, in.latency() + hi), in.unknown_mask(),
                  in.streams()),
           in_(in),
           lo_(lo),
-          hi_(hi) {
+          hi_(hi),
+          endless_from_(role.endless_from) {
+        goes_over_ = endless_from_.has_value();
         for (World w : kAhead) {
             const Time shift = in.absorbs(w) ? hi : lo;
             // Windows that lie before time 0 are empty, whatever the tail.
             outlook_[w] = {std::max(-latency_, in.reach(w) - shift),
                            std::max({Time{-1}, in.floor(w) - shift, -hi - 1}), in.certain(w),
                            in.tail_of_tails(w)};
-            neutral_[w] = in.neutral(w);
+            skips_[w] = in.skips(w, hi, role);
+            neutral_[w] = skips_[w] || in.neutral(w);
+            if (skips_[w]) outlook_[w] = alone(w);
+            if (!is_cut(w) || !goes_over_) continue;
+            const Outlook& open = outlook_[open_of(w)];
+            outlook_[w] = {std::max(outlook_[w].reach, open.reach),
+                           std::max(outlook_[w].floor, open.floor), open.certain, open.tail};
         }
     }
 
@@ -40,7 +48,8 @@ public:
         if (has_partial_) {
             in_.retain(in_.latency(), 0);
         } else {
-            const bool cut = finds_open(kCutLower) || finds_open(kCutUpper);
+            bool cut = false;
+            for (World w : kAtEnd) cut |= finds_open(w);
             in_.retain(latency_, cut ? std::min(lo_ + 1, hi_) : hi_);
             if (lo_ != hi_) queue_.emplace(static_cast<std::size_t>(hi_ - lo_ + 1));
         }
@@ -62,8 +71,11 @@ public:
     }
 
     void find_open(World w, Time t) override {
-        const Element tail = in_.tail(w);
+        const Element tail = skips_[w] ? F::identity : in_.tail(w);
         tail_[w] = F::result(F::combine(tail, tail));
+        if (skips_[w] && lo_ == 0) tail_[w] = in_.last().tail(w);
+        const bool over = is_cut(w) && goes_over_;
+        if (over) tail_[w] = Stream::tail(open_of(w));
         const std::size_t count = open_count(w, t);
         if (count == 0) {
             open_[w] = {};
@@ -71,19 +83,22 @@ public:
         }
         if (!has_partial_) fold_retained(t);
         const Time open_from = std::max<Time>(0, t - in_.latency() + 1);
-        const Time open_to = std::max(in_.end(w, t), open_from - 1);
-        if (open_to < open_from && count <= partial_.size() && corners() == 1 && neutral_[w]) {
+        const Time open_to = std::max(skips_[w] ? t : in_.end(w, t), open_from - 1);
+        if (open_to < open_from && count <= partial_.size() && corners() == 1 && neutral_[w] &&
+            !over) {
             open_[w] = {partial_.results(), count};
             return;
         }
-        fill(w, count, open_from, open_to, tail);
+        double* out = fill(w, count, open_from, open_to, tail);
+        if (skips_[w] && lo_ == 0) write_from(out, t + 1, w, t, in_.last(), w);
+        if (over) write_from(out, t + 1 - *endless_from_, w, t, *this, open_of(w));
     }
 
     // Where no operand has open values, the open values are partial folds with the tail.
     bool summarises(World, bool) const override {
         if ((lo_ != 0 && hi_ != 0) || F::kind == Kind::back || unknown_mask() != 0) return false;
         for (World w : {kLower, kUpper}) {
-            if (!in_.certain(w) || in_.may_be_open(w)) return false;
+            if (skips_[w] || !in_.certain(w) || in_.may_be_open(w)) return false;
             if (F::kind == Kind::single && !in_.absorbs(w) && !neutral_[w]) return false;
         }
         return !in_.may_be_open(kNow);
@@ -147,7 +162,14 @@ private:
         if (any) partial_.pop();
     }
 
-    void fill(World w, std::size_t count, Time open_from, Time open_to, Element tail) {
+    // What comes after the last sample if unseen elements are skipped: each window's own.
+    Outlook alone(World w) const {
+        if (lo_ > 0) return {std::max(-latency_, -lo_), -1, true, F::result(F::identity)};
+        const Outlook& own = in_.last().outlook(w);
+        return {std::max<Time>(0, own.reach), own.floor, own.certain, own.tail};
+    }
+
+    double* fill(World w, std::size_t count, Time open_from, Time open_to, Element tail) {
         const Time first = last_ + 1;
         const Time end = last_ + static_cast<Time>(count);
         const auto n = static_cast<std::size_t>(open_to - open_from + 1);
@@ -203,13 +225,16 @@ private:
             upto(suffix_to, buffer.elements() + ahead(lo_));
         }
         upto(end, Repeated<F>{tail});
+        return out;
     }
 
     Operands<F> in_;
     Time lo_;
     Time hi_;
+    std::optional<Time> endless_from_;
     bool has_partial_ = false;
-    std::array<bool, kWorlds> neutral_{true, false, false};
+    std::array<bool, kWorlds> neutral_{true};
+    std::array<bool, kWorlds> skips_{};
     PartialFolds<F> partial_;
     std::optional<SlidingWindow<F>> queue_;
 };

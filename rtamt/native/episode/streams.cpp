@@ -35,7 +35,7 @@ void Stream::propagate_demands() {
         if (active_) operand->activate();
         for (World w : kAll)
             if (finds_open(w)) operand->want(w);
-        for (World w : kCut)
+        for (World w : kAtEnd)
             if (finds_open(w)) operand->want(w, reads_ahead(w, ahead_[w]));
     }
 }

@@ -38,6 +38,13 @@ struct Extremes {
     }
 };
 
+// What a window is to its operator: what has to hold before a witness of `until`; a part of an
+// operator without end, which begins at an offset. See rtamt/program/instructions.py.
+struct Role {
+    bool guard = false;
+    std::optional<Time> endless_from;
+};
+
 // What the streams of one machine share: the unknowns, and memory for intermediate results.
 struct Workspace {
     Unknowns unknowns;
@@ -95,6 +102,7 @@ public:
     void want(World w, bool ahead = true) {
         active_ = wanted_[w] = true;
         ahead_[w] |= ahead;
+        if (is_cut(w) && goes_over_) want(open_of(w), ahead);
     }
     void summarise(World w, bool greatest) { active_ = summarised_[w][greatest] = true; }
     void clear_demands() {
@@ -159,6 +167,15 @@ protected:
     }
     // Makes room for the open values of a world.
     double* open(World w, std::size_t count);
+    // Writes the values of times `from` on, up to the last open one, which are those of a stream in
+    // a world; `out` is the place of the first open value.
+    void write_from(double* out, Time from, World w, Time t, const Stream& stream, World its) {
+        from = std::max(from, last_ + 1);
+        const Time to = end(w, t);
+        if (from > to) return;
+        const double* values = stream.values(its, from, to, workspace_.scratch[0]);
+        std::copy_n(values, to - from + 1, out + (from - last_ - 1));
+    }
 
     struct Span {
         const double* data = nullptr;
@@ -171,6 +188,8 @@ protected:
     std::array<Outlook, kWorlds> outlook_;
     std::array<double, kWorlds> tail_{};
     std::array<Span, kWorlds> open_;
+    // Whether values of a trace that was cut are those of the open reading from some time on.
+    bool goes_over_ = false;
 
 private:
     std::uint32_t unknown_mask_;
@@ -188,8 +207,7 @@ private:
 class Predicate final : public Stream {
 public:
     Predicate(Workspace& workspace, std::size_t term) : Stream(workspace, 0, 0, {}), term_(term) {
-        for (World w : {kLower, kCutLower}) outlook_[w].tail = -kInfinity;
-        for (World w : {kUpper, kCutUpper}) outlook_[w].tail = kInfinity;
+        for (World w : kAhead) outlook_[w].tail = is_upper(w) ? kInfinity : -kInfinity;
     }
     void settle(Time t, const double* terms) override {
         append(0, terms[term_]);
@@ -224,6 +242,15 @@ public:
     std::uint32_t unknown_mask() const { return p_.unknown_mask() | q_.unknown_mask(); }
     // The operand, if there is only one.
     Stream* only() const { return &p_ == &q_ ? &p_ : nullptr; }
+    // The operand whose value the fold of one element is.
+    const Stream& last() const { return q_; }
+    // Whether a window up to offset hi skips unseen elements in a world, as they may not be there,
+    // and whether that matters.
+    bool skips(World w, Time hi, const Role& role) const {
+        if (w == kNow || is_cut(w) || hi <= 0 || role.guard) return false;
+        if (is_upper(w) != (component<F>(F::identity, F::width - 1) > 0)) return false;
+        return !(neutral(w) && reach(w) <= 0 && floor(w) < 0);
+    }
     std::vector<Stream*> streams() const { return {&p_, &q_}; }
     // Retains the values from offset `oldest` at time t - latency on.
     void retain(Time latency, Time oldest) const {

@@ -100,7 +100,7 @@ protected:
 };
 
 // At every time, the fold over all offsets from 0 on. Where a trace was cut it speaks of recorded
-// times alone, and is unknown after them.
+// times alone, and is what the open reading says after them.
 template <class F>
 class UnboundedFutureStream final : public UnsettledStream {
 public:
@@ -109,11 +109,19 @@ public:
     UnboundedFutureStream(Workspace& workspace, Operands<F> in, std::size_t unknown)
         : UnsettledStream(workspace, in.latency(), in.unknown_mask(), in.streams(), unknown),
           in_(in) {
-        for (World w : {kLower, kUpper})
+        for (World w : {kLower, kUpper, kOpenLower, kOpenUpper}) {
+            skips_[w] = in.skips(w, kNever, {});
+            const Outlook& own = in.last().outlook(w);
             outlook_[w] = {in.absorbs(w) ? -latency_ : in.reach(w), in.floor(w), in.certain(w),
                            in.tail_of_tails(w)};
-        outlook_[kCutLower] = {0, -1, true, -kInfinity};
-        outlook_[kCutUpper] = {0, -1, true, kInfinity};
+            if (skips_[w])
+                outlook_[w] = {std::max<Time>(0, own.reach), own.floor, own.certain, own.tail};
+        }
+        for (World w : kCut) {
+            const Outlook& open = outlook_[open_of(w)];
+            goes_over_ |= !open.certain || open.reach > 0 || open.floor >= 0;
+            outlook_[w] = {std::max<Time>(0, open.reach), open.floor, open.certain, open.tail};
+        }
     }
 
     void prepare() override { in_.retain(latency_, 0); }
@@ -135,32 +143,39 @@ public:
 
     void reset() override {
         Stream::reset();
-        workspace_.unknowns.values[kLower][unknown_] = tail_[kLower];
-        workspace_.unknowns.values[kUpper][unknown_] = tail_[kUpper];
-        for (World w : {kNow, kCutLower, kCutUpper})
-            workspace_.unknowns.values[w][unknown_] = F::result(F::identity);
+        for (std::size_t w = 0; w < kWorlds; ++w)
+            workspace_.unknowns.values[w][unknown_] =
+                recorded(World(w)) ? F::result(F::identity) : tail_[w];
     }
 
     void find_open(World w, Time t) override {
-        const Element tail = is_cut(w) ? F::identity : in_.tail(w);
-        if (!is_cut(w)) tail_[w] = F::result(F::combine_alone(tail, tail));
+        const Element tail = recorded(w) ? F::identity : in_.tail(w);
+        tail_[w] = F::result(F::combine_alone(tail, tail));
+        if (skips_[w]) tail_[w] = in_.last().tail(w);
+        if (is_cut(w)) tail_[w] = Stream::tail(open_of(w));
         const std::size_t count = open_count(w, t);
         double* out = open(w, count);
         Element x = tail;
-        if (count > 0) {
-            const Elements in = in_.values(w, last_ + 1, end(w, t), &workspace_.scratch[0]);
-            for (std::size_t i = count; i-- > 0;) {
+        const Time last = recorded(w) ? std::min(t, end(w, t)) : end(w, t);
+        if (last > last_) {
+            const Elements in = in_.values(w, last_ + 1, last, &workspace_.scratch[0]);
+            for (auto i = static_cast<std::size_t>(last - last_); i-- > 0;) {
                 x = F::combine_alone(get<F>(in.p, in.q, i), x);
                 out[i] = F::result(x);
             }
         }
         workspace_.unknowns.values[w][unknown_] = F::result(x);
+        if (skips_[w]) write_from(out, t + 1, w, t, in_.last(), w);
+        if (is_cut(w)) write_from(out, t + 1, w, t, *this, open_of(w));
     }
 
 private:
-    bool reads_ahead(World, bool) const override { return false; }
+    bool reads_ahead(World w, bool ahead) const override { return !is_cut(w) && ahead; }
+    // Whether what has settled is followed by recorded times alone.
+    bool recorded(World w) const { return w == kNow || is_cut(w) || skips_[w]; }
 
     Operands<F> in_;
+    std::array<bool, kWorlds> skips_{};
 };
 
 }  // namespace rtamt::episode

@@ -77,6 +77,7 @@ public:
         while (!empty()) all.push_back(index());
         return all;
     }
+    bool flag() { return number<int>() != 0; }
     std::optional<std::int64_t> bound() {
         if (!dash()) return number<std::int64_t>();
         return std::nullopt;
@@ -135,7 +136,7 @@ private:
     void record(const std::string& kind, Line& line) {
         if (kind == "rtamt-program") {
             const std::string version = line.word();
-            if (version != "1") line.refuse("version 1 of the format", version);
+            if (version != "2") line.refuse("version 2 of the format", version);
         } else if (kind == "token") {
             program_.token = line.word();
         } else if (kind == "samples") {
@@ -242,6 +243,8 @@ private:
         row.b = line.index();
         row.lo = line.bound();
         row.hi = line.bound();
+        row.guard = line.flag();
+        row.endless = line.flag();
         if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
         const std::int64_t lo = row.lo.value_or(-kMaxBound);
         const std::int64_t hi = row.hi.value_or(kMaxBound);

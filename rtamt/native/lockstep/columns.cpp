@@ -118,6 +118,7 @@ private:
         }
         FoldOperand operand;
         operand.tail = tails_[f.a];
+        operand.guard = f.guard;
         if (!split(f.a, f.name, operand)) return nullptr;
         const Time begin = std::max<Time>(0, f.lo.value_or(0));
         const Time end = f.hi.value_or(kNever);
@@ -210,21 +211,22 @@ public:
     }
 
     void finish(const Lanes& lanes, End end) override {
-        std::vector<std::uint8_t> undecided(values_.samples.size());
+        std::vector<std::uint8_t> ending(values_.samples.size());
         for (std::size_t i = 0; i < lanes.count(); ++i) {
             const std::uint32_t lane = lanes[i];
-            double& lower = values_.lower[lane];
-            double& upper = values_.upper[lane];
-            if (!values_.finished[lane] && verdict_of(lower, upper) == 0) {
-                undecided[lane] = 1;
-                if (end == End::complete) lower = upper = values_.now[lane];
-            }
-            values_.finished[lane] = 1;
+            if (values_.finished[lane]) continue;
+            ending[lane] = values_.finished[lane] = 1;
+            if (end == End::complete)
+                values_.lower[lane] = values_.upper[lane] = values_.now[lane];
         }
         if (end != End::cut) return;
-        Lanes rest(undecided.size());
-        rest.choose(undecided.data());
+        Lanes rest(ending.size());
+        rest.choose(ending.data());
         conclude(rest, true);
+        for (std::size_t i = 0; i < rest.count(); ++i) {
+            double& now = values_.now[rest[i]];
+            now = moved(now, values_.lower[rest[i]], values_.upper[rest[i]]);
+        }
     }
 
     void fields(Snapshot& s) override {

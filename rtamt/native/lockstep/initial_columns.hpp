@@ -96,7 +96,8 @@ using Tails = std::array<double, std::size(kAll)>;
 struct FoldOperand {
     std::vector<std::size_t> plain;  // registers without a window
     std::vector<ClampedWindow> windows;
-    Tails tail;  // at unseen samples
+    Tails tail;          // at unseen samples
+    bool guard = false;  // whether these are there if what they guard is
 };
 
 // The fold over the times begin to end.
@@ -160,7 +161,9 @@ public:
             if (to_the_end) return;
             for (std::size_t i = lane; i < stop; ++i) {
                 if (end_ < samples[i]) continue;  // no unseen sample counts
-                best_world[i] = Order::least(best_world[i], best_tail);
+                // But for the one of time 0, they may not be there.
+                if (ended || operand_.guard || (samples[i] == 0 && begin_ == 0))
+                    best_world[i] = Order::least(best_world[i], best_tail);
                 worst_world[i] = Order::least(worst_world[i], worst_tail);
             }
         });

@@ -41,7 +41,7 @@ inline std::vector<DiscreteRow> discrete_rows(const nb::sequence& encoded) {
 inline std::vector<episode::FormulaRow> formula_rows(const nb::sequence& encoded) {
     using Bound = std::optional<episode::Time>;
     return rows_of<episode::FormulaRow, const char*, const char*, std::size_t, std::size_t, Bound,
-                   Bound>(encoded);
+                   Bound, bool, bool>(encoded);
 }
 
 inline std::vector<DenseRow> dense_rows(const nb::sequence& encoded) {

@@ -14,7 +14,7 @@ EPISODES = cases("episode.json")
 
 
 def test_the_golden_files_are_whole() -> None:
-    assert (len(DISCRETE), len(EPISODES)) == (400, 200)
+    assert (len(DISCRETE), len(EPISODES)) == (400, 300)
 
 
 def test_evaluate_agrees_with_golden_at_every_sample(backend: Backend) -> None:

@@ -57,7 +57,24 @@ def test_what_does_not_hang_on_it_is_decided(backend: Backend) -> None:
     monitor.update(req=4.0, gnt=0.0)
     assert monitor.verdict is Verdict.SATISFIED
     assert monitor.finish() == 1.0
-    assert identical([monitor.lower, monitor.upper], [1.0, np.inf])
+    assert identical([monitor.lower, monitor.upper], [1.0, 1.0])
+
+
+def test_the_robustness_of_a_cut_trace_is_moved_to_both_bounds(backend: Backend) -> None:
+    text = "input float req; output float gnt; next(prev(gnt >= 3) or req >= 3 and gnt > 9)"
+    monitor = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
+    lanes = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)
+    monitor.update(req=0.0, gnt=0.0)
+    lanes.update([[0.0, 0.0]] * 2)
+    assert identical([monitor.robustness, monitor.lower, monitor.upper], [np.inf, -0.0, np.inf])
+    assert identical([monitor.finish("cut")], [0.0])
+    assert identical([monitor.robustness, monitor.lower, monitor.upper], [0.0, -0.0, 0.0])
+    lanes.finish([True, False], end="cut")
+    assert identical([*lanes.robustness, *lanes.lower], [0.0, np.inf, -0.0, -0.0])
+    again = copy.deepcopy(lanes)
+    assert identical(again.robustness, lanes.robustness)
+    again.reset([True, False])
+    assert np.isnan(again.robustness[0])
 
 
 def test_a_complete_end_gives_both_readings_of_the_robustness(backend: Backend) -> None:

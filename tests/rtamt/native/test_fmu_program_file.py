@@ -113,7 +113,7 @@ def test_the_place_of_a_fault_is_said(tmp_path: Path) -> None:
         assert int(number) in {at + 1, len(changed)}
         return rest.removesuffix("; export the unit again")
 
-    assert said("rtamt-program", "rtamt-program 2") == "expected version 1 of the format, got '2'"
+    assert said("rtamt-program", "rtamt-program 1") == "expected version 2 of the format, got '1'"
     assert said("rtamt-program", "something") == "expected a program of rtamt, got 'something'"
     assert said("token", "") == "expected a token and programs"
     assert said("samples", "samples 1 0") == "expected a period"
@@ -129,7 +129,9 @@ def test_the_place_of_a_fault_is_said(tmp_path: Path) -> None:
     assert said("derived", "derived mul 2.0 $0") == (
         "expected a number that is known here, got '$0'"
     )
-    assert said("formula-row", "formula-row WINDOW min 0 0 3 2") == "expected a window in samples"
+    assert (
+        said("formula-row", "formula-row WINDOW min 0 0 3 2 0 0") == "expected a window in samples"
+    )
     assert said("formula-row", "row") == "expected a record that fits here, got 'row'"
     assert said("sample-row", "sample-row 99999999 LOAD x 0 0 0.0 0 0") == (
         "expected a register, got '99999999'"

@@ -187,16 +187,27 @@ def test_a_damaged_state_is_refused_and_changes_nothing(shape: str) -> None:
 
 
 TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
+MARKS = (False, False)  # of a window: whether it is a guard, or a part of one without end
 
 
 @pytest.mark.parametrize(
     ("formulas", "initial", "streams", "message"),
     [
-        ([("WINDOW", "mean", 0, 0, 0, 1)], [1], [0], "unknown lattice fold 'mean'"),
-        ([("MAP", "sub", 0, 0, None, None)], [0, 1], [], "function 'sub' is not monotone"),
-        ([("DELAY", "", 0, 0, 0, 1)], [1], [0], "unknown kind 'DELAY'"),
-        ([("WINDOW", "min", 0, 0, 0, 1)], [1], [], "register 0 is read before it is written"),
-        ([("WINDOW", "min", 9, 9, 0, 1)], [1], [0], "register 9 is read before it is written"),
+        ([("WINDOW", "mean", 0, 0, 0, 1, *MARKS)], [1], [0], "unknown lattice fold 'mean'"),
+        ([("MAP", "sub", 0, 0, None, None, *MARKS)], [0, 1], [], "function 'sub' is not monotone"),
+        ([("DELAY", "", 0, 0, 0, 1, *MARKS)], [1], [0], "unknown kind 'DELAY'"),
+        (
+            [("WINDOW", "min", 0, 0, 0, 1, *MARKS)],
+            [1],
+            [],
+            "register 0 is read before it is written",
+        ),
+        (
+            [("WINDOW", "min", 9, 9, 0, 1, *MARKS)],
+            [1],
+            [0],
+            "register 9 is read before it is written",
+        ),
         ([], [], [], "expected a result, got none"),
     ],
 )
@@ -215,10 +226,10 @@ def test_a_second_operand_of_a_fold_of_one_is_not_read(
 ) -> None:
     terms = [TERM, (1, *TERM[1:])]
     reader = EpisodeMonitor("x > 0")._reader
-    outer = ("WINDOW", "max", 2, 2, 0, None)
+    outer = ("WINDOW", "max", 2, 2, 0, None, *MARKS)
     results = []
     for second in (0, 1):
-        formulas = [("WINDOW", "min", 0, second, *span), outer]
+        formulas = [("WINDOW", "min", 0, second, *span, *MARKS), outer]
         initial = [3] if 2 in streams else [2]
         machine = native.EpisodeMachine(terms, formulas, initial, streams, ("x",), reader)
         results.append([machine.update(x) for x in (3.0, 1.0, 2.0, 4.0)])
