@@ -86,8 +86,8 @@ def _own(file: ProgramFile) -> Iterator[UnitVariable]:
         robustness = "at the last time for which it is settled"
     meanings: Mapping[str, tuple[VariableType, str]] = {
         "robustness": ("real", f"the robustness {robustness}"),
-        "lower": ("real", "the least robustness over all continuations"),
-        "upper": ("real", "the greatest robustness over all continuations"),
+        "lower": ("real", "the least robustness over all continuations and ends"),
+        "upper": ("real", "the greatest robustness over all continuations and ends"),
         "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
     }
     for name, (kind, meaning) in meanings.items():

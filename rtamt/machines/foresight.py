@@ -116,7 +116,7 @@ class _Root:
 
 
 class Foresight:
-    """Bounds of the robustness at the first sample of a trace, whatever comes after it.
+    """Bounds of the robustness at the first sample of a trace, however it ends.
 
     Args:
         worst: The programs for the lower bound.

@@ -113,8 +113,8 @@ class EpisodeMachine(SampleMachine, Protocol):
 
     Attributes:
         robustness: The robustness if the episode ended now.
-        lower: The least robustness over all continuations.
-        upper: The greatest robustness over all continuations.
+        lower: The least robustness over all continuations and ends.
+        upper: The greatest robustness over all continuations and ends.
         finished: Whether the trace has ended.
     """
 
@@ -127,7 +127,11 @@ class EpisodeMachine(SampleMachine, Protocol):
     @property
     def finished(self) -> bool: ...
     def finish(self, end: End = "complete") -> float:
-        """End the trace, set the bounds as this reading says, and return the robustness."""
+        """End the trace, set the bounds as this reading says, and return the robustness.
+
+        The robustness is moved to the nearest bound if it is outside, which it can be if the trace
+        was cut.
+        """
 
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]

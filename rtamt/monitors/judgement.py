@@ -60,7 +60,8 @@ class Judgement:
     `judge_dense` makes the same of a trace in dense time, with times in place of sample numbers.
 
     Attributes:
-        robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s.
+        robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s;
+            moved to the nearest bound if it is outside, which it can be under ``"cut"``.
         lower: The least robustness that the reading of the end leaves possible.
         upper: The greatest.
         verdict: VIOLATED if ``upper`` is below 0 or -0.0, SATISFIED if ``lower`` is above 0 or
@@ -114,7 +115,7 @@ class Judgement:
 
     @property
     def decided_at(self) -> float | None:
-        """The first sample after which no continuation could change the verdict; None: no such.
+        """The first sample after which nothing could change the verdict; None: there is no such.
 
         It is the sample at which `EpisodeMonitor` decides, the first one if it needs none; found
         when it is first asked for.

@@ -187,22 +187,20 @@ class Verdict(enum.IntEnum):
 
 
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
-    """The robustness of a whole episode, and its bounds over all continuations, at every sample.
+    """The robustness of a whole episode, and its bounds wherever it ends, at every sample.
 
     Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
     ``always(...)``. Future operators need no end. After every sample
 
     * ``robustness`` is the one that the episode has if it ends now: `evaluate`'s for sample 0;
-    * ``lower`` and ``upper`` bound the robustness over all infinite continuations (the robust
-      satisfaction interval): a predicate at an unseen sample lies in [-inf, +inf], and bounds go
-      through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
+    * ``lower`` and ``upper`` bound the robustness over all continuations and all ends, the end now
+      included (the robust satisfaction interval): a predicate at an unseen sample lies in
+      [-inf, +inf], but for the instant of an operator itself that sample may not be there, and
+      bounds go through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never
+      rises, and always ``lower <= robustness <= upper``;
     * ``verdict`` is decided as soon as both bounds have the same sign bit (+0.0 holds, -0.0 does
       not): a violation is known at the first sample at which interval arithmetic shows that
-      nothing can save the episode.
-
-    ``lower <= robustness <= upper`` holds with one exception: if a window is empty because the
-    trace ends (``eventually[5:9]`` of a trace of 3 samples is -inf, ``always[5:9]`` +inf, under
-    any polarity), ``robustness`` may lie outside the bounds, which are about longer traces.
+      nothing can save the episode, and it is a violation wherever the trace then ends.
 
     A value of a sample may be a `Between`, which is known only to lie between two numbers. From
     then on the bounds hold for all values in these intervals too: predicates follow by interval
@@ -241,11 +239,11 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     __slots__ = {
         "__weakref__": None,
         "_history": None,
-        "lower": "The least robustness over all continuations.",
+        "lower": "The least robustness over all continuations and ends.",
         "robustness": "Robustness if the episode ended now; nan before the first sample.",
         "update": _UPDATE.format(when="that the episode has if it ends now")
         + "    StateError: After `finish`.\n",
-        "upper": "The greatest robustness over all continuations.",
+        "upper": "The greatest robustness over all continuations and ends.",
         "verdict": "The verdict, decided as soon as both bounds have the same sign bit.",
     }
 
@@ -285,14 +283,15 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     def finish(self, end: End = "complete") -> float:
         """End the trace with the last sample: make bounds and verdict final, give the robustness.
 
-        A decided verdict, and the bounds that decided it, never change. If it is open, ``end`` says
-        how the trace is to be read:
+        ``end`` says how the trace is to be read. The bounds become narrower or stay as they are, so
+        a decided verdict never changes:
 
         * ``"complete"``: the trace is all there is. Windows are cut to it, and both bounds become
           the robustness, whose sign bit is the verdict.
         * ``"cut"``: the trace is a recording of something longer. What a bounded window needs of
-          the time after the last sample is unknown; a future operator without an end speaks of the
-          recorded time, and is unknown if no sample of its window was recorded.
+          the time after the last sample is there, and unknown; a future operator without an end
+          speaks of the recorded time, and has the bounds of ``"open"`` if no sample of its window
+          was recorded. The robustness is moved to the nearest bound if it lies outside.
         * ``"open"``: the trace is a beginning. The bounds stay as they are.
 
         What hangs on a predicate that counts 0 under interface-aware semantics has the bounds -0.0
@@ -303,7 +302,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             end: The reading of the end.
 
         Returns:
-            ``robustness``; under every reading it judges the complete trace.
+            ``robustness``, between the bounds: it judges the complete trace, unless it was moved.
 
         Raises:
             InputError: On another reading; then the episode goes on.
@@ -318,6 +317,10 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             -1.0 -1.0 -1.0 VIOLATED
             -1.0 -1.0 inf UNDECIDED
             -1.0 -inf inf UNDECIDED
+
+            >>> e = EpisodeMonitor("next(prev(x > 0))")
+            >>> e.update(x=-4), e.finish("cut"), e.verdict.name
+            (inf, -4.0, 'VIOLATED')
         """
         return self._machine.finish(checked_end(end))
 

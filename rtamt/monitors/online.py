@@ -156,10 +156,10 @@ class EpisodeValues(Generic[_Numbers, _Flags]):
         "Robustness (of each lane) if the episode ended now; nan before the first sample.",
     )
     lower: MachineValue[_Numbers] = machine_value(
-        "lower", "The least robustness (of each lane) over all continuations."
+        "lower", "The least robustness (of each lane) over all continuations and ends."
     )
     upper: MachineValue[_Numbers] = machine_value(
-        "upper", "The greatest robustness (of each lane) over all continuations."
+        "upper", "The greatest robustness (of each lane) over all continuations and ends."
     )
     finished: MachineValue[_Flags] = machine_value(
         "finished", "Whether `finish` has ended the episode (of each lane)."

@@ -294,8 +294,8 @@ class Panel:
                     self.violated_by = name
         self.settled = len(self._decided)
 
-    def finish(self, end: AtTermination | End = "complete") -> tuple[float, float]:
-        """Ends the trace, which settles the bounds as the end is read; returns the least of each.
+    def finish(self, end: AtTermination | End = "complete") -> Assessment:
+        """Ends the trace, which settles robustness and bounds as the end is read; returns them.
 
         ``"failure"``: what is not decided yet is violated at the last sample, whatever its
         robustness is.
@@ -306,7 +306,7 @@ class Panel:
             for judge in self._judges:
                 judge.finish(end)
             self.note()
-        return self.lower, self.upper
+        return self.read()
 
     def _fail(self) -> None:
         self._failed = frozenset(self.undecided)

@@ -176,6 +176,7 @@ class VectorPanel:
         else:
             for judge in self._judges:
                 judge.finish(lanes, end=end)
+            self.robustness = least([source.robustness for source, _ in self.monitors.values()])
         self._record(at, self._verdicts(at))
 
     def take_costs(self, stepped: Lanes | None) -> dict[str, Floats] | None:

@@ -11,7 +11,7 @@ from rtamt import Explanation, StateError
 from rtamt_gym.judging.episodes import record
 from rtamt_gym.judging.explanations import chosen, titled
 from rtamt_gym.judging.infos import last_info, present
-from rtamt_gym.judging.panel import Feed, Monitors, Panel
+from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.wrappers.monitoring import Monitoring
 
@@ -135,15 +135,15 @@ class EpisodeMonitoring(Monitoring):
             return self._on_violation
         return self._on_satisfaction if panel.all_decided else "report"
 
-    def _finish(self, terminated: bool) -> tuple[float, float]:  # noqa: FBT001 - as Gymnasium has it
-        """Reads the end that the environment has made; returns the bounds after it."""
+    def _finish(self, terminated: bool) -> Assessment:  # noqa: FBT001 - as Gymnasium has it
+        """Reads the end that the environment has made; returns robustness and bounds after it."""
         panel = self._panel
         if not terminated:
             return panel.finish(self._at_truncation)
         undecided = panel.undecided if self._unasked else ()
-        bounds = panel.finish(self._at_termination)
+        found = panel.finish(self._at_termination)
         self._assumed = next((name for name in undecided if panel.satisfies(name)), None)
-        return bounds
+        return found
 
     def _add_last(self, info: dict[str, Any], found: EpisodeOutcomes) -> None:
         """Adds the keys that only a last info has; an ``is_success`` that it has already stays."""

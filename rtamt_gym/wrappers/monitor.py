@@ -274,7 +274,7 @@ class StlMonitor(
         how = self._how_to_end() if panel.settled else "report"
         ended = terminated or truncated
         if ended:
-            lower, upper = self._finish(terminated)
+            robustness, lower, upper = self._finish(terminated)
         if how != "report" and not terminated:
             terminated = how == "terminate"
             truncated = truncated or how == "truncate"

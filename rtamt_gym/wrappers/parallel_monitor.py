@@ -257,7 +257,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         terminated = ended and any(terminations.get(each) for each in here)
         truncated = ended and (not terminated or any(truncations.get(each) for each in here))
         if ended:
-            lower, upper = self._finish(terminated)
+            robustness, lower, upper = self._finish(terminated)
         if how != "report" and not terminated:
             terminated = how == "terminate"
             truncated = truncated or not terminated

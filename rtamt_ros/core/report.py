@@ -28,8 +28,8 @@ class RequirementReport(NamedTuple):
             passed since the start. nan while an input is stale.
         about: The time that the robustness is about: `time` less the latency. None without a
             robustness.
-        lower: The least robustness since the last start, over all continuations; nan while an input
-            is stale; None before the first sample.
+        lower: The least robustness since the last start, over all continuations and ends; nan while
+            an input is stale; None before the first sample.
         upper: The greatest.
         verdict: The verdict since the last start; UNDECIDED while an input is stale; None before
             the first sample.

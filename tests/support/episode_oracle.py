@@ -171,18 +171,18 @@ def _judge(
     judged = f.always() if instants else f
     now, low, high = episode(judged, trace, t + 1, read)
     it = _Judgement(_instant(f, trace, t, read) if instants else now, low, high, now)
-    if before is not None and before.verdict:
-        it.verdict, it.decided_at = before.verdict, before.decided_at
-        return it
     it.verdict = _verdict(low, high)
-    if not it.verdict and end is not None:
-        if end == "failure":
-            it.upper = -0.0
-        else:
-            _, it.lower, it.upper = ended(judged, trace, t + 1, end, read)
-        it.verdict = _verdict(it.lower, it.upper)
-        it.by_end = it.verdict != 0
+    by_end = not it.verdict
+    if end == "failure":
+        it.upper = it.upper if it.verdict else -0.0
+    elif end is not None:
+        it.overall, it.lower, it.upper = ended(judged, trace, t + 1, end, read)
+        it.robustness = it.robustness if instants else it.overall
+    it.verdict = _verdict(it.lower, it.upper)
+    it.by_end = by_end and it.verdict != 0
     it.decided_at = t if it.verdict else None
+    if before is not None and before.verdict:
+        it.decided_at, it.by_end = before.decided_at, False
     return it
 
 

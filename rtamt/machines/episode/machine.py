@@ -1,13 +1,17 @@
 """The machine of `EpisodeMonitor` in Python: the whole episode's robustness and its bounds.
 
 It computes the value at time 0 in three worlds. In ``NOW`` the episode ended with the last sample.
-In ``LOWER`` and ``UPPER`` it goes on for ever, and every predicate is -inf or +inf at every unseen
-sample. The program has no negations (`rtamt.program.polarity`), so every register is monotone in
-the predicates, and the last two values are the bounds over all continuations.
+In ``LOWER`` and ``UPPER`` it goes on, and every predicate is -inf or +inf at every unseen sample.
+But an unseen sample may not be there: in ``UPPER`` a minimum over the future skips it, in ``LOWER``
+a maximum, except for the sample of the window's own time, which is there whenever it is read. What
+has to hold before a witness of ``until`` is there too if the witness is
+(`rtamt.program.instructions.Window`). The program has no negations (`rtamt.program.polarity`), so
+every register is monotone in the predicates, and the last two values are the bounds over all
+continuations and all ends.
 
-A trace that was cut (``finish(end="cut")``) has two worlds more. They differ from ``LOWER`` and
-``UPPER`` in the windows without end: at a recorded time these fold what was recorded, and at an
-unseen one they are as unknown as a predicate.
+A trace that was cut (``finish(end="cut")``) has two worlds more. There the unseen samples of
+windows with an end are there, and windows without end fold what was recorded; where nothing of
+their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
 
 Take a register whose value depends on H samples of the future and E samples of the past. After
 sample t it has
