@@ -171,8 +171,9 @@ class Reading:
         metadata=_row(
             'How an end of the system itself is read: ``"complete"``, the episode is all there '
             "is (an invariant that held is satisfied, a goal not reached is violated); "
-            '``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated, '
-            'whatever its robustness is. Else ``"complete"``, with a warning where an end of an '
+            '``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated '
+            "by how it ended, and keeps the robustness of its samples. "
+            'Else ``"complete"``, with a warning where an end of an '
             "environment so satisfies what was open.",
             (None, *get_args(AtTermination)),
         ),
