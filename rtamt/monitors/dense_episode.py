@@ -51,8 +51,9 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     * ``verdict`` is decided as soon as both have the same sign bit, `decided_at` says since when.
 
     Events come in chunks of any size, each variable at its own pace; what is said of a time does
-    not depend on the chunks. Memory holds the events inside the longest windows, and those of
-    variables that run ahead.
+    not depend on the chunks. A variable with a declared value has it until its first event, and
+    nothing waits for it: that event must come later than `settled`. Memory holds the events inside
+    the longest windows, and those of variables that run ahead.
 
     Args:
         spec: Text, a formula, or a parsed specification.

@@ -231,6 +231,7 @@ class PythonDenseEpisodeMachine(StateFields):
         "lower",
         "upper",
         "_decided",
+        "_heard",
         "_dated",
         "_first",
         "_last",
@@ -242,6 +243,7 @@ class PythonDenseEpisodeMachine(StateFields):
     lower: float
     upper: float
     _decided: int | None
+    _heard: list[bool]
     _dated: Dated
     _first: list[float]
     _last: list[float]
@@ -258,6 +260,8 @@ class PythonDenseEpisodeMachine(StateFields):
         self._terms = [Terms(program, reader.refuse) for program in programs]
         self._readings = [make(place(program)) for program in programs]
         self._inputs = Joint(len(reader.variables))
+        defaults = regions.program.specification.defaults
+        self._defaults = [defaults.get(name) for name in reader.variables]
         self.reset()
 
     @property
@@ -280,8 +284,41 @@ class PythonDenseEpisodeMachine(StateFields):
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
-        self._take(*self.reader.read(given, self._last, self._dated))
+        columns, dated = self.reader.read(given, self._last, self._dated)
+        heard = [old or len(t) > 0 for old, (t, _) in zip(self._heard, columns, strict=True)]
+        self._take(self._with_defaults(columns, heard), dated)
+        self._heard = heard
         return self.robustness
+
+    def _with_defaults(
+        self, columns: Sequence[TimedColumn], heard: Sequence[bool]
+    ) -> Sequence[TimedColumn]:
+        """The events with those of declared values, which last until a variable's first event.
+
+        Args:
+            columns: The new events.
+            heard: For each variable whether it has events of its own.
+        """
+        known = [here or value is None for here, value in zip(heard, self._defaults, strict=True)]
+        if all(known) and self._heard == list(heard):
+            return columns
+        others = [v for v, here in enumerate(known) if here]
+        first = min((min((self._first[v], *columns[v][0][:1].tolist())) for v in others), default=0)
+        last = min((max((self._last[v], *columns[v][0][-1:].tolist())) for v in others), default=0)
+        found = []
+        for v, (times, values) in enumerate(columns):
+            value = self._defaults[v]
+            if value is None or self._heard[v] or math.isinf(last) or not others:
+                found.append((times, values))
+                continue
+            before = [] if self._last[v] >= first else [first]
+            if not heard[v] and last > max(self._last[v], first):
+                before.append(last)
+            if heard[v]:
+                before = [time for time in before if time < times[0]]
+            given = np.array(before, np.int64)
+            found.append((np.append(given, times), np.append(np.full(len(given), value), values)))
+        return found
 
     def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
         """Take in a whole trace, with times as they were given.
@@ -391,6 +428,7 @@ class PythonDenseEpisodeMachine(StateFields):
         width = len(self.reader.variables)
         self.finished = False
         self._decided = None
+        self._heard = [False] * width
         self._dated = None
         self._first, self._last = [math.inf] * width, [-math.inf] * width
         self._inputs.reset()

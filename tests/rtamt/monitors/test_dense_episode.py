@@ -166,3 +166,41 @@ def test_errors(backend: Backend) -> None:
     monitor.reset()
     assert not monitor.finished
     assert rtamt.__all__.count("DenseEpisodeMonitor") == 1
+
+
+DECLARED = """
+input float64 x
+input float64 y = 2
+out = always(x > 0 implies eventually[0:2](y > 1))
+"""
+
+
+def test_a_declared_value_lasts_until_the_first_event(backend: Backend) -> None:
+    x = [(0.0, 1.0), (1.0, -1.0), (4.0, 1.0), (9.0, 1.0)]
+    for y in ([], [(5.0, 0.0), (8.0, 3.0), (9.5, 3.0)]):
+        events = sorted([(t, "x", v) for t, v in x] + [(t, "y", v) for t, v in y])
+        monitor = DenseEpisodeMonitor(DECLARED, backend=backend)
+        for time, name, value in events:
+            monitor.update({name: [(time, value)]})
+            assert monitor.settled <= time
+        whole = {"x": x, "y": y} if y else {"x": x}
+        at_once = DenseEpisodeMonitor(DECLARED, backend=backend)
+        at_once.update(whole)
+        found = judge_dense(DECLARED, whole, "open", backend=backend)
+        expected = found.robustness, found.lower, found.upper
+        assert identical(seen(monitor), expected)
+        assert identical(seen(at_once), expected)
+        assert monitor.settled == at_once.settled == 9
+        assert monitor.decided_at == at_once.decided_at == found.decided_at
+
+
+def test_the_first_event_after_a_declared_value_is_later_than_what_is_settled(
+    backend: Backend,
+) -> None:
+    monitor = DenseEpisodeMonitor(DECLARED, backend=backend)
+    monitor.update(x=[(0, 1), (6, 1)])
+    assert (monitor.settled, monitor.robustness) == (6, 1)
+    with pytest.raises(InputError, match=r"expected a time after 6\.0 at event 0 of 'y', got 3\.0"):
+        monitor.update(y=[(3, 0)])
+    monitor.update(y=[(7, 0)], x=[(9.5, 1)])
+    assert monitor.settled == 7
