@@ -43,7 +43,7 @@ class Comparison:
         b: What the policy B is called.
         seeds: The seeds that both have episodes of.
         requirements: The comparison for every requirement, by name.
-        success: That for all requirements at once, with a p-value of its own, not adjusted.
+        success: The comparison for all requirements at once, with a p-value that is not adjusted.
         returns: How far the returns are apart, the sums of the environment's own rewards; None
             without rewards.
         notes: What a reader should know about the pairs, each a sentence.
@@ -126,7 +126,7 @@ def compare(
     env: Any = None,  # noqa: ANN401
     specs: Requirements | None = None,
     signals: Mapping[str, SignalLike] | None = None,
-    **options: Any,  # noqa: ANN401 - those of `evaluate_policy`
+    **options: Any,  # noqa: ANN401 - as for `evaluate_policy`
 ) -> Comparison:
     """Compares two policies on the same seeds: how much more often B satisfies each requirement.
 

@@ -291,7 +291,7 @@ def _signed(values: Floats, semantics: SemanticsName) -> Floats:
 
 
 def _parts(spec: rtamt.Specification) -> dict[str, rtamt.Specification]:
-    """The specifications of the named formulas and, last, that of the result."""
+    """A specification for each named formula and, last, for the result."""
     formulas = {**spec.formulas, _result(spec): spec.formula}
     return {name: replace(spec, formula=formula) for name, formula in formulas.items()}
 

@@ -179,8 +179,8 @@ class ShownRequirement:
         counts: How many episodes satisfied it.
         rate: Satisfied over all; None where a rate has no meaning, as of a search.
         interval: The 95 % interval of the rate (Wilson); None without a rate.
-        robustness: The robustness of every episode that has one, least first; of more than 1000
-            those of evenly spaced ranks.
+        robustness: The robustness of every episode that has one, least first; where there are more
+            than 1000, only evenly spaced ranks.
         quantiles: The robustness below which 5, 25, 50, 75 and 95 % of the episodes lie, by the
             text of the share (``"0.05"``); empty if no episode has one.
         first_violations: When violations became certain, earliest first.
@@ -229,9 +229,9 @@ class Section:
         durations: How long the episodes were, shortest first; empty if not known.
         maps: The maps of a sweep on a grid.
         cases: The points of a sweep or a search.
-        convergence: Of a search, for each requirement.
-        comparison: Of a comparison.
-        matrix: Of recorded traces.
+        convergence: The course of a search, for each requirement.
+        comparison: The comparison, if the section is about one.
+        matrix: The recorded traces, if the section is about some.
     """
 
     kind: Kind

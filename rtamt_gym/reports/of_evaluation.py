@@ -109,7 +109,7 @@ def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: i
 
 
 def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> tuple[Picture, ...]:
-    """As many pictures as so many letters can be: evenly spread, that of the violation first."""
+    """As many pictures as fit into so many letters: evenly spread, with the violation's."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
     at = None if episode.decided_at is None else episode.decided_at.time

@@ -78,7 +78,7 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
 
 
 def unit_of(runs: Mapping[str, list[Run]]) -> str:
-    """The unit of times: that of the runs; seconds if there are none."""
+    """The unit of times in runs; seconds if there are no runs."""
     every = [run for some in runs.values() for run in some]
     return "steps" if every and every[0].period is None else "s"
 

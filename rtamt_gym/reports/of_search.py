@@ -72,8 +72,8 @@ def of_search(found: Falsification, room: int) -> Section:
 def convergence_of(record: Record) -> tuple[Convergence, ...]:
     """The robustness over the simulations of a record, and the least so far.
 
-    Of more than 2000 simulations those that are less than all before them are shown, and evenly
-    spaced others.
+    Where there are more than 2000 simulations, it shows each that is less than all before it, and
+    evenly spaced others.
     """
     return tuple(
         _convergence(

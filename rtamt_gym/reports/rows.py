@@ -160,22 +160,22 @@ def _by_end(trial: ShownTrial) -> bool:
 
 
 def at_stop(record: Record, name: str, noun: str) -> str:
-    """The sentence on robustness that is that at an early stop; empty if there is none."""
+    """A sentence on simulations that were stopped early and left open; empty if there are none."""
     count = len(open_at_stop(record, name))
     if not count:
         return ""
     was, their = ("was", "its") if count == 1 else ("were", "their")
     return (
-        f"{counted(count, f'undecided {noun}')} {was} stopped early: {their} robustness is that "
-        "at the stop."
+        f"{counted(count, f'undecided {noun}')} {was} stopped early: {their} robustness counts the "
+        "samples until the stop."
     )
 
 
 def cases_of(record: Record) -> Cases | None:
-    """The points of a record; of columns that are the same everywhere there are none.
+    """The points of a record, without columns that are the same everywhere; None if none is left.
 
-    Of more than 2000 simulations the worst 500 of all requirements are shown, and evenly spaced
-    others.
+    Where there are more than 2000 simulations, it has the worst 500 of all requirements, and evenly
+    spaced others.
     """
     columns = {name: record.numbers(name) for name in record.case_columns}
     varied = {name: cells for name, cells in columns.items() if len(set(cells.tolist())) > 1}

@@ -98,14 +98,14 @@ class ComparedRequirement:
         rate_b: The rate of B.
         interval_a: Its 95 % interval.
         interval_b: Its 95 % interval.
-        difference: The rate of B less that of A.
+        difference: The rate of B minus the rate of A.
         interval: The 95 % interval of the difference.
         p: The probability of so great a difference, or a greater one, if there were none (McNemar).
         both: Pairs of episodes in which both satisfy it.
-        only_a: Those in which A alone does.
-        only_b: Those in which B alone does.
-        neither: Those in which none does.
-        robustness: The mean robustness of B less that of A; None if it is not known.
+        only_a: Pairs of episodes in which A alone does.
+        only_b: Pairs of episodes in which B alone does.
+        neither: Pairs of episodes in which neither does.
+        robustness: The mean robustness of B minus A's; None if it is not known.
         robustness_interval: Its 95 % interval (bootstrap).
         pairs: The robustness of A and of B in each pair, for a scatter.
     """

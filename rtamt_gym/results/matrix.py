@@ -59,7 +59,7 @@ class Matrix(Results):
     def worst_requirement(self) -> tuple[str, str] | None:
         """The name of the requirement that most traces violate, and why; None if none was judged.
 
-        Of several it is the one that is undecided in most traces, then the one of the least
+        Among several it names the one that most traces leave undecided, then the one with the least
         robustness, then the first.
         """
         columns = {
@@ -78,7 +78,8 @@ class Matrix(Results):
     def worst_trace(self) -> tuple[str, str] | None:
         """The name of the trace that violates most requirements, and why; None if none was judged.
 
-        Of several it is the one with most that are undecided, then that of the least robustness.
+        Among several it names the one that leaves most undecided, then the one with the least
+        robustness.
         """
         rows = {row.name: row.outcomes for row in self.rows}
         found = _worst(rows)

@@ -55,11 +55,12 @@ class RequirementResult:
         robustness: The robustness at the end of every episode, in their order; nan where it failed.
         first_violations: The times at which violations became certain, in seconds (the numbers of
             samples if there is no period), in the order of the episodes.
-        saved: The simulated seconds from there to the time limit, of the episodes that were stopped
-            when the verdict on this requirement became certain; 0 without a time limit.
-        worst: Seed and robustness of the ten worst episodes: those that violate the requirement
-            before those that leave it open, of each the least robustness first. A fall that
-            ``at_termination="failure"`` makes a violation may have any robustness.
+        saved: The simulated seconds between the stop and the time limit, summed over the episodes
+            that were stopped because the verdict on this requirement became certain; 0 without a
+            time limit.
+        worst: Seed and robustness of the ten worst episodes: first episodes that violate the
+            requirement, then episodes that leave it open, each with the least robustness first. A
+            fall that ``at_termination="failure"`` makes a violation may have any robustness.
     """
 
     name: str
@@ -76,7 +77,7 @@ class RequirementResult:
 
     @property
     def rate(self) -> float:
-        """The share of the episodes that satisfy the requirement; nan of no episodes."""
+        """The share of the episodes that satisfy the requirement; nan without episodes."""
         return self.satisfied / self.episodes if self.episodes else math.nan
 
     @property
@@ -111,7 +112,7 @@ def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
     The values are sorted, and the share is cut to the part that it has of each: of 30 values 5 %
     are one and a half, so that the least counts whole and the next by half (Rockafellar and Uryasev
     2002, "Conditional value-at-risk for general loss distributions", Journal of Banking & Finance
-    26). Of fewer than 20 values 5 % are less than one, and the result is the least. It is -inf if
+    26). With fewer than 20 values 5 % are less than one, and the result is the least. It is -inf if
     one of the values that count is -inf, which no other makes good, else inf if one is inf.
 
     Args:
@@ -144,8 +145,8 @@ class Statistic(NamedTuple):
         heading: Its column on the terminal and its name on the page.
         of: Its value; None if there is none.
         text: Writes the value.
-        where: Which tables have it on the terminal: those of ``"rates"``, whose trials differ by
-            chance alone, those of ``"counts"``, whose trials were chosen, or ``"all"``.
+        where: Which tables have it on the terminal: ``"rates"``, tables whose trials differ by
+            chance alone; ``"counts"``, tables whose trials were chosen; or ``"all"``.
         style: The colour of its cell on a terminal where the value is not 0.
         shown: Whether a result is worth the column; it stands where one is.
         robustness: Whether it is a number of the robustness, which a note below tables says.
@@ -203,7 +204,7 @@ STATISTICS: Final = (
 
 
 def columns_of(results: Sequence[RequirementResult], *, rates: bool) -> list[Statistic]:
-    """The statistics that a table of results on a terminal has: those of rates, or of counts."""
+    """The statistics that a table of results on a terminal has, for rates or for counts."""
     where = "rates" if rates else "counts"
     return [
         each
@@ -255,7 +256,7 @@ def result_of(
 
 
 def _saved(trial: Trial, outcome: Outcome, limit: float | None) -> float:
-    """The seconds that a trial was stopped short of the limit by this outcome."""
+    """The seconds between the stop of a trial and the limit, if this outcome stopped it; else 0."""
     if limit is None or trial.ended not in STOPPED:
         return 0.0
     if trial.ended != "known" and outcome.decided_at != trial.simulated:

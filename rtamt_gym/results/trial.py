@@ -179,7 +179,7 @@ class Trial:
 def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:
     """The places of trials that were stopped early and leave a requirement open.
 
-    Their robustness is that at the stop: had they gone on, it could be another.
+    Their robustness counts the samples until the stop: had they gone on, it could be another.
     """
     return [
         place

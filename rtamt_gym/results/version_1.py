@@ -34,7 +34,7 @@ def upgraded(kept: Kept) -> dict[str, Any] | None:
 def documented(traces: Iterable[Kept]) -> list[dict[str, Any]]:
     """The trials of ``rtamt monitor --json`` under the names that version 1 documents.
 
-    They are written beside those of version 2 for as long as this version lasts.
+    They are written beside the names of version 2 for as long as this version lasts.
     """
     return [
         {
@@ -185,7 +185,7 @@ _ENDS: Final = ("on_violation", "at_termination", "at_truncation")
 
 
 def _runs(kept: Kept) -> dict[str, Any]:
-    # A period of version 1 is a float; that of most is a simple fraction.
+    # Version 1 writes a period as a float, which mostly stands for a simple fraction.
     period = kept["period"]
     exact = None if period is None else Fraction(period).limit_denominator(10**6)
     trials = [

@@ -284,7 +284,7 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
             raise StateError(
-                "expected running episodes, got step() after the end of that of environment "
+                "expected running episodes, got step() after the end of the episode of environment "
                 f"{np.flatnonzero(self._done)[0]}; call reset(options={{'reset_mask': mask}}), "
                 "the mask true for all that have ended"
             )

@@ -160,7 +160,7 @@ class _Note:
         self.take(rows)
 
     def take(self, rows: Iterable[Trial]) -> None:
-        """Takes finished runs in."""
+        """Counts violations, the least robustness and the time saved by stops of finished runs."""
         for row in rows:
             outcomes = row.outcomes.values()
             self._violated += any(each.verdict is Verdict.VIOLATED for each in outcomes)

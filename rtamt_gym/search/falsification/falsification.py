@@ -39,12 +39,12 @@ class Falsification:
 
     Attributes:
         falsified: Whether a simulation violates a requirement.
-        requirement: The name of the requirement that is violated; if none is, of that which came
-            closest.
-        row: The simulation that violates, that of the reduced input; if none does, the closest.
+        requirement: The name of the requirement that is violated; if none is, the name of the one
+            that came closest.
+        row: The simulation that violates, with the reduced input; if none does, the closest.
         found: The case that violates as it was found, before it was reduced; if none does, the
             closest.
-        record: All simulations of the search, in their order; those of the reduction are not in it.
+        record: All simulations of the search, in their order, without those for the reduction.
         space: What was searched.
         scales: The scale of each predicate, by its text; empty where the search used none.
         coverage: How much of the space the simulations have seen.
@@ -108,7 +108,7 @@ class Falsification:
         ``plot``.
 
         Raises:
-            InputError: If the extension is not that of a picture.
+            InputError: If the file does not have the extension of a picture.
         """
         try:
             from rtamt_gym import drawing

@@ -203,8 +203,8 @@ def mine(
         end: The reading of the end of a trace, as for `rtamt.judge`. None: ``"complete"`` for a run
             that its system has ended, else ``"cut"``. What is undecided does not satisfy.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged: ``period`` (None: that of a file or a run, else bounds
-            count samples), ``nan``, ``align`` (a run has the one that it was judged with),
+        **reading: How samples are judged: ``period`` (None: the period of a file or a run, else
+            bounds count samples), ``nan``, ``align`` (a run has the one that it was judged with),
             ``semantics``, ``inputs`` and ``outputs``, as for `rtamt.judge`.
 
     Raises:
@@ -285,8 +285,8 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
                 for each in (first, trace)
             ]
             raise InputError(
-                f"{wanted.parameter!r} bounds a time, so that all traces need one period; that of "
-                f"{first.name} is {texts[0]}, that of {trace.name} {texts[1]}; give ",
+                f"{wanted.parameter!r} bounds a time, so that all traces need one period; "
+                f"{first.name} has {texts[0]}, {trace.name} has {texts[1]}; give ",
                 Argument("period"),
             )
     step = Fraction(1)

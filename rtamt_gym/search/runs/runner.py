@@ -76,8 +76,8 @@ class Runner:
         policy: As for `rtamt_gym.simulate`.
         policies: In place of ``policy``: makes the policy of a run from the seed of the run.
         duration: As for `rtamt_gym.simulate`.
-        stop: As for `rtamt_gym.simulate`. The robustness of a stopped run is that at the stop,
-            and its bounds say what it could still have become.
+        stop: As for `rtamt_gym.simulate`. The robustness of a stopped run counts
+            the samples until the stop, and its bounds say what it could still have become.
         batch: How many lanes there are at most.
         **reading: How samples are judged, as for `rtamt_gym.simulate`.
 

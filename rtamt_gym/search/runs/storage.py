@@ -58,7 +58,7 @@ def save(
 def load(path: Path) -> tuple[list[Trial], dict[str, Any]]:
     """Reads the rows that `save` has written, and what it kept beside them.
 
-    The rows of a folder are those of a campaign that are finished.
+    A folder gives the finished rows of its campaign.
 
     Raises:
         InputError: If the file does not hold a record.

@@ -148,8 +148,11 @@ def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:
     ]
     low, seen, _ = of_evaluation(evaluation(rows, {}), ROOM).requirements
     (again, _) = of_record(evaluation(rows, {}).record, ROOM).requirements
-    assert low.note == "1 undecided episode was stopped early: its robustness is that at the stop."
+    assert low.note == (
+        "1 undecided episode was stopped early: its robustness counts the samples until the stop."
+    )
     assert seen.note == (
-        "2 undecided episodes were stopped early: their robustness is that at the stop."
+        "2 undecided episodes were stopped early: their robustness counts the "
+        "samples until the stop."
     )
     assert again.note == low.note.replace("episode", "simulation")

@@ -81,8 +81,8 @@ def test_files_and_runs_bring_their_periods_and_all_need_one_for_a_bound(tmp_pat
     with pytest.raises(InputError) as caught:
         mine("eventually[0:?t](level < 1)", [run, other], {"t": (0, 10)})
     assert str(caught.value) == (
-        "'t' bounds a time, so that all traces need one period; that of run 0 is 0.5 s, that of "
-        "run 1 0.25 s; give period="
+        "'t' bounds a time, so that all traces need one period; run 0 has 0.5 s, run 1 has "
+        "0.25 s; give period="
     )
 
 
