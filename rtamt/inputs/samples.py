@@ -32,10 +32,10 @@ from rtamt.program.program import Program
 from rtamt.program.ranges import of_ends, ranges_of
 
 __all__ = [
-    "Columns",
     "NanPolicy",
     "SampleReader",
     "SampleValues",
+    "TraceColumns",
     "ends_of",
     "in_between",
     "listed",
@@ -48,7 +48,7 @@ NanPolicy = Literal["raise", "hold", "unknown"]
 SampleValues = list[float | Between]
 """A value for each variable, in their order; those that are known are numbers."""
 
-Columns = Mapping[str, object] | ArrayLike
+TraceColumns = Mapping[str, object] | ArrayLike
 """Values of every variable, or messages, by name; or an array with a column for each variable."""
 
 
@@ -229,7 +229,7 @@ class SampleReader:
 
     def block(
         self,
-        data: Columns,
+        data: TraceColumns,
         sample: int,
         previous: Sequence[float],
         *,
@@ -255,7 +255,7 @@ class SampleReader:
 
     def columns(
         self,
-        data: Columns,
+        data: TraceColumns,
         sample: int = 0,
         previous: Sequence[float] = (),
         *,
@@ -263,7 +263,7 @@ class SampleReader:
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
-        data = cast("Columns", named_columns(data))
+        data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
             names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
@@ -303,14 +303,14 @@ class SampleReader:
         return line_of_numbers(values, f"'{name}'")
 
     def between(
-        self, data: Columns, *, n: int | None = None, extra: bool = False
+        self, data: TraceColumns, *, n: int | None = None, extra: bool = False
     ) -> tuple[list[Floats], list[Floats], int]:
         """The least and the greatest values of the columns, and their length.
 
         Every nan is still in both, unless it is unknown. If all values are known, both are one
         list. It raises the errors of `columns`.
         """
-        halves: list[Columns] = [data]
+        halves: list[TraceColumns] = [data]
         if isinstance(data, Mapping) and any(isinstance(v, Between) for v in data.values()):
             halves = [
                 {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}

@@ -26,8 +26,8 @@ from rtamt.machines.signals import (
     FoldPass,
     Pass,
     Settled,
-    Signal,
     Values,
+    WholeSignal,
     WindowPass,
     lasting,
     same,
@@ -219,7 +219,9 @@ class _Reading:
         self._outlook = outlook
         self._machine = machine
         self._n = n
-        self._signals = [[Signal(column, unseen) for column in predicates] for unseen in UNSEEN]
+        self._signals = [
+            [WholeSignal(column, unseen) for column in predicates] for unseen in UNSEEN
+        ]
         self._passes: dict[tuple[Program, tuple[int, ...], int, frozenset[int]], _Passes] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
         self._at_once: dict[str, float] = {}
@@ -292,13 +294,13 @@ class _Reading:
 
     def inputs(
         self, registers: tuple[int, ...], world: int, *, cut: bool
-    ) -> tuple[list[Signal], Pass]:
+    ) -> tuple[list[WholeSignal], Pass]:
         """The pass that finds some registers of the formulas, and the signals that it needs."""
         return self._inputs(self._outlook.formulas, registers, world, cut=cut)
 
     def _inputs(
         self, program: Program, registers: tuple[int, ...], world: int, *, cut: bool
-    ) -> tuple[list[Signal], Pass]:
+    ) -> tuple[list[WholeSignal], Pass]:
         others = frozenset[int]()
         if world != ENDED:
             others = otherwise_read(program, best=world == UPPER, cut=cut)
@@ -335,7 +337,7 @@ class _Passes:
         ]
         self.last = Pass(last, machine)
 
-    def signals(self, known: Sequence[Signal], n: int, *, cut: bool) -> list[Signal]:
+    def signals(self, known: Sequence[WholeSignal], n: int, *, cut: bool) -> list[WholeSignal]:
         """The variables of the last pass, of which the first ones are known."""
         signals, opened = [*known], [*known]
         needs_open = cut and any(window.needs_open for window in self._windows)

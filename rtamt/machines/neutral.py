@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, Snapshot, Stateful
+from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, MachineState, Stateful
 from rtamt.machines.readout import Readout, moved, verdicts_of
 from rtamt.program.algebra import greater, lesser
 from rtamt.program.polarity import positive
@@ -29,13 +29,13 @@ from rtamt.program.program import Program
 __all__ = ["bank_with_neutrals", "machine_with_neutrals"]
 
 Floats = NDArray[np.float64]
-MakeMachine = Callable[[Program, SampleReader], EpisodeMachine]
+MakeEpisodeMachine = Callable[[Program, SampleReader], EpisodeMachine]
 MakeBank = Callable[[Program, int, LaneReader], EpisodeBank]
 
 _S = TypeVar("_S", bound=Stateful)
 
 
-def machine_with_neutrals(make: MakeMachine) -> MakeMachine:
+def machine_with_neutrals(make: MakeEpisodeMachine) -> MakeEpisodeMachine:
     """The function that makes a machine of a back-end, for programs with neutral predicates too."""
 
     def made(program: Program, reader: SampleReader) -> EpisodeMachine:
@@ -70,7 +70,7 @@ def _readings(program: Program) -> tuple[Program, Program] | None:
     return program.reading(-0.0), program.reading(0.0)
 
 
-def _parts(state: Snapshot) -> tuple[Snapshot, Snapshot, Any]:
+def _parts(state: MachineState) -> tuple[MachineState, MachineState, Any]:
     """The states of the two readings, and the robustness of what was cut."""
     if not isinstance(state, tuple) or len(state) != 3:
         raise ValueError(
@@ -80,7 +80,7 @@ def _parts(state: Snapshot) -> tuple[Snapshot, Snapshot, Any]:
     return state
 
 
-def _restore(pairs: Sequence[tuple[_S, Snapshot]]) -> None:
+def _restore(pairs: Sequence[tuple[_S, MachineState]]) -> None:
     """Restore all machines, or none."""
     before = [machine.state() for machine, _ in pairs]
     try:
@@ -145,10 +145,10 @@ class _NeutralMachine:
         self._moved = None
         self._show()
 
-    def state(self) -> Snapshot:
+    def state(self) -> MachineState:
         return self._worst.state(), self._best.state(), self._moved
 
-    def restore(self, state: Snapshot) -> None:
+    def restore(self, state: MachineState) -> None:
         worst, best, robustness = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
         self._moved = robustness
@@ -222,10 +222,10 @@ class _NeutralBank:
             bank.reset(mask)
         self._moved = np.where(self.finished, self._moved, np.nan)
 
-    def state(self) -> Snapshot:
+    def state(self) -> MachineState:
         return self._worst.state(), self._best.state(), self._moved.copy()
 
-    def restore(self, state: Snapshot) -> None:
+    def restore(self, state: MachineState) -> None:
         worst, best, robustness = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
         self._moved = robustness.copy()

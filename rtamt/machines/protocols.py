@@ -34,25 +34,25 @@ __all__ = [
     "End",
     "EpisodeBank",
     "EpisodeMachine",
+    "MachineState",
     "SampleMachine",
-    "Snapshot",
     "Stateful",
 ]
 
 Floats = NDArray[np.float64]
 End = Literal["complete", "cut", "open"]
 """How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning."""
-Snapshot = Any
+MachineState = Any
 """State of a machine; only a machine of the same program and back-end knows what is in it."""
 
 
 class Stateful(Protocol):
     """A machine whose state can be taken, and given to another one of the same program."""
 
-    def state(self) -> Snapshot:
+    def state(self) -> MachineState:
         """A copy of the state, which ``restore`` takes."""
 
-    def restore(self, state: Snapshot) -> None:
+    def restore(self, state: MachineState) -> None:
         """Continue from where ``state`` was taken."""
 
 

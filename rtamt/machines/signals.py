@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine
-from rtamt.machines.protocols import DiscreteMachine, Snapshot
+from rtamt.machines.protocols import DiscreteMachine, MachineState
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Load
 from rtamt.program.outlook import (
@@ -33,8 +33,8 @@ __all__ = [
     "FoldPass",
     "Pass",
     "Settled",
-    "Signal",
     "Values",
+    "WholeSignal",
     "WindowPass",
     "lasting",
     "same",
@@ -52,7 +52,7 @@ _BLOCK = 65536  # samples of which nothing but a fold is kept, in memory that is
 UNSEEN = tuple(np.array([value]) for value in (-math.inf, math.inf, math.nan))
 
 
-class Signal(NamedTuple):
+class WholeSignal(NamedTuple):
     """The values of a register at all times; the last of those beyond the trace stays for ever."""
 
     recorded: Array
@@ -80,13 +80,13 @@ class Values(NamedTuple):
             return float(self.source.between(time, time + 1)[self.place][0])
         return float(self.rest[min(time - self.settled, len(self.rest) - 1)])
 
-    def signal(self) -> Signal:
+    def signal(self) -> WholeSignal:
         """The values of all times."""
         known = self.source.n - self.settled
         (recorded, rest) = self.source.between(0, self.settled)[self.place], self.rest
         if known:
             recorded = np.concatenate([recorded, rest[:known]])
-        return Signal(recorded, rest[known:])
+        return WholeSignal(recorded, rest[known:])
 
     def rests(self, begin: int, end: int) -> Array:
         """The values of times begin to end, of which few are settled."""
@@ -143,10 +143,10 @@ class Pass:
         self._late = [program.latencies[r] or 0 for r in self._registers]
         self._past = past(program)
         self._settled: list[Settled] = []
-        self._ends: list[tuple[list[Array], list[Array], Snapshot]] = []
-        self._signals: list[tuple[list[Array], bool, list[Signal]]] = []
+        self._ends: list[tuple[list[Array], list[Array], MachineState]] = []
+        self._signals: list[tuple[list[Array], bool, list[WholeSignal]]] = []
 
-    def signals(self, signals: Sequence[Signal], world: int, n: int) -> list[Signal]:
+    def signals(self, signals: Sequence[WholeSignal], world: int, n: int) -> list[WholeSignal]:
         """The outputs at all times; the same arrays for the same arrays."""
         variables = _variables(self._program)
         if variables is not None:
@@ -160,7 +160,7 @@ class Pass:
         self._signals.append((arrays, ended, found))
         return found
 
-    def values(self, signals: Sequence[Signal], world: int, n: int) -> list[Values]:
+    def values(self, signals: Sequence[WholeSignal], world: int, n: int) -> list[Values]:
         """The outputs for signals of the program's variables."""
         source = self._source([signal.recorded for signal in signals], n)
         settled = [max(0, n - late) for late in self._late]
@@ -180,7 +180,7 @@ class Pass:
         self._settled.append(Settled(self._program, self._machine, columns, n))
         return self._settled[-1]
 
-    def _rests(self, signals: Sequence[Signal], settled: Sequence[int], n: int) -> list[Array]:
+    def _rests(self, signals: Sequence[WholeSignal], settled: Sequence[int], n: int) -> list[Array]:
         """The values after the settled ones if the trace goes on."""
         ahead = [len(signal.beyond) - 1 for signal in signals]
         reach = reaches(self._program, dict(zip(self._program.variables, ahead, strict=True)))
@@ -197,7 +197,7 @@ class Pass:
             rests.append(values[: n + after[i] + 1 - begin])
         return rests
 
-    def _end(self, columns: list[Array], start: int, n: int) -> tuple[list[Array], Snapshot]:
+    def _end(self, columns: list[Array], start: int, n: int) -> tuple[list[Array], MachineState]:
         """The outputs after each sample from a start on, and the machine's state at the end."""
         for before, found, state in self._ends:
             if same(before, columns):
@@ -237,8 +237,14 @@ class WindowPass:
         self.needs_open = folded.window.endless
 
     def signal(
-        self, signals: Sequence[Signal], world: int, n: int, opened: Signal | None, *, cut: bool
-    ) -> Signal:
+        self,
+        signals: Sequence[WholeSignal],
+        world: int,
+        n: int,
+        opened: WholeSignal | None,
+        *,
+        cut: bool,
+    ) -> WholeSignal:
         """The folds at all times.
 
         Args:
@@ -252,12 +258,14 @@ class WindowPass:
         if not cut and window.skips(best=world == UPPER):
             (found,) = self._fold.signals(operands, ENDED, n)
             nothing = np.array(FOLDS[window.fold].identity[-1:])
-            return Signal(found.recorded, nothing if window.lo else operands[-1].beyond)
+            return WholeSignal(found.recorded, nothing if window.lo else operands[-1].beyond)
         (found,) = self._fold.signals(operands, world, n)
         if opened is None or not window.endless:
             return found
         at = max(0, n - window.begin)
-        return Signal(np.concatenate([found.recorded[:at], opened.recorded[at:]]), opened.beyond)
+        return WholeSignal(
+            np.concatenate([found.recorded[:at], opened.recorded[at:]]), opened.beyond
+        )
 
 
 class FoldPass:
@@ -282,25 +290,31 @@ class FoldPass:
         self.needs_open = beyond is None
 
     def signal(
-        self, signals: Sequence[Signal], world: int, n: int, opened: Signal | None, *, cut: bool
-    ) -> Signal:
+        self,
+        signals: Sequence[WholeSignal],
+        world: int,
+        n: int,
+        opened: WholeSignal | None,
+        *,
+        cut: bool,
+    ) -> WholeSignal:
         """The fold of the operands from every time on; the arguments are those of `WindowPass`."""
         operands = self._operands.signals(signals, world, n)
         recorded = [operand.recorded for operand in operands]
         if world == ENDED:
-            return Signal(self._folded(recorded), UNSEEN[world])
+            return WholeSignal(self._folded(recorded), UNSEEN[world])
         if cut:  # it speaks of recorded times alone
             known = np.array([self._beyond]) if opened is None else opened.beyond
-            return Signal(self._folded(recorded), known)
+            return WholeSignal(self._folded(recorded), known)
         # Of what comes later, the fold reads the last operand alone (`rtamt.program.algebra`).
         last = operands[-1].beyond
         nothing = FOLDS[self._window.fold].identity[-1]
         if self._window.skips(best=world == UPPER) or (len(last) == 1 and last[0] == nothing):
-            return Signal(self._folded(recorded), last)
+            return WholeSignal(self._folded(recorded), last)
         length = max(len(operand.beyond) for operand in operands)
         whole = [np.concatenate([o.recorded, lasting(o.beyond, length)]) for o in operands]
         folded = self._folded(whole)
-        return Signal(folded[:n], folded[n:])
+        return WholeSignal(folded[:n], folded[n:])
 
     def _folded(self, columns: list[Array]) -> Array:
         for before, found in self._found:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError
 from rtamt.inputs.frames import check_times
-from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_offline
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
@@ -21,7 +21,7 @@ __all__ = ["evaluate", "raw_trace", "whole_trace"]
 @listed_in_signature(SampleOptions)
 def evaluate(
     spec: Spec,
-    data: Columns,
+    data: TraceColumns,
     period: Period | None = None,
     *,
     n: int | None = None,
@@ -65,7 +65,7 @@ def evaluate(
 
 
 def raw_trace(
-    reader: SampleReader, data: Columns, n: int | None, period: Period | None
+    reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
 ) -> tuple[list[NDArray[np.float64]], int]:
     """What `whole_trace` returns, with every nan still in it."""
     columns, length = reader.columns(data, n=n, extra=True)
@@ -76,7 +76,7 @@ def raw_trace(
 
 
 def whole_trace(
-    reader: SampleReader, data: Columns, n: int | None, period: Period | None
+    reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
 ) -> tuple[list[NDArray[np.float64]], int]:
     """The columns of a whole trace, in the order of the variables, and its length, 1 or more.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.arrays import Floats, kind_of
-from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
@@ -149,7 +149,7 @@ _MOST = 1e14
 @listed_in_signature(SampleOptions)
 def explain(
     spec: Spec,
-    data: Columns,
+    data: TraceColumns,
     period: Period | None = None,
     *,
     sample: SupportsIndex = 0,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, Unpack
 
-from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
@@ -167,7 +167,7 @@ def _verdict(lower: float, upper: float) -> Verdict:
 @listed_in_signature(SampleOptions)
 def judge(
     spec: Spec,
-    signals: Columns,
+    signals: TraceColumns,
     period: Period | None = None,
     end: End = "cut",
     *,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
 from rtamt.inputs.arrays import Floats, array_of_numbers
-from rtamt.inputs.samples import Columns, SampleReader, wrong_shape
+from rtamt.inputs.samples import SampleReader, TraceColumns, wrong_shape
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes, result_alone
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
@@ -22,7 +22,7 @@ __all__ = ["evaluate_many"]
 @listed_in_signature(SampleOptions)
 def evaluate_many(
     spec: Spec,
-    data: Columns,
+    data: TraceColumns,
     period: Period | None = None,
     *,
     lengths: ArrayLike | None = None,
@@ -81,7 +81,7 @@ def evaluate_many(
     return robustness
 
 
-def _columns(reader: SampleReader, data: Columns) -> tuple[list[Floats], tuple[int, int]]:
+def _columns(reader: SampleReader, data: TraceColumns) -> tuple[list[Floats], tuple[int, int]]:
     """For each variable a table of shape (traces, samples), and that shape."""
     names = reader.variables
     shapes: list[tuple[int, ...]]

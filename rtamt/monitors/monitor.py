@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError, StateError
 from rtamt.inputs.between import Between
-from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
@@ -150,7 +150,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         """Samples by which the value of every named formula is late."""
         return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
 
-    def update_many(self, block: Columns) -> NDArray[np.float64]:
+    def update_many(self, block: TraceColumns) -> NDArray[np.float64]:
         """Take in a block of samples and give what `update` gives for each, as an array.
 
         A call that raises an error takes in no sample of the block.

@@ -16,9 +16,9 @@ from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.trace import Trace, read_trace
 from rtamt_gym.testing.claims import claim
 
-__all__ = ["Table", "check_trace_format"]
+__all__ = ["ColumnTable", "check_trace_format"]
 
-Table = Mapping[str, NDArray[Any]]
+ColumnTable = Mapping[str, NDArray[Any]]
 """Columns by name; the first is ``time``, in seconds."""
 
 _N = 50
@@ -27,7 +27,7 @@ _EMPTY = (3, 4, 9)
 
 
 def check_trace_format(
-    extension: str, write: Callable[[Path, Table], object], folder: Path, *, gaps: bool = True
+    extension: str, write: Callable[[Path, ColumnTable], object], folder: Path, *, gaps: bool = True
 ) -> None:
     """Checks that files of an extension are read as the formats of this package are.
 
@@ -78,7 +78,7 @@ def _read(path: Path, *variables: str, missing: Any = "raise") -> Trace:  # noqa
         return read_trace(recording, variables, columns)
 
 
-def _check_whole(path: Path, table: Table) -> None:
+def _check_whole(path: Path, table: ColumnTable) -> None:
     for names in (["gear", "speed"], ["speed"]):
         trace = _read(path, *names)
         claim(trace.samples == _N, f"expected {_N} samples of {path.name}, got {trace.samples}")
@@ -95,7 +95,7 @@ def _check_whole(path: Path, table: Table) -> None:
     _same(values, table["speed"], f"the events of {path.name}")
 
 
-def _check_gaps(path: Path, table: Table) -> None:
+def _check_gaps(path: Path, table: ColumnTable) -> None:
     said = _refusal(lambda: _read(path, "speed", "gear"))
     for words in (path.name, "column 'speed'", "--missing hold"):
         claim(words in said, f"expected an error about an empty cell with {words!r}, got {said!r}")

@@ -11,17 +11,12 @@ ALTERNATIVES = {"SatisfactionCallback"}
 """Names that users import from the module of their learner, one callback for each."""
 
 OPEN = {
-    "Columns",
     "Judgement",
     "Kind",
     "Lanes",
-    "MakeMachine",
     "Played",
     "Series",
-    "Signal",
-    "Snapshot",
     "Trace",
-    "Values",
 }
 """Names that still mean two things."""
 

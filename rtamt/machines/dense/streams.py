@@ -24,7 +24,7 @@ __all__ = ["Breakpoint", "Joint", "MapNode", "StepStream", "StreamNode", "just_a
 
 Breakpoint = tuple[float, float]
 """A tick and the value from there on. Ticks are whole numbers: an `int`, or inf or -inf."""
-Values = tuple[float, ...]
+_Values = tuple[float, ...]
 
 
 def just_after(tick: float) -> float:
@@ -90,7 +90,7 @@ class Joint(StateFields):
         """The time of the next breakpoint of any stream; inf if none waits."""
         return min((waiting[0][0] for waiting in self._waiting if waiting), default=math.inf)
 
-    def take(self) -> Values:
+    def take(self) -> _Values:
         """Remove the breakpoints of the next time; return all streams' values from then on."""
         time = self.next
         for i, waiting in enumerate(self._waiting):
@@ -98,7 +98,7 @@ class Joint(StateFields):
                 self._now[i] = waiting.popleft()[1]
         return tuple(self._now)
 
-    def ahead(self, last: float) -> Iterator[tuple[float, Values]]:
+    def ahead(self, last: float) -> Iterator[tuple[float, _Values]]:
         """The times up to the last with the values that `take` will return; removes nothing."""
         now = self._now[:]
         steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))

@@ -15,7 +15,7 @@ import pytest
 from bits import bits
 
 from rtamt import EpisodeMonitor, Verdict
-from rtamt.machines.protocols import Snapshot
+from rtamt.machines.protocols import MachineState
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -150,7 +150,7 @@ def test_what_is_decided_is_forgotten() -> None:
     assert (monitor.robustness, monitor.lower, monitor.upper) == (3.0, 3.0, 3.0)
 
 
-def machine(monitor: EpisodeMonitor) -> Snapshot:
+def machine(monitor: EpisodeMonitor) -> MachineState:
     return monitor._machine
 
 
