@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from memory_middleware import SECOND, MemoryMiddleware, message
 
 import rtamt
-from rtamt import EpisodeMonitor, evaluate
-from rtamt.program.interface import SemanticsName
+from rtamt import EpisodeMonitor, SemanticsName, evaluate
 from rtamt_ros.node import MonitorNode, Settings
 
 MS = 1_000_000

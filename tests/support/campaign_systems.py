@@ -15,7 +15,8 @@ from pathlib import Path
 from threading import Event
 from typing import Self
 
-from rtamt_gym.search.runs.runner import CaseLike, Runner
+from rtamt_gym import Runner
+from rtamt_gym.search.runs.runner import CaseLike
 
 __all__ = ["Alive", "noted", "program", "tank", "tank_runner", "tank_tasks", "troubled"]
 

@@ -7,11 +7,9 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from rtamt import Verdict
-from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.inputs.case import Case
+from rtamt_gym import Case, Evaluation, Record
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.record import Record
 
 FAILED = math.nan
 """The robustness of an episode that an error has ended."""

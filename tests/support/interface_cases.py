@@ -8,8 +8,7 @@ from oracle import Read
 from strategies import VARIABLES, formulas
 
 import rtamt
-from rtamt import Specification
-from rtamt.program.interface import SemanticsName
+from rtamt import SemanticsName, Specification
 
 Case = tuple[Specification, SemanticsName]
 AWARE: st.SearchStrategy[SemanticsName] = st.sampled_from(SEMANTICS[1:])

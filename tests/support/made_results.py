@@ -10,12 +10,20 @@ from fractions import Fraction
 import numpy as np
 
 from rtamt import Verdict
-from rtamt_gym import Case, Falsification, Parameter, Sweep, falsify, simulate, sweep
-from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym import (
+    Case,
+    Evaluation,
+    Falsification,
+    Parameter,
+    Record,
+    Run,
+    Sweep,
+    falsify,
+    simulate,
+    sweep,
+)
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.simulation.run import Run
 
 SPECS = {"dry": "always(level < 2)", "fills": "eventually[0:9](level > 1.2)"}
 SPACE = [Parameter("inflow", 0.1, 0.3, unit="m3/s"), Parameter("leak", 0.1, 0.2)]

@@ -9,7 +9,7 @@ import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
 import staliro
 
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym import Waveform
 from rtamt_gym.search.falsification.taliro import TaliroSystem
 
 PENDULUM = """

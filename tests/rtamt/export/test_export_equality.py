@@ -13,15 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import Trace, length, sample, traces
 
-from rtamt import (
-    EpisodeMonitor,
-    InputError,
-    SpecificationError,
-    export_fmu,
-    parse,
-)
+from rtamt import EpisodeMonitor, InputError, SemanticsName, SpecificationError, export_fmu, parse
 from rtamt.export import Fmi
-from rtamt.program.interface import SemanticsName
 
 OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
 

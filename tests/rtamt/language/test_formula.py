@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from strategies import formulas
 
 import rtamt
+from rtamt import Formula, Interval, Specification, Term, conjunction, disjunction, number, variable
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
-from rtamt.language.formula import Formula, Term, conjunction, disjunction, make, number, variable
-from rtamt.language.interval import UNITS, Interval, exact
+from rtamt.language.formula import make
+from rtamt.language.interval import UNITS, exact
 from rtamt.language.node import MAX_DEPTH, MAX_SIZE
-from rtamt.language.specification import Specification
 
 x, y, z = (variable(name) for name in "xyz")
 p, q, r = x > 0, y > 0, z > 0

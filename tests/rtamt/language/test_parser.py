@@ -13,13 +13,12 @@ import pytest
 from paths import ROOT
 
 import rtamt
+from rtamt import Formula, Interval, Specification, variable
 from rtamt.errors import InputTypeError
-from rtamt.language.formula import Formula, make, variable
-from rtamt.language.interval import Interval
+from rtamt.language.formula import make
 from rtamt.language.node import MAX_DEPTH
 from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification
-from rtamt.language.specification import Specification
 from rtamt.language.table import KEYWORDS, Operator
 
 GRAMMAR = ROOT / "rtamt" / "language" / "grammar"

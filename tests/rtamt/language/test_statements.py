@@ -8,8 +8,8 @@ import types
 import pytest
 
 import rtamt
+from rtamt import Formula
 from rtamt.errors import ParseError
-from rtamt.language.formula import Formula
 from rtamt.language.specification import Declaration
 
 

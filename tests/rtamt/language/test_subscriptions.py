@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import SpecificationError, subscriptions
-from rtamt.language.subscriptions import SubscribedField
+from rtamt import SpecificationError, SubscribedField, subscriptions
 
 PAPER = """
 from geometry_msgs.msg import Twist

@@ -10,9 +10,10 @@ from typing import Literal, cast
 import pytest
 
 import rtamt
+from rtamt import Formula, Term, variable
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language import parser
-from rtamt.language.formula import Formula, Term, make, variable
+from rtamt.language.formula import make
 from rtamt.language.operators import OPERATORS, _function
 from rtamt.language.table import KEYWORDS, Operator
 from rtamt.program.algebra import FUNCTIONS, Function

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from oracle import episode, robustness
 from strategies import chunkings
 
-from rtamt import EpisodeMonitor, Formula, Monitor, evaluate, variable
+from rtamt import EpisodeMonitor, Formula, Interval, Monitor, evaluate, variable
 from rtamt.language.formula import make
-from rtamt.language.interval import Interval
 from rtamt.language.operators import OPERATORS
 
 Backend = Literal["native", "python"]

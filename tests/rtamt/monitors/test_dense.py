@@ -12,9 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import DENSE, INFINITIES, Trace, formulas, length, rooted, traces
 
-from rtamt import DenseMonitor, Formula, SpecificationError, evaluate, evaluate_dense, parse
+from rtamt import (
+    DenseMonitor,
+    Formula,
+    Interval,
+    SpecificationError,
+    evaluate,
+    evaluate_dense,
+    parse,
+)
 from rtamt.language.formula import make
-from rtamt.language.interval import Interval
 from rtamt.language.node import Node
 
 Backend = Literal["native", "python"]

@@ -17,8 +17,7 @@ from region_oracle import Regions, inside
 from strategies import formulas
 
 import rtamt
-from rtamt import DenseEpisodeMonitor, Formula, InputError, StateError, Verdict, judge_dense
-from rtamt.machines.protocols import End
+from rtamt import DenseEpisodeMonitor, End, Formula, InputError, StateError, Verdict, judge_dense
 
 Backend = Literal["native", "python"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")

@@ -21,6 +21,7 @@ from strategies import VARIABLES, formulas
 
 import rtamt
 from rtamt import (
+    End,
     Events,
     Formula,
     InputError,
@@ -32,7 +33,6 @@ from rtamt import (
     judge,
     judge_dense,
 )
-from rtamt.machines.protocols import End
 
 Backend = Literal["native", "python"]
 Shape = Callable[[Formula], Formula]

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from interface_oracle import SEMANTICS
 from strategies import DENSE, formulas, rooted
 
-from rtamt import DenseMonitor, Events, Formula, evaluate_dense
-from rtamt.program.interface import SemanticsName
+from rtamt import DenseMonitor, Events, Formula, SemanticsName, evaluate_dense
 
 Backend = Literal["native", "python"]
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)

@@ -13,8 +13,7 @@ from bits import bits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt import EpisodeMonitor
-from rtamt.machines.protocols import End
+from rtamt import End, EpisodeMonitor
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

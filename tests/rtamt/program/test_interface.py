@@ -29,11 +29,11 @@ from strategies import (
 from rtamt import (
     EpisodeMonitor,
     Monitor,
+    SemanticsName,
     VectorEpisodeMonitor,
     VectorMonitor,
     evaluate,
 )
-from rtamt.program.interface import SemanticsName
 
 Backend = Literal["native", "python"]
 INF = math.inf

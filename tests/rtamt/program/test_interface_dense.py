@@ -15,8 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 
-from rtamt import DenseMonitor, evaluate_dense
-from rtamt.program.interface import SemanticsName
+from rtamt import DenseMonitor, SemanticsName, evaluate_dense
 
 Backend = Literal["native", "python"]
 Breakpoints = list[tuple[float, float]]

@@ -14,9 +14,8 @@ from bits import bits, identical
 from interval_oracle import NUMBERS, Ends, contains, hull, some_ends, values
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, parse
 from rtamt.inputs.samples import SampleReader
-from rtamt.language.parser import parse
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.ranges import FindRanges
 from rtamt.program.algebra import FUNCTIONS

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rtamt_gym import Run
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
-from rtamt_gym.simulation.run import Run
 
 
 def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:

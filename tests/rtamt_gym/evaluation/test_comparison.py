@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Comparison, Evaluation, compare, evaluate_policy
-from rtamt_gym.search.runs.record import Record
+from rtamt_gym import Comparison, Evaluation, Record, compare, evaluate_policy
 
 INF = math.inf
 heights = st.sampled_from([-INF, -1.5, -0.0, 0.5, 2.0, INF, FAILED])

@@ -10,10 +10,9 @@ from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtamt_gym import compare
+from rtamt_gym import Record, compare
 from rtamt_gym.evaluation.tables import evaluation_table, show
 from rtamt_gym.results.trial import RunEnd
-from rtamt_gym.search.runs.record import Record
 
 LONG = "never_closer_than_the_braking_distance_allows_at_any_time"
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from obligations_oracle import Expected, clock, margin
 
 import rtamt
+from rtamt_gym import Reading
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.obligations import obligations_of
-from rtamt_gym.judging.reading import Reading
 
 P, Q, R = "p > 0", "q > 0", "r > 0"
 COLUMNS = ["p", "q", "r"]

@@ -12,6 +12,7 @@ import rtamt
 from rtamt_gym import (
     ParallelStlMonitor,
     Parameter,
+    Reading,
     Runner,
     StepMonitor,
     StlMonitor,
@@ -27,7 +28,6 @@ from rtamt_gym.judging.reading import (
     EpisodeReading,
     InstantReading,
     PredicateReading,
-    Reading,
     RunReading,
     SampleReading,
 )

@@ -10,8 +10,8 @@ import pytest
 from bags import START, Said, twist, write_bag
 
 import rtamt
+from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace

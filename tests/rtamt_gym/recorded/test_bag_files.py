@@ -15,8 +15,8 @@ from bags import START, Said, plain_mcap, twist, write_bag
 from rosbags.highlevel import AnyReader
 
 import rtamt
+from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.ruled import read_ruled

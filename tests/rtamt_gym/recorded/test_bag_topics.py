@@ -9,7 +9,7 @@ import pytest
 from bags import START, Said, twist, write_bag
 
 import rtamt
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import judge, judge_events
 from rtamt_gym.recorded.ruled import read_ruled

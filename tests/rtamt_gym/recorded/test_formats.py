@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 import rtamt
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym import Reading
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rtamt
+from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import output
 from rtamt_gym.recorded.judge import judge, judge_events
 from rtamt_gym.recorded.output import WRITERS, save

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import rtamt
+from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace

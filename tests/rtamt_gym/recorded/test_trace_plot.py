@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import rtamt
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym import Reading
 from rtamt_gym.recorded.judge import judge, signals_of
 from rtamt_gym.recorded.plot import draw_trace
 from rtamt_gym.recorded.times import TimeAxis

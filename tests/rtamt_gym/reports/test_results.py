@@ -9,10 +9,8 @@ from made_results import SPACE, evaluation, row, searched, swept, tank, wave
 
 import rtamt_gym
 from rtamt import InputError, InputTypeError
-from rtamt_gym import write_report
+from rtamt_gym import Evaluation, compare, write_report
 from rtamt_gym.__main__ import main
-from rtamt_gym.evaluation.comparison import compare
-from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.write import report_of

@@ -16,7 +16,7 @@ from campaign_systems import tank, tank_runner, tank_tasks
 from mujoco_models import arm
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Case, Parameter, Sweep, sweep
+from rtamt_gym import Case, Parameter, Record, Runner, Sweep, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.search.campaigns import campaign
 from rtamt_gym.search.campaigns import process as campaign_process
@@ -24,8 +24,6 @@ from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.campaigns.workers import chosen
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.runner import Runner
 
 GRANTS = "rtamt/RequestGrant-v0"
 NOISE = Parameter("noise", 0.1, 1)

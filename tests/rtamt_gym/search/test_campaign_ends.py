@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from campaign_systems import Alive, noted, program, tank_runner, tank_tasks, troubled
 
+from rtamt_gym import Record
 from rtamt_gym.search.campaigns.campaign import run_campaign
-from rtamt_gym.search.runs.record import Record
 
 FINE, EXITS, KILLED, HANGS, RAISES, ONCE = 0, 1, 2, 4, 5, 6
 

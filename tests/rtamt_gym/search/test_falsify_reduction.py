@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt_gym import Case, Parameter, Signal, Waveform, falsify
-from rtamt_gym.inputs.space import Space
+from rtamt_gym import Case, Parameter, Signal, Space, Waveform, falsify
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.reduction import reduced
 

@@ -8,9 +8,8 @@ import rtamt_envs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, sweep
+from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, sweep
 from rtamt_gym.inputs.ranges import WaveformInterpolation
-from rtamt_gym.inputs.space import Space
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop

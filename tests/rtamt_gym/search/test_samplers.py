@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Parameter, Signal
-from rtamt_gym.inputs.space import Space
+from rtamt_gym import Parameter, Signal, Space
 from rtamt_gym.search.sweeps.samplers import Sampler, sample
 
 FREE: tuple[Sampler, ...] = ("sobol", "lhs", "random")

@@ -13,7 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtamt.errors import InputError
-from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, Source, Step, parse_signals
+from rtamt_gym import Step
+from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, Source, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
 

@@ -14,10 +14,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
 from rtamt import InputError, Verdict
+from rtamt_gym import Run
 from rtamt_gym.drawing import check_format, save
 from rtamt_gym.simulation.plot import draw
 from rtamt_gym.simulation.record import Course, Floats
-from rtamt_gym.simulation.run import Run
 
 INF = math.inf
 

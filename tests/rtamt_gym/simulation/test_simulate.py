@@ -17,10 +17,9 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
-from rtamt_gym import StepMonitor, StlMonitor, simulate
+from rtamt_gym import Run, StepMonitor, StlMonitor, simulate
 from rtamt_gym.judging.reading import View
 from rtamt_gym.simulation.record import Stop
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import SystemEnd
 
 INF = math.inf

@@ -15,9 +15,9 @@ from replay import Replay, X, run
 
 import rtamt
 from rtamt import InputError, StateError
-from rtamt_gym import StlMonitor, StlReward, simulate
+from rtamt_gym import Reading, StlMonitor, StlReward, simulate
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import Reading, View
+from rtamt_gym.judging.reading import View
 
 STEPS = 12
 
