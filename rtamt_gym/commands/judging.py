@@ -18,7 +18,7 @@ from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.traces import Asked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
-from rtamt_gym.recorded.judge import Judgement
+from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.matrix import Matrix
@@ -43,7 +43,7 @@ class Judged:
     path: str
     trace: Trace | EventTrace | None = None
     period: Fraction | None = None
-    judgements: dict[str, Judgement] = field(default_factory=dict)
+    judgements: dict[str, TraceJudgement] = field(default_factory=dict)
     failures: dict[str, Failure] = field(default_factory=dict)
 
 
@@ -242,7 +242,7 @@ def _explanation(spec: rtamt.Specification, judged: Judged, reading: Reading) ->
 
 def _judge(
     spec: rtamt.Specification, judged: Judged, reading: Reading, *, formulas: bool
-) -> Judgement:
+) -> TraceJudgement:
     if isinstance(judged.trace, Trace):
         return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
     if judged.trace is None:

@@ -16,7 +16,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.runner import CaseLike, Runner
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.models import Model
 from rtamt_gym.simulation.monitors import monitor_of
 from rtamt_gym.simulation.simulation import Simulation
@@ -108,7 +108,7 @@ class Episodes(Runner):
         cases: Iterable[CaseLike],
         seeds: Sequence[int] | None = None,
         *,
-        keep: Callable[[int, Trace], object] | None = None,
+        keep: Callable[[int, SimulatedTrace], object] | None = None,
         above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Trial]]:
         """Plays episodes, as `Runner.run` does."""

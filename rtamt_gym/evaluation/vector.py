@@ -24,7 +24,7 @@ from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirement
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.runner import CaseLike, Runner
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -156,7 +156,7 @@ class VectorEpisodes(Runner):
         cases: Iterable[CaseLike],
         seeds: Sequence[int] | None = None,
         *,
-        keep: Callable[[int, Trace], object] | None = None,  # noqa: ARG002 - for searches alone
+        keep: Callable[[int, SimulatedTrace], object] | None = None,  # noqa: ARG002 - for searches alone
         above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Trial]]:
         """Plays episodes, as `Runner.run` does."""

@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 import rtamt
 from rtamt import InputError
 from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
-from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -64,7 +64,7 @@ def check_output(out: Path, path: str) -> None:
 
 def write_mcap(
     trace: Trace | EventTrace,
-    judgements: Mapping[str, Judgement],
+    judgements: Mapping[str, TraceJudgement],
     specs: Mapping[str, rtamt.Specification],
     out: Path,
 ) -> tuple[list[str], list[str]]:
@@ -194,7 +194,7 @@ def _maker(store: Typestore, kind: str) -> Callable[[int, Any], memoryview]:
 
 def _added(
     trace: Trace | EventTrace,
-    judgements: Mapping[str, Judgement],
+    judgements: Mapping[str, TraceJudgement],
     specs: Mapping[str, rtamt.Specification],
     bag: Bag,
 ) -> dict[str, _Topic]:
@@ -239,7 +239,7 @@ def _same(one: _Topic, other: _Topic) -> bool:
 
 
 def _verdicts(
-    judgement: Judgement, series: Series, trace: Trace | EventTrace
+    judgement: TraceJudgement, series: Series, trace: Trace | EventTrace
 ) -> tuple[Floats, NDArray[np.int8]]:
     """The verdict so far at each time: 0 until it is certain, or until the trace ends."""
     end = trace.span[1] if isinstance(trace, EventTrace) else float(series.times[-1])

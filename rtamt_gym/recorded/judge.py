@@ -21,8 +21,8 @@ from rtamt_gym.tables import counted, number, sample_text, time_text
 
 __all__ = [
     "RESULT",
-    "Judgement",
     "Series",
+    "TraceJudgement",
     "described",
     "judge",
     "judge_events",
@@ -66,7 +66,7 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class TraceJudgement:
     """The verdict on a whole trace.
 
     Attributes:
@@ -197,7 +197,7 @@ def judge(
     reading: Reading,
     *,
     formulas: bool = True,
-) -> Judgement:
+) -> TraceJudgement:
     """Judges samples.
 
     Args:
@@ -229,7 +229,7 @@ def judge(
         )
         for name, part in (_parts(spec) if formulas else {}).items()
     }
-    return Judgement(found, series, semantics, trace.start, period, step)
+    return TraceJudgement(found, series, semantics, trace.start, period, step)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
@@ -262,7 +262,7 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
 
 def judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool = True
-) -> Judgement:
+) -> TraceJudgement:
     """Judges events in dense time; the trace ends with the last.
 
     Args:
@@ -282,7 +282,7 @@ def judge_events(
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
-    return Judgement(found, series, semantics, 0.0, None, trace.step, dense=True)
+    return TraceJudgement(found, series, semantics, 0.0, None, trace.step, dense=True)
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:

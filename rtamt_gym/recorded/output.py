@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.names import VALUE, VARIABLE
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TIME
@@ -47,7 +47,7 @@ def check_output(path: Path) -> None:
     _writer(path)
 
 
-def save(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> None:
+def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -> None:
     """Writes the robustness of every formula in the format of the file's extension.
 
     For samples, the columns are the times, or the sample numbers if the period is unknown, and one
@@ -101,7 +101,7 @@ def _writer(path: Path) -> Callable[[ColumnTable, Path], None]:
     )
 
 
-def _named(judgements: Mapping[str, Judgement]) -> dict[str, Series]:
+def _named(judgements: Mapping[str, TraceJudgement]) -> dict[str, Series]:
     named = {}
     for spec, judgement in judgements.items():
         for formula, series in judgement.series.items():

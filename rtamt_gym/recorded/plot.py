@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from rtamt import Verdict
 from rtamt_gym import drawing
-from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import shorten
 
@@ -34,7 +34,7 @@ _WORST, _SIGNALS = 6, 4
 
 def draw_trace(
     signals: Mapping[str, Series],
-    judgements: Mapping[str, Judgement],
+    judgements: Mapping[str, TraceJudgement],
     title: str,
     reads: Mapping[str, Collection[str]],
     *,
@@ -89,13 +89,13 @@ def draw_trace(
     return figure
 
 
-def _rank(judgement: Judgement) -> tuple[int, float]:
+def _rank(judgement: TraceJudgement) -> tuple[int, float]:
     """Orders the worst first: violated, undecided, satisfied, each by robustness."""
     order = (Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED)
     return order.index(judgement.verdict), judgement.found.robustness
 
 
-def _left_out(judgements: Mapping[str, Judgement], shown: Sequence[str], signals: int) -> str:
+def _left_out(judgements: Mapping[str, TraceJudgement], shown: Sequence[str], signals: int) -> str:
     """What a picture does not show, in words."""
     others = Counter(each.verdict for name, each in judgements.items() if name not in shown)
     counts = ", ".join(f"{others[v]} {v.name}" for v in Verdict if others[v])

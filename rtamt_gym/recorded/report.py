@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from rtamt_gym.recorded.judge import Judgement
+from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.results.matrix import indented, undecided_lines
 from rtamt_gym.tables import shorten, table
 
 __all__ = ["report"]
 
 
-def report(judgements: Mapping[str, Judgement], trace: str, notes: Iterable[str] = ()) -> list[str]:
+def report(
+    judgements: Mapping[str, TraceJudgement], trace: str, notes: Iterable[str] = ()
+) -> list[str]:
     """Writes judgements in words and as a table.
 
     Args:

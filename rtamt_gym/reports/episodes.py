@@ -21,13 +21,13 @@ from rtamt_gym.results.outcome import Moment, Outcome, word
 from rtamt_gym.search.runs.report import case_lines
 from rtamt_gym.simulation.run import Run
 
-__all__ = ["Played", "case_texts", "episode_of_run", "in_words_of", "rounded_moment"]
+__all__ = ["PlayedEpisode", "case_texts", "episode_of_run", "in_words_of", "rounded_moment"]
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
+class PlayedEpisode:
     """The samples of an episode and what a requirement became in it.
 
     Attributes:
@@ -138,7 +138,7 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
     course = run.courses[name]
     step = run.view == "step"
     spec = course.specification
-    played = Played(
+    played = PlayedEpisode(
         label=label,
         spec=spec.always() if step else spec,
         interface=course.interface,

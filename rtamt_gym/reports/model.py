@@ -14,7 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
-from rtamt_gym.reports.views import Cases, ComparisonView, Convergence, HeatMap, Series, TraceTable
+from rtamt_gym.reports.views import (
+    Cases,
+    ComparisonView,
+    Convergence,
+    HeatMap,
+    ShownSeries,
+    TraceTable,
+)
 from rtamt_gym.results.outcome import Moment, Word
 
 __all__ = [
@@ -153,12 +160,12 @@ class ShownEpisode:
     verdict: Word
     final: float
     samples: int
-    times: Series
-    signals: Mapping[str, Series]
-    robustness: Series = ()
-    lower: Series = ()
-    upper: Series = ()
-    predicates: Mapping[str, Series] = field(default_factory=dict)
+    times: ShownSeries
+    signals: Mapping[str, ShownSeries]
+    robustness: ShownSeries = ()
+    lower: ShownSeries = ()
+    upper: ShownSeries = ()
+    predicates: Mapping[str, ShownSeries] = field(default_factory=dict)
     deciding: tuple[Decision, ...] = ()
     decided_at: Moment | None = None
     seed: int | None = None
@@ -199,9 +206,9 @@ class ShownRequirement:
     counts: Counts
     rate: float | None
     interval: tuple[float, float] | None
-    robustness: Series
+    robustness: ShownSeries
     quantiles: Mapping[str, float]
-    first_violations: Series
+    first_violations: ShownSeries
     trials: tuple[ShownTrial, ...]
     left_out: int = 0
     statistics: tuple[Fact, ...] = ()
@@ -243,8 +250,8 @@ class Section:
     facts: tuple[Fact, ...] = ()
     notes: tuple[str, ...] = ()
     requirements: tuple[ShownRequirement, ...] = ()
-    returns: Series = ()
-    durations: Series = ()
+    returns: ShownSeries = ()
+    durations: ShownSeries = ()
     maps: tuple[HeatMap, ...] = ()
     cases: Cases | None = None
     convergence: tuple[Convergence, ...] = ()

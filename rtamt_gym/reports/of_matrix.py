@@ -17,7 +17,7 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
-from rtamt_gym.reports.episodes import Played, in_words_of
+from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
 from rtamt_gym.reports.rows import TRIALS, judged, requirement_of, trials_of
 from rtamt_gym.reports.series import six
@@ -142,7 +142,7 @@ def _episode(
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start
     curves = _curves(whole, trace, period, reading)
-    played = Played(
+    played = PlayedEpisode(
         label=name,
         spec=whole,
         interface={"semantics": reading.semantics},

@@ -14,12 +14,12 @@ __all__ = [
     "ComparisonView",
     "Convergence",
     "HeatMap",
-    "Series",
+    "ShownSeries",
     "TraceLine",
     "TraceTable",
 ]
 
-Series = tuple[float, ...]
+ShownSeries = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,8 @@ class HeatMap:
     requirement: str
     x: str
     y: str
-    xs: Series
-    ys: Series
+    xs: ShownSeries
+    ys: ShownSeries
     cells: tuple[tuple[float | None, ...], ...]
     folded: bool
 
@@ -62,7 +62,7 @@ class Cases:
     """
 
     labels: tuple[str, ...]
-    columns: Mapping[str, Series]
+    columns: Mapping[str, ShownSeries]
     robustness: Mapping[str, tuple[float | None, ...]]
     verdicts: Mapping[str, tuple[Word, ...]]
     left_out: int = 0

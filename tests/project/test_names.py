@@ -11,12 +11,8 @@ ALTERNATIVES = {"SatisfactionCallback"}
 """Names that users import from the module of their learner, one callback for each."""
 
 OPEN = {
-    "Judgement",
     "Kind",
     "Lanes",
-    "Played",
-    "Series",
-    "Trace",
 }
 """Names that still mean two things."""
 

@@ -19,7 +19,7 @@ from rtamt_gym.search.campaigns.chunks import Chunks, NumberedTrials
 from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.runs.runner import CaseLike, Runner
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.search.campaigns.workers import ClusterBackend
@@ -101,7 +101,7 @@ class Elsewhere:
         """As `Runner.takes_seeds`."""
         return self._runner.takes_seeds
 
-    def judge(self, name: str, trace: Trace) -> float:
+    def judge(self, name: str, trace: SimulatedTrace) -> float:
         """The robustness of a requirement on samples that were kept."""
         return self._runner.judge(name, trace)
 

@@ -13,7 +13,7 @@ from rtamt import Formula, InputError, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 
 __all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
 
@@ -45,7 +45,9 @@ def given_scales(
     return found
 
 
-def spreads(specs: Mapping[str, Specification], traces: Iterable[Trace]) -> dict[str, float]:
+def spreads(
+    specs: Mapping[str, Specification], traces: Iterable[SimulatedTrace]
+) -> dict[str, float]:
     """The scales of predicates: the greatest difference of their robustness in all of the traces.
 
     Predicates that read the same variables share the greatest of their scales. A predicate whose

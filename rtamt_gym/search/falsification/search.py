@@ -22,7 +22,7 @@ from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
 from rtamt_gym.search.falsification.scales import in_scales, spreads
 from rtamt_gym.search.runs.runner import Runner
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.search.runs.whole import MakeRunner, Whole, judged_whole
 
 __all__ = ["Search", "SearchOver"]
@@ -88,7 +88,7 @@ class Search:
         self._seed = seed
         self._rng = rng
         self.advance: Callable[[int], None] = lambda _: None
-        self._traces: dict[int, Trace] = {}
+        self._traces: dict[int, SimulatedTrace] = {}
         self._valued = list(self._specs)
         self._least: list[str] = []
         self._runner: Runner | Whole | Elsewhere = runner
@@ -199,7 +199,7 @@ class Search:
         if self._runner.takes_seeds:
             seeds = range(self._seed + begin, self._seed + begin + len(cases))
         found: dict[int, Trial] = {}
-        traces: dict[int, Trace] = {}
+        traces: dict[int, SimulatedTrace] = {}
         if self.scales is None:
             over = self._whole.run(cases, seeds, keep=traces.__setitem__)
         else:

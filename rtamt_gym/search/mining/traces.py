@@ -27,7 +27,7 @@ from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     from rtamt_gym.results.trial import RunEnd
-    from rtamt_gym.search.runs.trace import Trace
+    from rtamt_gym.search.runs.trace import SimulatedTrace
     from rtamt_gym.search.sweeps.sweep import Sweep
     from rtamt_gym.simulation.run import Run
 
@@ -262,7 +262,7 @@ def _of_sweep(
     """Runs the simulations of a sweep again, each to its end; keeps what a requirement reads."""
     runner = sweep.under({"mined": spec})
     rows = {i: row for i, row in enumerate(sweep.record) if not row.error}
-    kept: dict[int, Trace] = {}
+    kept: dict[int, SimulatedTrace] = {}
     ended: dict[int, RunEnd] = {}
     cases = [row.case for row in rows.values()]
     seeds = [row.seed for row in rows.values() if row.seed is not None]

@@ -21,7 +21,7 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 
 __all__ = ["Lanes"]
@@ -104,7 +104,7 @@ class Lanes:
         self,
         cases: Sequence[Case],
         seeds: Sequence[int | None],
-        keep: Callable[[int, Trace], object] | None = None,
+        keep: Callable[[int, SimulatedTrace], object] | None = None,
         above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Trial]]:
         """Runs cases of one kind, ``size`` at most; gives each with its index when it is over.
@@ -136,7 +136,7 @@ class Lanes:
                     samples = np.concatenate([each[:, :, lane] for each in kept])
                     values = samples[: int(batch.last[lane]) + 1].T
                     signals = dict(zip(self._elements, values, strict=True))
-                    keep(lane, Trace(signals, panel.period))
+                    keep(lane, SimulatedTrace(signals, panel.period))
             for lane, outcomes in batch.outcomes(over):
                 yield (
                     lane,
@@ -160,7 +160,7 @@ class Lanes:
 
     def whole(
         self, cases: Sequence[Case], seeds: Sequence[int | None]
-    ) -> list[tuple[Trial, Trace]]:
+    ) -> list[tuple[Trial, SimulatedTrace]]:
         """Runs cases of one kind, ``size`` at most, to the end without monitors.
 
         Gives the row of each, without outcomes, and its samples.
@@ -181,7 +181,7 @@ class Lanes:
         found = []
         for lane, (case, seed) in enumerate(zip(cases, seeds, strict=True)):
             values = np.ascontiguousarray(samples[:, lane].T)
-            trace = Trace(dict(zip(self._elements, values, strict=True)), panel.period)
+            trace = SimulatedTrace(dict(zip(self._elements, values, strict=True)), panel.period)
             row = Trial(case, seed, {}, self.end, simulated, wall, reward=_REWARD)
             found.append((row, trace))
         return found

@@ -17,6 +17,7 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
+from rtamt_gym.results.codec import plain_results
 from rtamt_gym.results.outcome import order
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Trial
@@ -161,6 +162,7 @@ class Record(Results):
             "requirements": dict(self.requirements),
             "shapes": self.shapes,
             "timed": self.timed,
+            "results": plain_results(self, rates=not self.case_columns)["results"],
             "also": also,
         }
         storage(what).save(Path(path), self.columns(), self.kinds(), kept)

@@ -29,7 +29,7 @@ from rtamt_gym.search.runs.having_lanes import lanes_of
 from rtamt_gym.search.runs.lanes import Lanes
 from rtamt_gym.search.runs.options import check_system, duration_of
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import failed
 from rtamt_gym.simulation.environments import make
@@ -200,7 +200,7 @@ class Runner:
         cases: Iterable[CaseLike],
         seeds: Sequence[int] | None = None,
         *,
-        keep: Callable[[int, Trace], object] | None = None,
+        keep: Callable[[int, SimulatedTrace], object] | None = None,
         above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Trial]]:
         """Runs cases; gives the row of each with the index of the case, soon after it is over.
@@ -228,7 +228,7 @@ class Runner:
 
     def whole(
         self, cases: Iterable[CaseLike], seeds: Sequence[int] | None = None
-    ) -> Iterator[tuple[int, Trial, Trace]]:
+    ) -> Iterator[tuple[int, Trial, SimulatedTrace]]:
         """Runs cases to their end, in lanes without monitors; leaves out those that fail.
 
         Gives the row of each, without outcomes, and its samples, with the index of the case.
@@ -239,7 +239,7 @@ class Runner:
         task = self._task(cases, seeds, None, None)
         for indices, lanes in self._groups(task.cases):
             for each in [indices] if lanes is not None else [[index] for index in indices]:
-                found: list[tuple[Trial, Trace]] = []
+                found: list[tuple[Trial, SimulatedTrace]] = []
                 own, given = [task.cases[i] for i in each], [task.seeds[i] for i in each]
                 with suppress(Exception):  # `run` has it in the rows of the cases
                     if lanes is not None:
@@ -247,7 +247,7 @@ class Runner:
                     else:
                         run = self.simulate(own[0], given[0], stop="end")
                         row = replace(run.trial(own[0]), outcomes={})
-                        found = [(row, Trace(run.signals, run.period))]
+                        found = [(row, SimulatedTrace(run.signals, run.period))]
                 for index, (row, trace) in zip(each, found, strict=False):
                     yield index, row, trace
 
@@ -282,7 +282,7 @@ class Runner:
             options["above"] = above
         return options
 
-    def judge(self, name: str, trace: Trace) -> float:
+    def judge(self, name: str, trace: SimulatedTrace) -> float:
         """The robustness of a requirement on samples that were kept."""
         spec = self.requirements[name]
         options = self.reading.having(period=trace.period).of_monitors({name: spec})[name]
@@ -293,7 +293,7 @@ class Runner:
         self,
         cases: Iterable[CaseLike],
         seeds: Sequence[int] | None,
-        keep: Callable[[int, Trace], object] | None,
+        keep: Callable[[int, SimulatedTrace], object] | None,
         above: Mapping[str, float] | None,
     ) -> _Task:
         listed = [Case(case) for case in cases]
@@ -348,7 +348,7 @@ class Runner:
         try:
             run = self.simulate(case, seed, task.above)
             if task.keep is not None:
-                task.keep(index, Trace(run.signals, run.period))
+                task.keep(index, SimulatedTrace(run.signals, run.period))
             return run.trial(case)
         except Exception as error:  # noqa: BLE001 - the row has it
             return failed(error, case, seed, time.perf_counter() - begin)
@@ -359,13 +359,13 @@ class _Task(NamedTuple):
 
     cases: list[Case]
     seeds: list[int | None]
-    keep: Callable[[int, Trace], object] | None
+    keep: Callable[[int, SimulatedTrace], object] | None
     above: Mapping[str, float] | None
 
 
 def _renumbered(
-    keep: Callable[[int, Trace], object], indices: list[int]
-) -> Callable[[int, Trace], object]:
+    keep: Callable[[int, SimulatedTrace], object], indices: list[int]
+) -> Callable[[int, SimulatedTrace], object]:
     """Keeps the samples of a lane under the index of its case."""
     return lambda lane, trace: keep(indices[lane], trace)
 

@@ -1,4 +1,4 @@
-"""`Trace`: the samples of one simulation, as the requirements read them."""
+"""`SimulatedTrace`: the samples of one simulation, as the requirements read them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Trace"]
+__all__ = ["SimulatedTrace"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trace:
+class SimulatedTrace:
     """The samples of one simulation.
 
     Attributes:

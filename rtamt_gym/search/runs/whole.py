@@ -14,7 +14,7 @@ from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.runner import CaseLike, Runner
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.record import Stop
 
 __all__ = ["MakeRunner", "Whole", "judged_whole"]
@@ -71,7 +71,7 @@ class Whole:
         """Closes what has been made."""
         self._runner.close()
 
-    def judge(self, name: str, trace: Trace) -> float:
+    def judge(self, name: str, trace: SimulatedTrace) -> float:
         """The robustness of a requirement on samples that were kept."""
         return self._runner.judge(name, trace)
 

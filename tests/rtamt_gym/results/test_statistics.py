@@ -1,8 +1,11 @@
 """Statistics of requirements: each is a row, and the conditional value at risk is what it says."""
 
+import json
 import math
 from fractions import Fraction
+from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
@@ -69,6 +72,16 @@ def test_every_statistic_is_a_column_of_the_data_frame() -> None:
             assert frame.loc["near", each.key] == each.of(result)
     assert (frame.loc["near", "low"], frame.loc["near", "high"]) == result.interval
     assert frame.loc["near", "cvar"] == 0.5
+
+
+def test_every_statistic_is_in_the_files_of_a_record(tmp_path: Path) -> None:
+    evaluation = evaluation_of({"near": [float(i) for i in range(40)]})
+    evaluation.record.save(tmp_path / "r.parquet")
+    (kept,) = pq.read_schema(tmp_path / "r.parquet").metadata.values()
+    in_parquet, in_json = json.loads(kept), json.loads(evaluation.to_json())
+    for found in (in_parquet["results"]["near"], in_json["results"]["near"]):
+        assert {each.key for each in STATISTICS} <= set(found)
+        assert found["cvar"] == 0.5
 
 
 def test_twenty_episodes_have_the_column_on_the_terminal() -> None:

@@ -11,7 +11,7 @@ import rtamt
 from rtamt_gym import Parameter, falsify
 from rtamt_gym.search.falsification.protocol import Evaluate
 from rtamt_gym.search.falsification.scales import in_scales, needs_scales, spreads
-from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.trace import SimulatedTrace
 
 SPEC = rtamt.parse("slow = always(rpm < 3000); slow implies always(v < 35 and v > -5)")
 
@@ -25,14 +25,14 @@ def car(a: float, b: float) -> Iterator[Mapping[str, float]]:
 
 def test_scales_are_the_ranges_over_all_traces_one_for_the_same_variables() -> None:
     traces = [
-        Trace({"rpm": np.array([1000.0, 2000.0]), "v": np.array([0.0, 10.0])}, None),
-        Trace({"rpm": np.array([500.0, 600.0]), "v": np.array([-2.0, 4.0])}, None),
+        SimulatedTrace({"rpm": np.array([1000.0, 2000.0]), "v": np.array([0.0, 10.0])}, None),
+        SimulatedTrace({"rpm": np.array([500.0, 600.0]), "v": np.array([-2.0, 4.0])}, None),
     ]
     assert spreads({"a": SPEC}, traces) == {"rpm < 3000": 1500, "v < 35": 12, "v > -5": 12}
 
 
 def test_a_predicate_that_never_changes_has_no_scale() -> None:
-    traces = [Trace({"rpm": np.array([1000.0, 1000.0]), "v": np.array([0.0, 10.0])}, None)]
+    traces = [SimulatedTrace({"rpm": np.array([1000.0, 1000.0]), "v": np.array([0.0, 10.0])}, None)]
     assert spreads({"a": SPEC}, traces) == {"v < 35": 10, "v > -5": 10}
 
 
