@@ -38,8 +38,7 @@ def check_system(
         AssertionError: If the contract is not kept.
 
     Example:
-        >>> from rtamt_gym.checks.numbers import exact
-    from rtamt_gym.simulation.systems import SampleSource
+        >>> from rtamt_gym.simulation.systems import SampleSource
         >>> check_system(lambda: SampleSource([{"x": 0.0, "y": 2}, {"x": 1.0, "y": 3}]), ["x", "y"])
     """
     system = make()
