@@ -20,7 +20,8 @@ Output = pytest.CaptureFixture[str]
 
 # Arguments of Python alone: no command has an option for them.
 OF_PYTHON = {
-    *("batch", "eval_freq", "inputs", "modules", "outputs", "resamples", "resolution", "window"),
+    *("batch", "cost", "eval_freq", "inputs", "modules", "observe", "outputs", "resamples"),
+    *("resolution", "window"),
 }
 
 
