@@ -19,7 +19,7 @@ from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.models import Model
 from rtamt_gym.simulation.monitors import monitor_of
-from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.simulation import Simulation, Simulator
 from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["Episodes"]
@@ -66,6 +66,7 @@ class Episodes(Runner):
         self._n_envs = check_count(Argument("n_envs"), n_envs)
         self._given = env
         self._envs: list[gym.Env[Any, Any]] = []
+        self._simulators: dict[int, Simulator] = {}
         made = made or (env if isinstance(env, gym.Env) else env())
         self.evaluated = evaluated(policy, made, deterministic=deterministic)
         options = {"batch": n_envs, **options}
@@ -121,9 +122,8 @@ class Episodes(Runner):
         left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
 
         def begin(env: Any, task: Task, policy: Policy) -> Simulation:  # noqa: ANN401
-            given = self._of_runs | {"case": task.case, "seed": task.seed, "policy": policy}
-            return Simulation(
-                env, self.requirements, self.signals, self.reading, above=above, **given
+            return self._begin(
+                task.case, task.seed, above, None, policy, self._simulator_of(env), light=True
             )
 
         while len(self._envs) < min(self._n_envs, len(listed)):
@@ -139,6 +139,15 @@ class Episodes(Runner):
                 own = None if task.seed is None else [task.seed]
                 for _, row in super().run([task.case], own, above=above):
                     yield index, row
+
+    def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
+        """The simulator of an environment, made once for all episodes in it."""
+        if id(env) not in self._simulators:
+            specs, duration = self.requirements, self._of_runs["duration"]
+            self._simulators[id(env)] = Simulator(
+                env, specs, self.signals, self.reading, duration=duration
+            )
+        return self._simulators[id(env)]
 
     @property
     def _model(self) -> Model | None:

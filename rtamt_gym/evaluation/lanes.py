@@ -77,10 +77,11 @@ class Lane:
             simulation.step()
             self.shown = simulation.observation
             self.run = simulation.run
-            if self.run is not None:
-                row = replace(self.run.trial(task.case), seed=task.seed)
+            if simulation.over:
+                row = replace(simulation.trial(task.case), seed=task.seed)
         except Exception as error:  # noqa: BLE001 - the row has it
-            row = replace(failed(error, task.case, task.seed, 0.0), seed=task.seed)
+            text = f"{type(error).__name__}: {error}"
+            row = replace(simulation.trial(task.case, text), seed=task.seed)
         self._wall += time.perf_counter() - begin
         if row is None:
             return None

@@ -19,6 +19,7 @@ from rtamt_gym.evaluation.places import Place, VectorTap
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading
 from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
 from rtamt_gym.results.trial import Trial
@@ -30,8 +31,9 @@ from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.crashes import failed
 from rtamt_gym.simulation.monitors import with_own_monitor
+from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.simulation import Simulation, Simulator
 from rtamt_gym.simulation.systems import Policy
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
@@ -122,6 +124,17 @@ class VectorEpisodes(Runner):
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
+        self._simulators = self._simulators_of(self.reading)
+
+    def _simulators_of(self, reading: Reading) -> list[Simulator]:
+        """The simulators of the environments."""
+        first, *others = self._places
+        duration = self._of_runs["duration"]
+        simulator = Simulator(first, self.requirements, None, reading, duration=duration)
+        return [simulator, *(simulator.of(place) for place in others)]
+
+    def check(self, case: CaseLike) -> None:
+        """Has nothing to do: the construction has refused what does not fit."""
 
     def close(self) -> None:
         """Leaves the environment open: somebody else has made it."""
@@ -163,15 +176,15 @@ class VectorEpisodes(Runner):
         listed = [Case(case) for case in cases]
         given: Sequence[int | None] = seeds or [None] * len(listed)
         left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
-        options = {"above": above}
+        stop: Stop = self._of_runs["stop"]
         try:
-            for number, row, _ in self._play(list(left.values()), options):
+            for number, row, _ in self._play(list(left.values()), stop, above):
                 del left[number]
                 yield number, row
         except Exception:  # noqa: BLE001 - it stands in the row of the episode that has it
             for task in left.values():
                 try:
-                    yield from ((number, row) for number, row, _ in self._play([task], options))
+                    yield from ((number, row) for number, row, _ in self._play([task], stop, above))
                 except Exception as error:  # noqa: BLE001
                     yield task.number, failed(error, task.case, task.seed, 0.0)
 
@@ -180,26 +193,36 @@ class VectorEpisodes(Runner):
         case: CaseLike,
         seed: int | None = None,
         above: Mapping[str, float] | None = None,
-        stop: Any = None,  # noqa: ANN401
-        **reading: Any,  # noqa: ANN401
+        stop: Stop | None = None,
+        *,
+        policy: Policy | None = None,  # noqa: ARG002 - an evaluation has its own
+        at_termination: AtTermination | None = None,
     ) -> Run:
         """Plays one episode and keeps every sample, as `Runner.simulate` does."""
-        options = {"above": above} | ({} if stop is None else {"stop": stop})
-        read = self.reading.having(**reading)
-        ((_, row, run),) = self._play([Task(0, Case(case), seed)], options, read)
+        simulators = self._simulators
+        if at_termination is not None:
+            simulators = self._simulators_of(self.reading.having(at_termination=at_termination))
+        when: Stop = self._of_runs["stop"] if stop is None else stop
+        task = Task(0, Case(case), seed)
+        ((_, row, run),) = self._play([task], when, above, simulators, light=False)
         if run is None:
             raise StateError(f"expected an episode as it was before, got {row.error}")
         return replace(run, seed=seed)
 
     def _play(
-        self, tasks: Sequence[Task], options: Mapping[str, Any], reading: Reading | None = None
+        self,
+        tasks: Sequence[Task],
+        stop: Stop,
+        above: Mapping[str, float] | None,
+        simulators: Sequence[Simulator] = (),
+        *,
+        light: bool = True,
     ) -> Iterator[tuple[int, Trial, Run | None]]:
         """Plays episodes; gives each with its number and its run when it is over."""
+        of_places = dict(zip(map(id, self._places), simulators or self._simulators, strict=True))
 
         def begin(place: Any, _task: Task, _policy: Policy) -> Simulation:  # noqa: ANN401
-            read = self.reading if reading is None else reading
-            given: Any = {**self._of_runs, **options}
-            return Simulation(place, self.requirements, None, read, **given)
+            return of_places[id(place)].begin(stop=stop, above=above, light=light)
 
         lanes = [Lane(place, begin) for place in self._places]
         todo = deque(tasks)

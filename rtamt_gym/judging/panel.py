@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
 from itertools import chain
@@ -180,6 +180,7 @@ class Panel:
         reads: Sequence[Read] | None = None,
         *,
         decide: Callable[[], None] | None = None,
+        keep: Callable[[tuple[float, ...]], None] | None = None,
     ) -> Feed:
         """Makes the function that feeds one sample to all monitors.
 
@@ -191,6 +192,7 @@ class Panel:
             reads: What reads each signal; None: the first argument is the sample itself, with a
                 value for each signal.
             decide: Called after a sample that has decided a verdict, in place of `note`.
+            keep: Called with the values of every sample that all monitors have taken in.
         """
         note = decide or self.note
         elements, others = split(reads or ())
@@ -198,7 +200,8 @@ class Panel:
             None if self._owing is None else self._owing.feeder(names),
             None if self._meter is None else self._meter.feeder(names),
         )
-        if len(self.monitors) == 1 and len(elements) + len(others) == 1 and measure is None:
+        alone = len(self.monitors) == 1 and len(elements) + len(others) == 1
+        if alone and measure is None and keep is None:
             return self._feeder_of_one(elements, others, note)
         parts = [
             (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
@@ -240,6 +243,8 @@ class Panel:
                 note()
             if measure is not None:
                 measure(values)
+            if keep is not None:
+                keep(tuple(values))
             if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
                 return self.read()
             return robustness, lower, upper
@@ -362,6 +367,16 @@ class Panel:
             )
             for name, (_, judge) in self.monitors.items()
         }
+
+    def results(self) -> Iterator[tuple[str, tuple[float, float, float], Verdict, int | None]]:
+        """What every specification has become so far.
+
+        Gives its name, its robustness with the lower and the upper bound, its verdict, and the
+        sample that made the verdict certain, or None.
+        """
+        for name, (_, judge) in self.monitors.items():
+            bounds = judge.robustness, judge.lower, self._upper(name, judge)
+            yield name, bounds, self._verdict(name, judge), self._decided.get(name)
 
     def state(self) -> tuple[Any, ...]:
         """The state of the monitors, small and fit for pickle."""

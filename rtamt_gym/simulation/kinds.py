@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
-__all__ = ["as_system"]
+__all__ = ["as_system", "driven", "refuse_seed"]
 
 
 def as_system(
@@ -33,8 +33,15 @@ def as_system(
 ) -> System:
     """The caller's simulation as a `System`, with what a case gives it."""
     ran = _as_kind(system, policy, seed, start, substeps=substeps)
-    if case is None:
-        return ran
+    return ran if case is None else driven(ran, case)
+
+
+def driven(ran: System, case: Case) -> System:
+    """A system with what a case gives it.
+
+    Raises:
+        InputError: If it takes no case, or as `Drivable.driven` does.
+    """
     if not isinstance(ran, Drivable):
         raise InputError(
             f"{ran.name} takes no case, got {case!r}; environments, pairs (model, data) of MuJoCo, "
@@ -66,7 +73,7 @@ def _as_kind(
             "expected a system to run, got its name; write "
             f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
         )
-    _refuse_seed(seed, system)
+    refuse_seed(seed, system)
     if policy is not None:
         raise InputError(
             Argument("policy"),
@@ -102,14 +109,14 @@ def _of_mujoco(
     if isinstance(system, PanelValues):
         from rtamt_gym.simulation.monitored import Monitored
 
-        _refuse_seed(seed, system)
+        refuse_seed(seed, system)
         return Monitored(cast("StepMonitor", system), policy, start)
     if start is not None:
         raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
     if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
         from rtamt_gym.simulation.mujoco import MujocoModel
 
-        _refuse_seed(seed, system)
+        refuse_seed(seed, system)
         model, data = system
         return MujocoModel(model, data, policy)
     return None
@@ -118,7 +125,8 @@ def _of_mujoco(
 _MUJOCO = {"MjModel", "MjData"}
 
 
-def _refuse_seed(seed: int | None, system: object) -> None:
+def refuse_seed(seed: int | None, system: object) -> None:
+    """Refuses a seed of a system that has none."""
     if seed is not None:
         raise InputError(
             Argument("seed"),

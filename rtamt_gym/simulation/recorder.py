@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -12,10 +12,13 @@ import rtamt
 from rtamt import End, InputTypeError, NanPolicy
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.interface import EXACT
-from rtamt_gym.judging.panel import Assessment, Panel
+from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.simulation.record import Course, Floats
 
-__all__ = ["Recorder"]
+if TYPE_CHECKING:
+    from rtamt_gym.simulation.systems import Environment
+
+__all__ = ["Recorder", "Tally"]
 
 
 class Recorder:
@@ -130,6 +133,47 @@ class Recorder:
                 _of_role("output", judge),
             )
         return courses
+
+
+class Tally:
+    """Feeds samples to the monitors, and keeps no more than it takes to undo half a sample.
+
+    Args:
+        panel: The monitors.
+        variables: The names that the specifications read.
+    """
+
+    def __init__(self, panel: Panel, variables: Sequence[str]) -> None:
+        self._panel, self._variables = panel, variables
+        self._feed = panel.feeder(variables)
+        # One monitor takes a sample as a whole or not at all.
+        self._samples: list[Sequence[float]] | None = None if len(panel.monitors) == 1 else []
+
+    def __len__(self) -> int:
+        """The number of samples."""
+        return self._panel.samples if self._samples is None else len(self._samples)
+
+    def take(self, values: Sequence[float]) -> None:
+        """Feeds a sample."""
+        self._feed(values)
+        if self._samples is not None:
+            self._samples.append(tuple(values))
+
+    def feeder(self, system: Environment) -> Feed:
+        """The function that feeds a step of an environment."""
+        keep = None if self._samples is None else self._samples.append
+        return self._panel.feeder(self._variables, system.reads, keep=keep)
+
+    def rewind(self) -> None:
+        """Sets the monitors to the last sample that all of them have taken."""
+        if self._samples is not None:
+            self._panel.reset()
+            for values in self._samples:
+                self._feed(values)
+
+    def finish(self, end: AtTermination | End) -> None:
+        """Ends the trace for the monitors."""
+        self._panel.finish(end)
 
 
 def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.simulation import Simulator
 from rtamt_gym.simulation.systems import Policy
 
 if TYPE_CHECKING:  # it imports MuJoCo, which is optional
@@ -141,7 +141,7 @@ def simulate(
     """
     given = checked_reading(reading, simulate, RunReading)
     specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
-    return Simulation(
+    simulator = Simulator(
         system,
         specs,
         signals,
@@ -149,9 +149,6 @@ def simulate(
         case=case,
         start=start,
         policy=policy,
-        seed=seed,
         duration=duration,
-        stop=stop,
-        above=above,
-        label=label,
-    ).go()
+    )
+    return simulator.begin(seed=seed, stop=stop, above=above, label=label).go()

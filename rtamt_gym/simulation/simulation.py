@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
+from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import (
@@ -28,12 +30,13 @@ from rtamt_gym.judging.specs import (
     why_no_period,
 )
 from rtamt_gym.mujoco.values import PanelValues
-from rtamt_gym.results.trial import RunEnd
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
-from rtamt_gym.simulation.kinds import as_system
+from rtamt_gym.simulation.kinds import as_system, driven, refuse_seed
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
-from rtamt_gym.simulation.recorder import Recorder
+from rtamt_gym.simulation.recorder import Recorder, Tally
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Environment, Policy, System
 
@@ -41,18 +44,33 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
-__all__ = ["Simulation"]
+__all__ = ["Simulation", "Simulator", "outcomes_of"]
 
 
-class Simulation:
-    """One simulation under specifications; `rtamt_gym.simulate` documents the arguments.
+class _Bound(NamedTuple):
+    """A system whose signals are bound, with what judges it.
 
     Attributes:
-        run: The run; None as long as the simulation is not over, and where an error came before
-            sample 0.
+        system: The system.
+        judge: Its monitors; None of a `StepMonitor`, which has its own.
+        period: Seconds between samples.
+        most: The number of steps after which a run is cut short, or None.
     """
 
-    run: Run | None = None
+    system: System
+    judge: Judge | None
+    period: Fraction | None
+    most: int | None
+
+
+class Simulator:
+    """A system under specifications: checked, bound and compiled once, for any number of runs.
+
+    The arguments are those of `rtamt_gym.simulate`. With a case, it is that of all runs.
+
+    Raises:
+        RtamtError: What every run would raise before its first sample.
+    """
 
     def __init__(
         self,
@@ -64,13 +82,8 @@ class Simulation:
         case: Mapping[str, float | Waveform] | None = None,
         start: Snapshot | None = None,
         policy: Policy | None = None,
-        seed: int | None = None,
         duration: float | None = None,
-        stop: Stop = "violation",
-        above: Mapping[str, float] | None = None,
-        label: str = "",
     ) -> None:
-        _check_stop(stop, above)
         if reading.substeps and not isinstance(system, gym.Env):
             raise InputError(
                 Argument("substeps", value=True),
@@ -78,64 +91,177 @@ class Simulation:
                 Argument("period"),
                 " where the system takes one",
             )
-        given = None if case is None else Case(case)
-        ran = as_system(system, policy, seed, start, given, substeps=reading.substeps)
-        monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
-        if monitor is not None:
-            _refuse_options({"specs": specs, "signals": signals, "above": above})
-            reading = reading.over(monitor.reading, "the StepMonitor", "leave it out")
-            loaded, panel = monitor.specs, monitor.panel
-            signals = dict.fromkeys(monitor.signals, "")
-            most = _most(duration, exact(ran.period or 1), ran)
+        self._given, self._policy, self._duration = system, policy, duration
+        self._case = None if case is None else Case(case)
+        self._plain = as_system(system, policy, None, start, None, substeps=reading.substeps)
+        ran = self._plain if self._case is None else driven(self._plain, self._case)
+        self.name, self.start = ran.name, start
+        self.monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
+        if self.monitor is not None:
+            _refuse_options({"specs": specs, "signals": signals})
+            reading = reading.over(self.monitor.reading, "the StepMonitor", "leave it out")
+            self.specs: Mapping[str, rtamt.Specification] = self.monitor.specs
+            signals = dict.fromkeys(self.monitor.signals, "")
         else:
-            loaded = _loaded(specs, system, ran.name)
-            if reading.period is None:
-                reading = reading.having(period=ran.period)
-            if reading.period is None and ran.needs_period:
-                lacks = ran.needs_period
-                reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
-                raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
-            why = why_no_period(system) if isinstance(system, gym.Env) else ""
-            check_period(loaded, reading.period, ran.name, why)
-            check_known("above", above or {}, loaded)
-            panel = Panel(loaded, reading)
-            most = _most(duration, panel.period, ran)
-        variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
-        ran.bind(variables, signals, panel.period)
-        limits = [steps for steps in (most, ran.limit) if steps is not None]
-        goes_on = monitor is not None and start is None
-        ends = _Ends(
+            self.specs = _loaded(specs, system, ran.name)
+        self.signals, self.reading = signals, reading
+        self._judge: Judge | None = None
+        self._bound = self._bind(ran)
+
+    def begin(
+        self,
+        case: Case | None = None,
+        *,
+        policy: Policy | None = None,
+        seed: int | None = None,
+        stop: Stop = "violation",
+        above: Mapping[str, float] | None = None,
+        label: str = "",
+        light: bool = False,
+    ) -> Simulation:
+        """Begins a run.
+
+        Args:
+            case: What the run is given; None: what all are.
+            policy: Who acts in an environment; None: who does in all.
+            seed: As for `rtamt_gym.simulate`.
+            stop: As for `rtamt_gym.simulate`.
+            above: As for `rtamt_gym.simulate`.
+            label: As for `rtamt_gym.simulate`.
+            light: Whether only the trial is asked for, and not the run.
+
+        Raises:
+            RtamtError: If the case, the seed or what stops the run does not fit.
+        """
+        _check_stop(stop, above)
+        if self.monitor is not None:
+            _refuse_options({"above": above})
+        check_known("above", above or {}, self.specs)
+        bound, plain = self._bound, self._plain
+        if isinstance(plain, Environment):
+            acting = self._policy if policy is None else policy
+            if case:
+                bound = self._bind(driven(plain.again(acting, seed), case))
+            else:
+                ran = cast("Environment", bound.system).again(acting, seed)
+                bound = bound._replace(system=ran)
+        else:
+            refuse_seed(seed, self._given)
+            if case is not None:  # an empty one too: a model of MuJoCo begins anew with a copy
+                bound = self._bind(driven(plain, case))
+        return Simulation(
+            self, bound, self._case if case is None else case, seed, stop, above or {}, label, light
+        )
+
+    def of(self, system: System) -> Simulator:
+        """A simulator of another system like this one, whose signals are bound already."""
+        made = copy.copy(self)
+        made.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
+        return made
+
+    def _bind(self, ran: System) -> _Bound:
+        """Compiles the specifications for the period of a system, and binds its signals."""
+        variables: Sequence[str]
+        if self.monitor is not None:
+            variables = _variables(self.specs)
+            ran.bind(variables, self.signals, self.monitor.period)
+            most = _most(self._duration, exact(ran.period or 1), ran)
+            return _Bound(ran, None, self.monitor.period, most)
+        reading = self.reading
+        if reading.period is None:
+            reading = reading.having(period=ran.period)
+        if reading.period is None and ran.needs_period:
+            lacks = ran.needs_period
+            reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
+            raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
+        why = why_no_period(self._given) if isinstance(self._given, gym.Env) else ""
+        check_period(self.specs, reading.period, ran.name, why)
+        judge = self._judge
+        if judge is None or judge.reading.period != reading.period:
+            judge = self._judge = Judge(self.specs, reading)
+        most = _most(self._duration, judge.period, ran)
+        ran.bind(judge.variables, self.signals, judge.period)
+        return _Bound(ran, judge, judge.period, most)
+
+
+class Simulation:
+    """One run of a simulation under specifications; a `Simulator` begins it.
+
+    Attributes:
+        run: The run; None as long as the simulation is not over, where an error came before
+            sample 0, and where only the trial was asked for.
+        over: Whether it is over.
+    """
+
+    run: Run | None = None
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        bound: _Bound,
+        case: Case | None,
+        seed: int | None,
+        stop: Stop,
+        above: Mapping[str, float],
+        label: str,
+        light: bool,  # noqa: FBT001 - `Simulator.begin` names it
+    ) -> None:
+        ran, self._judge, period, self._most = bound
+        monitor, reading = simulator.monitor, simulator.reading
+        panel = monitor.panel if monitor is not None else cast("Judge", self._judge).begin()
+        goes_on = monitor is not None and simulator.start is None
+        self._ends = _Ends(
             reading.at_termination, reading.at_truncation, isinstance(ran, Environment), goes_on
         )
-        self._system, self._panel, self._ends, self._loaded = ran, panel, ends, loaded
-        self._stop, self._above, self._most = stop, above or {}, most
-        self._record = Recorder(
-            panel, variables, signals or {}, reading.nan, fed=monitor is not None
+        self._system, self._panel, self._loaded = ran, panel, simulator.specs
+        self._stop, self._above = stop, above
+        variables = _variables(simulator.specs)
+        signals = simulator.signals or {}
+        self._light = light and monitor is None and set(signals) <= set(variables)
+        self._record: Recorder | Tally = (
+            Tally(panel, variables)
+            if self._light
+            else Recorder(panel, variables, signals, reading.nan, fed=monitor is not None)
         )
         self._ended: RunEnd = "error"
         self._steps = 0  # and one more once sample 0 was taken
+        self._samples = 0  # once it is over
+        self.over = False
+        self._outcomes: dict[str, Outcome] = {}
+        self._wall = 0.0
         self._begin = time.perf_counter()
+        limits = [steps for steps in (self._most, ran.limit) if steps is not None]
         self._told: dict[str, Any] = {
             "system": ran.name,
-            "period": panel.period,
+            "period": period,
             "view": reading.view,
             "stop": stop,
             "limit": min(limits, default=None),
             "seed": seed,
             "label": label,
             "align": reading.align,
-            "case": given,
+            "case": case,
         }
 
     def go(self) -> Run:
         """Runs the simulation until it is over."""
+        self.play()
+        if self.run is None:
+            msg = "a simulation that is asked for its trial alone makes no run"
+            raise AssertionError(msg)
+        return self.run
+
+    def play(self) -> None:
+        """Runs the simulation until it is over; what it came to is its run, or its trial."""
         try:
-            while self.run is None:
+            self._step()
+            if self._light and isinstance(self._system, Environment) and self._system.plain:
+                self._play_on(self._system, cast("Tally", self._record))
+            while not self.over:
                 self._step()
         except BaseException as error:
             self._fail(error)
             raise
-        return self.run
 
     def step(self) -> bool:
         """Takes sample 0, or makes a step and takes the sample after it; whether it is over."""
@@ -144,7 +270,25 @@ class Simulation:
         except BaseException as error:
             self._fail(error)
             raise
-        return self.run is not None
+        return self.over
+
+    def trial(self, case: Case, error: str = "") -> Trial:
+        """What the simulation came to; with the error that has ended it, if one did."""
+        if self.run is not None:
+            return self.run.trial(case, error)
+        last, period = max(self._samples - 1, 0), self._told["period"]
+        reward = getattr(self._system, "reward", None) if self._outcomes else None
+        simulated = float(last * (period or 1)) if self._outcomes else 0.0
+        return Trial(
+            case,
+            self._told["seed"],
+            self._outcomes,
+            self._ended,
+            simulated,
+            self._wall,
+            error,
+            reward,
+        )
 
     @property
     def observation(self) -> Any:  # noqa: ANN401
@@ -157,14 +301,30 @@ class Simulation:
         why = (system.ended or "terminated") if values is None else self._take(values)
         self._steps += 1
         if why is not None:
-            self._ended = why
-            _finish(self._record, self._panel, why, self._ends)
-            self._close()
+            self._conclude(why)
+
+    def _play_on(self, system: Environment, tally: Tally) -> None:
+        """Runs an environment to its end or to a stop, without a call between step and monitors."""
+        most, feed = math.inf if self._most is None else self._most, tally.feeder(system)
+        known = self._stop == "known"
+        while not self.over:
+            last = self._steps - 1
+            pause = min(most, (last // KNOWN_EVERY + 1) * KNOWN_EVERY) if known else most
+            system.play(self._panel, feed, pause - last)
+            self._steps = len(tally) - 1
+            why = self._why()
+            self._steps += 1
+            if why is not None:
+                self._conclude(why)
 
     def _take(self, values: Sequence[float]) -> RunEnd | None:
         """Feeds a sample to the monitors; returns why the run is over, if it is."""
-        panel, stop = self._panel, self._stop
         self._record.take(values)
+        return self._why()
+
+    def _why(self) -> RunEnd | None:
+        """Why the run is over with the last sample, if it is."""
+        panel, stop = self._panel, self._stop
         if self._system.ended:
             return self._system.ended
         if stop in AT_VIOLATION and panel.violated_by is not None:
@@ -175,17 +335,29 @@ class Simulation:
             return "known"
         return "duration" if self._steps == self._most else None
 
+    def _conclude(self, why: RunEnd) -> None:
+        self._ended = why
+        _finish(self._record, self._panel, why, self._ends)
+        self._close()
+
     def _close(self) -> None:
-        """Makes the run, if there is a sample, and closes the system."""
+        """Makes the run or the outcomes, if there is a sample, and closes the system."""
+        record, self.over = self._record, True
         try:
             if self._ended == "error":
-                self._record.rewind()
-            self.run = self._made() if len(self._record) else None
+                record.rewind()
+            self._samples = len(record)
+            if isinstance(record, Tally):
+                self._wall = time.perf_counter() - self._begin
+                self._outcomes = outcomes_of(self._panel) if len(record) else {}
+            else:
+                self.run = self._made(record) if len(record) else None
         finally:
             self._system.close()
+        if self._judge is not None:  # what came of it is copied, and an error has left it whole
+            self._judge.end(self._panel)
 
-    def _made(self) -> Run:
-        record = self._record
+    def _made(self, record: Recorder) -> Run:
         return Run(
             signals=record.signals(),
             courses=record.courses(self._loaded),
@@ -199,10 +371,22 @@ class Simulation:
 
     def _fail(self, error: BaseException) -> None:
         """Ends the simulation with an error, which carries the run."""
-        if self.run is None:
+        if not self.over:
             self._close()
         if self.run is not None:
             carry(error, self.run)
+
+
+def outcomes_of(panel: Panel) -> dict[str, Outcome]:
+    """What the specifications of monitors have become."""
+    return {
+        name: Outcome.at(bounds, verdict, decided, panel.period)
+        for name, bounds, verdict, decided in panel.results()
+    }
+
+
+def _variables(specs: Mapping[str, rtamt.Specification]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for spec in specs.values() for name in spec.variables))
 
 
 def _loaded(specs: SpecsLike | None, system: object, name: str) -> dict[str, rtamt.Specification]:
@@ -225,7 +409,7 @@ class _Ends(NamedTuple):
     goes_on: bool
 
 
-def _finish(record: Recorder, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
+def _finish(record: Recorder | Tally, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
     """Reads the end of a run; a run that was stopped has none."""
     if ended == "truncated" or (ended == "duration" and not ends.goes_on):
         record.finish(ends.at_truncation)
@@ -246,7 +430,7 @@ def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:
 
 def _refuse_options(given: Mapping[str, object]) -> None:
     """Refuses what a monitor has of its own."""
-    if type(given["specs"]).__name__ == "Snapshot":
+    if type(given.get("specs")).__name__ == "Snapshot":
         raise InputTypeError(
             "expected a snapshot as start=, got it as specs; "
             "write simulate(monitor, start=snapshot)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import itertools
 import math
@@ -19,6 +20,7 @@ from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.panel import Feed, Panel
 from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -162,7 +164,6 @@ class Environment(System):
         self._step_period = period or Fraction(1)
         if self._substeps:
             self._step_period = exact(read_period(self._env) or 1)
-        self._find_policy()
         own = {**own_signals(self._env)}
         shown: Any = self._env
         if self._monitor is not None:
@@ -173,14 +174,52 @@ class Environment(System):
         if self._substeps:
             self._inside = Inside(self._env, parsed)
         else:
-            self._reads = [signal.bind(shown) for signal in parsed]
+            self.reads = [signal.bind(shown) for signal in parsed]
+
+    def again(self, policy: Policy | None, seed: int | None) -> Environment:
+        """The environment for another run, with the signals that are bound."""
+        made = copy.copy(self)
+        made.__dict__ |= {"_policy": policy, "_seed": seed}
+        made.__dict__ |= {"_rest": deque(), "_ends": ExitStack()}
+        return made
+
+    @property
+    def plain(self) -> bool:
+        """Whether a step of the environment is one sample, which it shows itself."""
+        return not self._substeps and self._monitor is None
+
+    def play(self, panel: Panel, feed: Feed, most: float) -> None:
+        """Makes steps, each of which feeds a sample, until the system ends or a verdict is decided.
+
+        Args:
+            panel: The monitors.
+            feed: Feeds them with a step.
+            most: The greatest number of steps.
+        """
+        act, step, obs = self._act, self._env.step, self.observation
+        settled, steps = panel.settled, 0
+        while steps < most:
+            steps += 1
+            action = act(obs)
+            obs, reward, terminated, truncated, info = step(action)
+            self.observation = obs
+            try:
+                self.reward += float(reward)  # type: ignore[operator]  # None: see `_earn`
+            except TypeError:
+                self.reward = None
+            feed(obs, action, reward, info)
+            if terminated or truncated:
+                self.ended = "terminated" if terminated else "truncated"
+                return
+            if panel.settled != settled:
+                return
 
     def start(self) -> list[float]:
         self.ended = ""
         self.reward = 0.0
         self._rest.clear()
         self._end: SystemEnd = ""
-        self._act = self._find_policy()
+        self._act: Policy = self._find_policy()
         if self._monitor is not None:
             self._tap = Tap(self._monitor.env)
             self._ends.enter_context(self._monitor.tapped(self._tap))
@@ -215,7 +254,7 @@ class Environment(System):
         if self._monitor is not None:
             obs, action, reward, info = self._tap.seen
         if not self._substeps:
-            self._rest.append([read(obs, action, reward, info) for read in self._reads])
+            self._rest.append([read(obs, action, reward, info) for read in self.reads])
         self._earn(reward)
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"

@@ -78,6 +78,8 @@ def run_campaign(
     """
     listed: list[SearchTask] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
+    if listed:
+        runner.check(listed[0][1])
     requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
     rows: dict[int, Trial] = {}
     with ExitStack() as stack:

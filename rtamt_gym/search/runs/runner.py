@@ -15,13 +15,14 @@ from typing import Any, NamedTuple, Self, Unpack, cast, get_args
 import gymnasium as gym
 
 import rtamt
-from rtamt import InputError
+from rtamt import InputError, RtamtError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.reading import Reading, RunReading, checked_reading, lists_reading
 from rtamt_gym.results.trial import Trial
@@ -38,7 +39,7 @@ from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.policies import SeededPolicy
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.simulate import simulate
+from rtamt_gym.simulation.simulation import Simulation, Simulator
 from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["CaseLike", "Runner"]
@@ -101,6 +102,7 @@ class Runner:
 
     reading: Reading
     signals: Mapping[str, SignalLike] | None
+    _ready: Simulator | None
 
     def __init__(
         self,
@@ -138,7 +140,7 @@ class Runner:
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
             self.duration = duration_of(ran, duration, self.reading.period)
             self.period = ran.period if self.reading.period is None else self.reading.period
-            self._lanes = None
+            self._lanes, self._ready = None, None
             if policy is None and policies is None and batch > 1:
                 judging = Judging(self.requirements, self.signals, self.reading)
                 self._lanes = lanes_of(self._system, judging, duration, stop, batch)
@@ -219,6 +221,8 @@ class Runner:
             InputError: If there are not as many seeds as cases, or the system takes none.
         """
         task = self._task(cases, seeds, keep, above)
+        if task.cases:
+            self.check(task.cases[0])
         for indices, lanes in self._groups(task.cases):
             if lanes is None:
                 for index in indices:
@@ -257,30 +261,78 @@ class Runner:
         seed: int | None = None,
         above: Mapping[str, float] | None = None,
         stop: Stop | None = None,
-        **others: Any,  # noqa: ANN401 - options of `simulate`
+        *,
+        policy: Policy | None = None,
+        at_termination: AtTermination | None = None,
     ) -> Run:
         """Runs one case and keeps every sample; what is given stands in place of its own options.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
         """
-        options = self._of_run(case, seed, above)
-        if self._policies is not None:
-            options["policy"] = self._policies(seed or 0)
-        if stop is not None:
-            options["stop"] = stop
-        return simulate(self._system, self.requirements, **options | others)
+        simulator = None
+        if at_termination is not None:
+            reading = self.reading.having(at_termination=at_termination)
+            simulator = self._simulator(reading)
+        return self._begin(Case(case), seed, above, stop, policy, simulator).go()
 
-    def _of_run(
-        self, case: CaseLike, seed: int | None, above: Mapping[str, float] | None
-    ) -> dict[str, Any]:
-        """What `rtamt_gym.simulate` is given for a case, but for the policy of a seed."""
-        options = {**self.options, "case": Case(case)}
-        if self.takes_seeds:
-            options["seed"] = seed
-        if above is not None:
-            options["above"] = above
-        return options
+    def check(self, case: CaseLike) -> None:
+        """Refuses what every simulation would be refused for, before the first.
+
+        A case may change the period, so that what fails without one has to fail with one too.
+
+        Args:
+            case: The first case.
+
+        Raises:
+            RtamtError: If a signal or a period does not fit, or an option of the reading.
+        """
+        if self._lanes is None and self._ready is None:
+            try:
+                self._ready = self._simulator(self.reading)
+            except RtamtError:
+                self._simulator(self.reading, Case(case))
+
+    def _simulator(self, reading: Reading, case: Case | None = None) -> Simulator:
+        given, duration = self._of_runs["policy"], self._of_runs["duration"]
+        return Simulator(
+            self._system,
+            self.requirements,
+            self.signals,
+            reading,
+            case=case,
+            policy=given,
+            duration=duration,
+        )
+
+    def _begin(
+        self,
+        case: Case,
+        seed: int | None,
+        above: Mapping[str, float] | None,
+        stop: Stop | None = None,
+        policy: Policy | None = None,
+        simulator: Simulator | None = None,
+        *,
+        light: bool = False,
+    ) -> Simulation:
+        """Begins the simulation of a case."""
+        given: Case | None = case
+        if simulator is None:
+            self.check(case)
+            simulator = self._ready
+        if simulator is None:
+            simulator, given = self._simulator(self.reading, case), None
+        if policy is None and self._policies is not None:
+            policy = self._policies(seed or 0)
+        return simulator.begin(
+            given,
+            policy=policy,
+            seed=seed if self.takes_seeds else None,
+            stop=self._of_runs["stop"] if stop is None else stop,
+            above=above,
+            light=light,
+        )
 
     def judge(self, name: str, trace: SimulatedTrace) -> float:
         """The robustness of a requirement on samples that were kept."""
@@ -345,12 +397,17 @@ class Runner:
     def _row(self, task: _Task, index: int) -> Trial:
         case, seed = task.cases[index], task.seeds[index]
         begin = time.perf_counter()
+        simulation = None
         try:
-            run = self.simulate(case, seed, task.above)
-            if task.keep is not None:
+            simulation = self._begin(case, seed, task.above, light=task.keep is None)
+            simulation.play()
+            if task.keep is not None and simulation.run is not None:
+                run = simulation.run
                 task.keep(index, SimulatedTrace(run.signals, run.period))
-            return run.trial(case)
+            return simulation.trial(case)
         except Exception as error:  # noqa: BLE001 - the row has it
+            if simulation is not None:
+                return simulation.trial(case, f"{type(error).__name__}: {error}")
             return failed(error, case, seed, time.perf_counter() - begin)
 
 

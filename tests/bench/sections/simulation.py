@@ -16,10 +16,14 @@ MODELS = {
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """Steps of a model, by what is read; of an environment, by where samples are taken; of FMUs."""
+    """Steps of a model, by what is read; of an environment, by where samples are taken; of FMUs.
+
+    And whole episodes of a policy.
+    """
     yield models(setting)
     yield environments(setting)
     yield units(setting)
+    yield episodes(setting)
 
 
 def compete(setting: Setting, cases: dict[str, dict[str, Any]], table: Table) -> Figures:
@@ -115,4 +119,35 @@ def units(setting: Setting) -> Table:
         ):
             if who in found:
                 table.rows.append(Row(label, {"rtamt": found[who][0] / 1e3}))
+    return table
+
+
+def episodes(setting: Setting) -> Table:
+    """Time of a step of `evaluate_policy`, beside a loop of the same policy without monitors."""
+    table = Table("evaluate_policy on CartPole, a step of an episode", "us")
+    for policy, label in (("good", "500 steps"), ("bad", "9 steps")):
+        case = {"what": "episodes", "policy": policy, "episodes": 20 if policy == "good" else 500}
+        found = compete(
+            setting,
+            {
+                "bare": {**case, "specs": None},
+                "one": {**case, "specs": {"near": "always(abs(x) < 2)"}},
+                "three": {
+                    **case,
+                    "specs": {
+                        "near": "always(abs(x) < 2)",
+                        "upright": "always(abs(a) < 0.15)",
+                        "slow": "always(eventually[0:0.2](v < 1))",
+                    },
+                },
+            },
+            table,
+        )
+        for who, words in (
+            ("bare", f"{label}, a bare loop"),
+            ("one", "  evaluate_policy, one requirement"),
+            ("three", "  evaluate_policy, three requirements"),
+        ):
+            if who in found:
+                table.rows.append(Row(words, {"rtamt": found[who][0] / 1e3}))
     return table

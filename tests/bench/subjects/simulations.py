@@ -127,6 +127,49 @@ def fmu(case: worker.Case) -> worker.Measure:
     return simulated if case["specs"] else bare
 
 
+def episodes(case: worker.Case) -> worker.Measure:
+    """Nanoseconds for a step of episodes of a policy, in a bare loop or by `evaluate_policy`."""
+    import rtamt_gym
+
+    env: Any = gym.make("CartPole-v1")
+    signals = {"x": "obs[0]", "v": "obs[1]", "a": "obs[2]"}
+    signs = {"good": 1, "bad": -1}
+    sign = signs[case["policy"]]
+
+    def policy(obs: Any) -> int:  # noqa: ANN401
+        return int(sign * (obs[2] + obs[3]) > 0)
+
+    def bare() -> int:
+        steps = 0
+        for seed in range(case["episodes"]):
+            obs, _ = env.reset(seed=seed)
+            over = False
+            while not over:
+                obs, _, terminated, truncated, _ = env.step(policy(obs))
+                over = terminated or truncated
+                steps += 1
+        return steps
+
+    steps = bare()
+
+    def measure() -> float:
+        begin = time.perf_counter_ns()
+        if case["specs"] is None:
+            bare()
+        else:
+            used = {name: signals[name] for name in signals if f"{name} " in str(case["specs"])}
+            used |= {name: signals[name] for name in signals if f"{name})" in str(case["specs"])}
+            rtamt_gym.evaluate_policy(
+                *(policy, env, case["specs"], used),
+                episodes=case["episodes"],
+                at_termination="failure",
+                keep=0,
+            )
+        return (time.perf_counter_ns() - begin) / steps
+
+    return measure
+
+
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)  # MuJoCo writes a log into the working directory
-    worker.serve({"model": model, "environment": environment, "fmu": fmu})
+    worker.serve({"model": model, "environment": environment, "fmu": fmu, "episodes": episodes})
