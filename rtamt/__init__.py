@@ -36,7 +36,9 @@ from rtamt.language.subscriptions import SubscribedField, Subscription, subscrip
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.machines.protocols import End
+from rtamt.monitors.asked import Asked
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.dense_asked import DenseAsked
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor
 from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
 from rtamt.monitors.dense_judgement import judge_dense
@@ -58,7 +60,9 @@ __version__ = "0.5.0"
 __all__ = [
     "BACKEND",
     "Align",
+    "Asked",
     "Between",
+    "DenseAsked",
     "DenseEpisodeMonitor",
     "DenseExplanation",
     "DenseMonitor",

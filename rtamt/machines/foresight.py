@@ -44,6 +44,7 @@ from rtamt.program.outlook import (
     looks_ahead,
     nested,
     otherwise_read,
+    outputs_among,
     planned,
     sufficient,
     throughout,
@@ -149,6 +150,8 @@ class Foresight:
         machine: MakeMachine,
         columns: Sequence[Array],
         n: int,
+        *,
+        everywhere: bool = False,
     ) -> Foresight:
         """The bounds for a program, whose windows may have no end, and a trace.
 
@@ -158,12 +161,13 @@ class Foresight:
             machine: Makes the discrete machines of a back-end.
             columns: For every variable its n values, nan among them as the reader allows.
             n: Length of the trace, 1 or more.
+            everywhere: Whether `fails` and `holds` will be asked for, about every sample.
         """
         bound = sufficient(program, n)
         limit_beyond(program.clamped(bound), n)
         worst = look_out(program, bound, best=False)
         best = look_out(program, bound, best=True) if program.neutral else worst
-        needed = min(n, worst.needed or n)
+        needed = n if everywhere else min(n, worst.needed or n)
         terms = worst.predicates
         predicates: list[Array] = []
         if terms.outputs:
@@ -171,6 +175,26 @@ class Foresight:
             found = without_nan(reader, columns, lambda known: made.evaluate(known, n))
             predicates = [column[:needed] for column in found]
         return cls(worst, best, machine, predicates, needed)
+
+    def part(self, program: Program) -> Foresight:
+        """The bounds for another program on the trace, which reads no other predicates.
+
+        Its semantics and its variables are those of the program of this one.
+        """
+        bound = sufficient(program, self.n)
+        worst = look_out(program, bound, best=False)
+        best = look_out(program, bound, best=True) if program.neutral else worst
+        places = outputs_among(worst.predicates, self.outlook.predicates)
+        predicates = [self._predicates[place] for place in places]
+        return Foresight(worst, best, self._arguments[2], predicates, self.n)
+
+    def fails(self, end: End) -> NDArray[np.bool_]:
+        """Whether the result fails for certain, at every sample."""
+        return np.signbit(self._best.recorded(UPPER, end))
+
+    def holds(self, end: End) -> NDArray[np.bool_]:
+        """Whether the result holds for certain, at every sample."""
+        return ~np.signbit(self._worst.recorded(LOWER, end))
 
     def until(self, n: int) -> Foresight:
         """The bounds for the first n samples."""
@@ -251,6 +275,19 @@ class _Reading:
             else:
                 self._at_once = {"nan": self._walked(program, ENDED, cut=False)}
         return self._at_once[str(UNSEEN[world][0])]
+
+    def recorded(self, world: int, end: End) -> Array:
+        """The result at every recorded time, in a world of a reading of the end."""
+        program = self._outlook.formulas
+        instruction = program.instructions[program.result]
+        if isinstance(instruction, Load):
+            place = program.variables.index(instruction.variable)
+            return self._signals[world][place].recorded
+        if isinstance(instruction, Const):
+            return np.full(self._n, instruction.value)
+        world = ENDED if end == "complete" else world
+        signals, last = self._inputs(program, (program.result,), world, cut=end == "cut")
+        return last.signals(signals, world, self._n)[0].recorded
 
     def _fused(self, program: Program) -> dict[str, float]:
         """The outputs at time 0 if there is nothing after the trace, in one pass backwards."""

@@ -12,6 +12,8 @@ from rtamt.machines.dense.episode import dense_of, rows_of
 from rtamt.machines.dense.outlook import DenseOutlook
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
+from rtamt.monitors.asked import Evidence
+from rtamt.monitors.dense_asked import DenseAsked, DenseQuestion, dense_evidence
 from rtamt.monitors.dense_untested import found_untested_dense
 from rtamt.monitors.judgement import Judgement
 from rtamt.monitors.monitor import Verdict
@@ -37,8 +39,8 @@ def judge_dense(
     It is about the first time at which all variables are known, and exact at that instant: values
     at single instants count, those inside nested formulas too, which `evaluate_dense` leaves out.
     The trace ends at the earliest of the variables' last events, an instant that is known.
-    Invariants are written ``always(...)``. The attributes `untested` and `decided_at` of the result
-    cost extra, when they are first asked for.
+    Invariants are written ``always(...)``. The attributes `untested`, `decided_at`, `asked` and
+    `vacuous` of the result cost extra, when they are first asked for.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -66,6 +68,8 @@ def judge_dense(
         robustness 4, bounds -inf to 4 under end="cut"
         always[0:8](gnt < 9): not recorded: 6 s to 8 s
         if the trace is all there is, end="complete" says SATISFIED
+        >>> print(judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).asked[0])
+        asked 1x, first at time 1
 
     Source: see `DenseMonitor`.
     """
@@ -98,6 +102,10 @@ def judge_dense(
         again.run(given, decided=True)
         return again.decided_at
 
+    def evidence(verdict: Verdict) -> Evidence[DenseAsked]:
+        question = DenseQuestion(specification, interface, reading, regions, given, backend)
+        return dense_evidence(question, satisfied=verdict is Verdict.SATISFIED)
+
     return Judgement.of(
         (machine.robustness, lower, upper),
         reading,
@@ -105,4 +113,5 @@ def judge_dense(
         Verdict(verdict_of(worst, robustness)),
         untested,
         decided_at,
+        evidence,
     )

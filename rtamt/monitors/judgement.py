@@ -12,6 +12,7 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
+from rtamt.monitors.asked import Asked, Evidence, SampledQuestion, evidence_of, reads_hidden
 from rtamt.monitors.evaluation import raw_trace
 from rtamt.monitors.holds import zero_text
 from rtamt.monitors.monitor import Verdict
@@ -56,8 +57,9 @@ def _found(value: _T) -> _Once[_T]:
 class Judgement:
     """The verdict on a whole trace, and what it rests on; made by `judge` or `judge_dense`.
 
-    ``str`` gives a text of at most 80 columns, which says what was not recorded, and the way out.
-    `judge_dense` makes the same of a trace in dense time, with times in place of sample numbers.
+    ``str`` gives a text of at most 80 columns, which says what was not recorded, how often each
+    implication was put to the test, and the way out. `judge_dense` makes the same of a trace in
+    dense time, with times in place of sample numbers.
 
     Attributes:
         robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s;
@@ -80,6 +82,7 @@ class Judgement:
     complete: Verdict
     _untested: Callable[[], tuple[Untested, ...]]
     _decided_at: Callable[[], float | None]
+    _evidence: Callable[[], Evidence[Any]]
 
     @staticmethod
     def of(
@@ -89,6 +92,7 @@ class Judgement:
         complete: Verdict,
         untested: Callable[[], tuple[Untested, ...]],
         decided_at: Callable[[], float | None],
+        evidence: Callable[[Verdict], Evidence[Any]],
     ) -> Judgement:
         """The judgement for robustness, lower and upper bound.
 
@@ -99,11 +103,11 @@ class Judgement:
             complete: The verdict of the complete reading.
             untested: Finds what was not recorded, when that is first asked for.
             decided_at: Finds when the open reading was decided, when that is first asked for.
+            evidence: Finds what the verdict stands on, when that is first asked for.
         """
         verdict = _verdict(*bounds[1:])
-        return Judgement(
-            *bounds, verdict, end, formula, complete, _Once(untested), _Once(decided_at)
-        )
+        late = _Once(untested), _Once(decided_at), _Once(lambda: evidence(verdict))
+        return Judgement(*bounds, verdict, end, formula, complete, *late)
 
     @property
     def untested(self) -> tuple[Untested, ...]:
@@ -122,6 +126,37 @@ class Judgement:
         """
         return self._decided_at()
 
+    @property
+    def asked(self) -> tuple[Any, ...]:
+        """For each implication of the formula an `Asked`: how often it was put to the test.
+
+        In dense time it is a `DenseAsked`.
+
+        Those count that stand in positive position: more robustness of them is never less of the
+        whole. They come in the order of the text, the outer one first, after names are substituted.
+        It is found when it is first asked for.
+        """
+        return self._evidence().asked
+
+    @property
+    def vacuous(self) -> bool:
+        """Whether the verdict is SATISFIED without an answer.
+
+        The formula has an implication then, and the verdict stays SATISFIED with ``false`` as the
+        right side of all of them, as on a trace of no request, or of a goal that was reached
+        without one.
+        """
+        return self._evidence().vacuous
+
+    @property
+    def never_asked(self) -> bool:
+        """Whether the verdict is SATISFIED, and none of the implications was put to the test.
+
+        A formula without an implication is never said to be.
+        """
+        satisfied = self.verdict is Verdict.SATISFIED and bool(self.asked)
+        return satisfied and not any(each.occasions for each in self.asked)
+
     def _robustness_text(self) -> str:
         if self.robustness == 0.0 and self.complete is not Verdict.UNDECIDED:
             return zero_text(held=self.complete is Verdict.SATISFIED)
@@ -130,7 +165,7 @@ class Judgement:
     def _values(self) -> tuple[object, ...]:
         return (
             *(self.robustness, self.lower, self.upper, self.verdict, self.end, self.formula),
-            *(self.complete, self.untested, self.decided_at),
+            *(self.complete, self.untested, self.decided_at, self.asked, self.vacuous),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -151,6 +186,8 @@ class Judgement:
         lines += _wrapped(f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"')
         for part in self.untested:
             lines += _wrapped(str(part))
+        for each in self.asked:
+            lines += _wrapped(str(each) if len(self.asked) == 1 else f"{each}: {each.text}")
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
                 way = "no reading of the end decides it: it hangs on a predicate that counts 0"
@@ -207,12 +244,16 @@ def judge(
         UNDECIDED: always(req >= 3 implies eventually[0:2](gnt >= 3))
         robustness -1, bounds -1 to 2 under end="cut"
         eventually[0:2](gnt >= 3) at 4 s: not recorded: 5 s to 6 s
+        asked 2x, first at sample 1
         if the trace is all there is, end="complete" says VIOLATED
         >>> judge(spec, trace, period=1, end="complete").verdict.name
         'VIOLATED'
+        >>> idle = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
+        >>> idle.verdict.name, idle.never_asked, idle.asked[0].occasions
+        ('SATISFIED', True, 0)
     """
     reading = checked_end(end)
-    specification, _, backend, nan, seconds, program = compiled(
+    specification, interface, backend, nan, seconds, program = compiled(
         judge, spec, period, options, online=False
     )
     reader = SampleReader(program, nan)
@@ -224,6 +265,14 @@ def judge(
 
     # Without what its passes have found so far, which is as long as the trace.
     kept = foresight.until(foresight.n)
+    hidden = None
+    if reads_hidden(specification.formula, interface):
+        hidden = {v: c.copy() for v, c in zip(program.variables, columns, strict=True)}
+
+    def evidence(verdict: Verdict) -> Evidence[Asked]:
+        align = options.get("align")
+        its = (specification, seconds, align, interface, reading, kept, hidden, nan, backend)
+        return evidence_of(SampledQuestion(*its), satisfied=verdict is Verdict.SATISFIED)
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or _verdict(*bounds) is not Verdict.UNDECIDED:
@@ -237,6 +286,7 @@ def judge(
         _verdict(*complete),
         untested,
         lambda: _first_decided(kept),
+        evidence,
     )
 
 

@@ -30,6 +30,7 @@ __all__ = [
     "looks_ahead",
     "nested",
     "otherwise_read",
+    "outputs_among",
     "past",
     "planned",
     "reaches",
@@ -92,6 +93,37 @@ def look_out(program: Program, n: int, *, best: bool) -> Outlook:
             late = formulas.latencies[register]
             needed = None if late is None or needed is None else max(needed, late + 1)
     return Outlook(predicates, formulas, exact, needed)
+
+
+@functools.lru_cache(maxsize=512)
+def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
+    """Where the outputs of a program of terms are among the outputs of another, which has them all.
+
+    The programs have the same variables and the same semantics.
+    """
+    known: dict[tuple[object, ...], int] = {}
+
+    def numbered(program: Program) -> list[int]:
+        """A number for every term; equal ones for equal terms."""
+        numbers: list[int] = []
+        for instruction in program.instructions[: program.terms]:
+            match instruction:
+                case Load(variable):
+                    key: tuple[object, ...] = "load", variable
+                case Const(value):
+                    key = "const", repr(value)  # which tells 0.0 from -0.0
+                case Map(function, args):
+                    key = function, *(numbers[a] for a in args)
+                case Window():
+                    msg = "a window among terms"
+                    raise AssertionError(msg)
+            numbers.append(known.setdefault(key, len(known)))
+        return numbers
+
+    numbers = numbered(whole)
+    places = {numbers[r]: place for place, r in enumerate(whole.outputs.values())}
+    numbers = numbered(part)
+    return tuple(places[numbers[r]] for r in part.outputs.values())
 
 
 @functools.lru_cache(maxsize=512)

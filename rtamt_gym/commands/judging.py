@@ -15,7 +15,7 @@ from multiprocessing import get_context
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
-from rtamt_gym.commands.traces import Asked, read_trace_of
+from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
@@ -47,7 +47,7 @@ class Judged:
     failures: dict[str, Failure] = field(default_factory=dict)
 
 
-def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
+def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
     """Judges a trace; what cannot be read or judged is a failure of the requirements.
 
     Args:
@@ -67,7 +67,7 @@ def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
     return judged
 
 
-def _read(asked: Asked, judged: Judged) -> Mapping[str, rtamt.Specification]:
+def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
     """Reads a trace; returns the requirements that it can be judged by.
 
     Where a column is missing or bad, the requirements that do not read it are judged without it.
@@ -92,7 +92,7 @@ def _read(asked: Asked, judged: Judged) -> Mapping[str, rtamt.Specification]:
     return readable
 
 
-def _refused(asked: Asked, path: str) -> dict[str, Failure]:
+def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
     """The requirements whose columns cannot be read, each with the reason."""
     parts: dict[tuple[str, ...], dict[str, rtamt.Specification]] = {}
     for name, spec in asked.specs.items():
@@ -107,7 +107,7 @@ def _refused(asked: Asked, path: str) -> dict[str, Failure]:
 
 
 def judge_files(
-    asked: Asked, paths: Sequence[str], *, workers: int, explain: Sequence[Verdict]
+    asked: TracesAsked, paths: Sequence[str], *, workers: int, explain: Sequence[Verdict]
 ) -> list[Trial]:
     """Judges traces, in the order of their names whatever the number of workers.
 
@@ -131,7 +131,7 @@ def judge_files(
 
 def _in_processes(
     task: Callable[[str], Trial],
-    asked: Asked,
+    asked: TracesAsked,
     paths: Sequence[str],
     workers: int,
     advance: Callable[[int], None],
@@ -181,11 +181,11 @@ def _begin_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where that is not inherited
 
 
-def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Trial:
+def _row_of_file(asked: TracesAsked, explain: Sequence[Verdict], path: str) -> Trial:
     return row_of(asked, judge_file(asked, path, formulas=False), explain=explain)
 
 
-def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
+def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
     """What a trace came to, as plain values; some verdicts with their explanation."""
     cells: dict[str, Outcome | Failure] = {}
     for name, spec in asked.specs.items():
@@ -207,7 +207,7 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial
     return Trial.of_trace(judged.path, described, cells, notes)
 
 
-def matrix_of(asked: Asked, rows: Sequence[Trial]) -> Matrix:
+def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """The rows, with the formulas of the requirements."""
     return Matrix(rows, {name: str(spec.standalone()) for name, spec in asked.specs.items()})
 

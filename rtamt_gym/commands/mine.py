@@ -12,7 +12,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import read_reading
-from rtamt_gym.commands.traces import Asked, read_arguments, read_trace_of
+from rtamt_gym.commands.traces import TracesAsked, read_arguments, read_trace_of
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
@@ -127,7 +127,7 @@ def _text_of(word: str) -> str:
     return word
 
 
-def _read(asked: Asked, path: str) -> Samples:
+def _read(asked: TracesAsked, path: str) -> Samples:
     """Reads a trace as the rules say."""
     from rtamt_gym.search.mining.traces import Samples
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, check_outputs, positive
-from rtamt_gym.commands.traces import Asked, read_arguments
+from rtamt_gym.commands.traces import TracesAsked, read_arguments
 from rtamt_gym.commands.traces import add_arguments as add_traces
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     return [*report(judged.judgements, row.described, judged.trace.notes), ""]
 
 
-def _columns(asked: Asked, paths: Sequence[str]) -> Columns:
+def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
     """How the columns were read: with the defaults of the specifications, and topics of bags.
 
     With these a trace is read alike under formulas that have lost their declarations.
@@ -144,7 +144,7 @@ def _columns(asked: Asked, paths: Sequence[str]) -> Columns:
     return columns_of(asked.specs, columns)
 
 
-def _rules(asked: Asked) -> dict[str, str]:
+def _rules(asked: TracesAsked) -> dict[str, str]:
     """How the traces were judged, by name."""
     names = ("end", "view", "semantics", "align", "period")
     rules = {name: getattr(asked.reading, name) for name in names}
@@ -153,7 +153,7 @@ def _rules(asked: Asked) -> dict[str, str]:
 
 
 def _write(
-    options: argparse.Namespace, asked: Asked, matrix: Matrix, judged: Judged | None
+    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, judged: Judged | None
 ) -> list[str]:
     """Writes the files that are asked for; returns a line about each."""
     said = []

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from rtamt_gym.judging.reading import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
-__all__ = ["Asked", "add_arguments", "read_arguments", "read_trace_of"]
+__all__ = ["TracesAsked", "add_arguments", "read_arguments", "read_trace_of"]
 
 
 @dataclass(frozen=True)
-class Asked:
+class TracesAsked:
     """What a command is to judge.
 
     Attributes:
@@ -157,7 +157,7 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
+def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
     """Reads the requirements and how traces are judged, and finds the traces.
 
     Raises:
@@ -202,10 +202,10 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
-    return Asked(requirements, reading, columns), found
+    return TracesAsked(requirements, reading, columns), found
 
 
-def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
+def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
     """Reads a trace, and its period: as given, else found in its samples, or None.
 
     Raises:

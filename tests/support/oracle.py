@@ -48,8 +48,13 @@ def holds(f: Node, trace: Trace, i: int) -> bool:
 
 def robustness(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[float]:
     """The robustness at every sample of a trace of n samples."""
+    return [value[1] for value in values(formula, trace, n, read)]
+
+
+def values(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[Value]:
+    """The robustness at every sample; from -0.0 to 0.0 where it hangs on a neutral predicate."""
     at = _meaning(trace, n, n - 1, read, open_end=False)
-    return [at(formula, i)[1] for i in range(n)]
+    return [at(formula, i) for i in range(n)]
 
 
 def episode(

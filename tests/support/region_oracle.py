@@ -63,6 +63,10 @@ class Regions:
             low, high = _End(self, formula, None, end).at(formula, 0)
         return max(low, min(now, high, key=order), key=order), low, high
 
+    def at(self, formula: Node, end: str) -> Callable[[int], Value]:
+        """The value in any region, for a reading of the end."""
+        return functools.partial(_End(self, formula, None, end).at, formula)
+
     def first_decided(self, formula: Node) -> Time | None:
         """The first instant after which the bounds have one sign."""
         for steps in range(self.steps + 1):

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rtamt.machines.dense.episode import RegionRow, Regions, readings_of
-from rtamt.machines.dense.regions import CUT, LOWER, UPPER, WORLDS
-from rtamt.machines.dense.runs import joint
+from rtamt.machines.dense.regions import CUT, LOWER, NOW, UPPER, WORLDS
+from rtamt.machines.dense.runs import Runs, clipped, joint
+from rtamt.machines.protocols import End
 from rtamt.program.placement import Placement
 from rtamt.program.program import Program
 
@@ -58,6 +59,14 @@ class DenseOutlook:
             regions = Regions(Placement(each, (), streams, ()))
             regions.unfold(its, last, (*WORLDS, *CUT) if cut else WORLDS)
             self._readings.append(regions)
+
+    def result(self, end: End) -> tuple[Runs, Runs]:
+        """The least and the greatest result on the trace, for a reading of its end."""
+        low, high = (NOW, NOW) if end == "complete" else self._worlds
+        worst, best = self._readings[0], self._readings[-1]
+        found = worst.seen(worst.program.result, low), best.seen(best.program.result, high)
+        lower, upper = (clipped(runs, 0, self.last) for runs in found)
+        return lower, upper
 
     def undecided(self, register: int) -> Places:
         """Where a register may be of either sign."""

@@ -14,7 +14,7 @@ import pytest
 import rtamt
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import judging
-from rtamt_gym.commands.traces import Asked
+from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.results.trial import Trial
 
 Output = pytest.CaptureFixture[str]
@@ -29,7 +29,7 @@ def test_an_interrupt_is_left_to_the_process_that_has_asked() -> None:
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, "at work\n", "")
 
 
-def dying(asked: Asked, explain: Sequence[rtamt.Verdict], path: str) -> Trial:
+def dying(asked: TracesAsked, explain: Sequence[rtamt.Verdict], path: str) -> Trial:
     """Judges a trace as a worker does, but dies of one that is called so."""
     if path == "deadly.csv":
         os._exit(9)

@@ -1,0 +1,349 @@
+"""What a verdict stands on: how often the implications of a formula were put to the test.
+
+An implication is put to the test where the formula reads it and its left side holds for certain:
+there its right side is needed. Where it never is, or where its right side does not matter, a
+satisfied formula says less than it seems to (`rtamt.program.implications`).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Generic, NamedTuple, Protocol, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.inputs.samples import NanPolicy, SampleReader
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds
+from rtamt.machines.backend import BACKENDS, BackendName
+from rtamt.machines.foresight import Foresight
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import verdict_of
+from rtamt.program.implications import Extent, InstantRuns, Reads, implications, reads, unanswered
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Align, samples
+
+__all__ = [
+    "Asked",
+    "AskedRow",
+    "Evidence",
+    "SampledQuestion",
+    "Spans",
+    "asked_text",
+    "evidence_of",
+    "found_rows",
+    "reads_hidden",
+]
+
+_A = TypeVar("_A")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How often an implication was put to the test on a trace of samples.
+
+    It is put to the test at the recorded samples at which the formula reads it and its left side
+    holds for certain. ``str`` gives it in words, as in ``asked 2x, first at sample 1``.
+
+    Attributes:
+        text: The implication as text.
+        samples: The number of these samples.
+        occasions: The number of runs of neighbouring ones; one that begins the trace counts.
+        first: The first of them; None if there is none.
+        vacuous: Whether the verdict is SATISFIED and would be so with ``false`` as the right side
+            of this implication, so that no answer mattered.
+    """
+
+    text: str
+    samples: int
+    occasions: int
+    first: int | None
+    vacuous: bool
+
+    def __str__(self) -> str:
+        first = None if self.first is None else f"sample {self.first}"
+        return asked_text(self.occasions, first, vacuous=self.vacuous)
+
+
+def asked_text(occasions: int, first: str | None, *, vacuous: bool) -> str:
+    """How often an implication was put to the test, in words."""
+    if first is None:
+        return "never asked"
+    answer = ", satisfied without an answer" if vacuous else ""
+    return f"asked {occasions}x, first at {first}{answer}"
+
+
+class Spans(NamedTuple):
+    """Runs of instants, in order; of the recorded ones (`rtamt.program.implications`).
+
+    Attributes:
+        begins: The first one of each run.
+        ends: The last one.
+    """
+
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> Spans:
+        """The runs at which something is so.
+
+        Args:
+            true: Whether it is so, for each of the runs that begin at ``starts``.
+            starts: In order; None: at each instant from 0 on.
+            last: The last instant.
+        """
+        changes = np.flatnonzero(true[1:] != true[:-1]) + 1
+        if true[0]:
+            changes = np.concatenate([np.zeros(1, np.int64), changes])
+        places = changes if starts is None else starts[changes]
+        begins, after = places[::2], places[1::2]
+        if len(after) < len(begins):
+            after = np.append(after, last + 1)
+        return cls(begins, after - 1)
+
+    def within(self, instants: InstantRuns) -> Spans:
+        """The parts of the runs that lie in others."""
+        begins, ends = [], []
+        for first, final in instants:
+            low = int(np.searchsorted(self.ends, first))
+            high = int(np.searchsorted(self.begins, final, "right"))
+            begins.append(np.maximum(self.begins[low:high], first))
+            ends.append(np.minimum(self.ends[low:high], final).astype(np.int64))
+        if not begins:
+            return Spans(self.begins[:0], self.ends[:0])
+        return Spans(np.concatenate(begins), np.concatenate(ends))
+
+    def cover(self, instants: InstantRuns, last: int) -> bool:
+        """Whether all of some instants are in them, and none is after the last recorded one."""
+        if instants and instants[-1][1] > last:
+            return False
+        found = self.within(instants)
+        length = int(np.sum(found.ends - found.begins + 1))
+        return length == sum(int(final) - first + 1 for first, final in instants)
+
+
+class Signs(Protocol):
+    """Where a formula holds for certain, and where it fails for certain."""
+
+    def holds(self) -> Spans: ...
+    def fails(self) -> Spans: ...
+
+
+class Question(Protocol):
+    """A trace that was judged, as far as its evidence needs it."""
+
+    @property
+    def formula(self) -> Formula: ...
+
+    @property
+    def extent(self) -> Extent:
+        """The instants of the trace."""
+
+    @property
+    def hides(self) -> bool:
+        """Whether the semantics of the verdict hides values that left sides need."""
+
+    def reads(self) -> Mapping[Formula, Reads]:
+        """Where the formula reads its implications."""
+
+    def opposite(self, left: Formula) -> Signs:
+        """Where the opposite of a left side holds for certain, and where it fails for certain."""
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
+
+
+_NOWHERE = np.zeros(1, np.bool_)
+
+
+@dataclass(frozen=True)
+class AskedRow:
+    """An implication, and where it was put to the test."""
+
+    text: str
+    spans: Spans
+    vacuous: bool
+
+
+class Evidence(NamedTuple, Generic[_A]):
+    """What a verdict stands on.
+
+    Attributes:
+        asked: For each implication how often it was put to the test.
+        vacuous: Whether the verdict would be SATISFIED with ``false`` as all their right sides.
+    """
+
+    asked: tuple[_A, ...]
+    vacuous: bool
+
+
+@functools.lru_cache(maxsize=512)
+def _text(formula: Formula) -> str:
+    return str(formula)
+
+
+def found_rows(question: Question, *, satisfied: bool) -> Evidence[AskedRow]:
+    """Where the implications of a formula were put to the test on a trace.
+
+    Args:
+        question: The trace.
+        satisfied: Whether the verdict is SATISFIED.
+    """
+    formula = question.formula
+    counted = implications(formula)
+    if not counted:
+        return Evidence((), vacuous=False)
+    where = question.reads()
+    rows, idle = [], []
+    for each in counted:
+        every, needed = where[each]
+        if not every:
+            rows.append(AskedRow(_text(each), Spans.of(_NOWHERE, None, 0), satisfied))
+            idle.append(True)
+            continue
+        opposite = question.opposite(cast("Formula", each.args[0]))
+        true = opposite.fails()
+        vacuous = satisfied and not len(true.within(needed).begins)
+        # Where the left side fails, the right side does not matter.
+        idle.append(
+            vacuous and not question.hides and opposite.holds().cover(every, question.extent.last)
+        )
+        if vacuous and not idle[-1]:
+            vacuous = question.satisfied_without((each,))
+        rows.append(AskedRow(_text(each), true.within(every), vacuous))
+    # The more of them are unanswered, the less is satisfied.
+    vacuous = satisfied and all(row.vacuous for row in rows)
+    if vacuous and len(rows) > 1 and not all(idle):
+        vacuous = question.satisfied_without(counted)
+    return Evidence(tuple(rows), vacuous)
+
+
+class SampledQuestion(NamedTuple):
+    """A trace of samples that was judged.
+
+    Attributes:
+        specification: The specification.
+        period: Seconds between samples; None: bounds are in samples.
+        align: How bounds became whole samples.
+        interface: The semantics of the verdict.
+        end: The reading of the end.
+        foresight: The bounds of the whole formula.
+        columns: If `reads_hidden`, the values of every variable; else None.
+        nan: What is made of a nan in the columns.
+        backend: The back-end.
+    """
+
+    specification: Specification
+    period: Fraction | None
+    align: Align | None
+    interface: Interface
+    end: End
+    foresight: Foresight
+    columns: Mapping[str, NDArray[np.float64]] | None
+    nan: NanPolicy
+    backend: BackendName
+
+    @property
+    def formula(self) -> Formula:
+        """The formula that was judged."""
+        return self.specification.formula
+
+    @property
+    def extent(self) -> Extent:
+        """The instants of the trace, which are samples."""
+        return Extent(self.foresight.n - 1, self.end == "complete", self.end == "cut")
+
+    @property
+    def hides(self) -> bool:
+        """Whether the semantics of the verdict hides values that left sides need."""
+        return self.columns is not None
+
+    def reads(self) -> Mapping[Formula, Reads]:
+        """Where the formula reads its implications."""
+        return _reads(self.specification, self.period, self.align, self.extent)
+
+    def opposite(self, left: Formula) -> Signs:
+        """Where the opposite of a left side holds and fails, by standard semantics."""
+        # The opposite, as the whole formula may have no other predicates.
+        return _SampledSigns(self._bounds(~left), self.end)
+
+    def _bounds(self, formula: Formula) -> Foresight:
+        """The bounds of a formula at every sample, by standard semantics."""
+        if self.columns is None:
+            return self.foresight.part(self._program(formula, self.interface))
+        program = self._program(formula, STANDARD)
+        machine, n = BACKENDS[self.backend].discrete_machine, self.foresight.n
+        columns = [self.columns[name][:n] for name in program.variables]
+        reader = SampleReader(program, self.nan)
+        return Foresight.of(program, reader, machine, columns, n, everywhere=True)
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
+        formula = unanswered(self.formula, answered)
+        foresight = self.foresight.part(self._program(formula, self.interface))
+        return verdict_of(*foresight.bounds(self.end)) == 1
+
+    def _program(self, formula: Formula, interface: Interface) -> Program:
+        specification = _with_result(self.specification, formula)
+        return compile_program(specification, self.period, interface=interface, align=self.align)
+
+
+class _SampledSigns(NamedTuple):
+    foresight: Foresight
+    end: End
+
+    def holds(self) -> Spans:
+        return Spans.of(self.foresight.holds(self.end), None, self.foresight.n - 1)
+
+    def fails(self) -> Spans:
+        return Spans.of(self.foresight.fails(self.end), None, self.foresight.n - 1)
+
+
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _reads(
+    specification: Specification, period: Fraction | None, align: Align | None, extent: Extent
+) -> Mapping[Formula, Reads]:
+    def bounds(node: Node) -> Bounds:
+        error = functools.partial(specification.error, node)
+        return samples(node.interval, period, specification.unit, error, align)
+
+    return reads(specification.formula, bounds, extent)
+
+
+@functools.lru_cache(maxsize=512)
+def _with_result(specification: Specification, formula: Formula) -> Specification:
+    return specification.with_result(formula)
+
+
+@functools.lru_cache(maxsize=512)
+def reads_hidden(formula: Formula, interface: Interface) -> bool:
+    """Whether a left side has a predicate that counts 0 by the semantics of the verdict."""
+    if interface.semantics in ("standard", "boolean"):
+        return False
+    lefts = (each.args[0].nodes() for each in implications(formula))
+    return any(
+        interface.reading(node) == "zero"
+        for nodes in lefts
+        for node in nodes
+        if node.op is not None and node.op.holds is not None
+    )
+
+
+def evidence_of(question: SampledQuestion, *, satisfied: bool) -> Evidence[Asked]:
+    """What the verdict on a trace of samples stands on."""
+    rows, vacuous = found_rows(question, satisfied=satisfied)
+    asked = []
+    for text, spans, its in ((row.text, row.spans, row.vacuous) for row in rows):
+        first = int(spans.begins[0]) if len(spans.begins) else None
+        count = int(np.sum(spans.ends - spans.begins + 1))
+        asked.append(Asked(text, count, len(spans.begins), first, its))
+    return Evidence(tuple(asked), vacuous)

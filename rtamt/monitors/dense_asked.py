@@ -1,0 +1,158 @@
+"""What a verdict in dense time stands on; see `rtamt.monitors.asked`."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Given, are_dates
+from rtamt.language.formula import Formula
+from rtamt.language.specification import Specification
+from rtamt.machines.backend import BACKENDS, BackendName
+from rtamt.machines.dense.episode import dense_of, rows_of
+from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.runs import Runs
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import verdict_of
+from rtamt.monitors.asked import Evidence, Signs, Spans, asked_text, found_rows, reads_hidden
+from rtamt.program.dense_regions import RegionProgram, compile_regions
+from rtamt.program.implications import Extent, Reads, reads, unanswered
+from rtamt.program.interface import STANDARD, Interface
+
+__all__ = ["DenseAsked", "DenseQuestion", "dense_evidence"]
+
+
+@dataclass(frozen=True, slots=True)
+class DenseAsked:
+    """How often an implication was put to the test on a trace in dense time.
+
+    It is put to the test at the recorded instants at which the formula reads it and its left side
+    holds for certain. ``str`` gives it in words, as in ``asked 2x, first at time
+    1.5``.
+
+    Attributes:
+        text: The implication as text.
+        duration: How long it was put to the test, in seconds; a single instant lasts 0 s.
+        occasions: The number of times at which that began; the begin of the trace counts.
+        first: The first of them, as the times of the events are; None if there is none. It may be
+            put to the test right after that time.
+        vacuous: Whether the verdict is SATISFIED and would be so with ``false`` as the right side
+            of this implication, so that no answer mattered.
+    """
+
+    text: str
+    duration: float
+    occasions: int
+    first: float | None
+    vacuous: bool
+
+    def __str__(self) -> str:
+        first = None if self.first is None else f"time {_shown(self.first)}"
+        return asked_text(self.occasions, first, vacuous=self.vacuous)
+
+
+def _shown(time: object) -> str:
+    return f"{time:.12g}" if isinstance(time, float | int) else str(time)
+
+
+class DenseQuestion:
+    """A trace in dense time that was judged.
+
+    Args:
+        specification: The specification.
+        interface: The semantics of the verdict.
+        end: The reading of the end.
+        regions: The program of the verdict.
+        given: For each variable the times and values of its events.
+        backend: The back-end.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        interface: Interface,
+        end: End,
+        regions: RegionProgram,
+        given: Sequence[Given],
+        backend: BackendName,
+    ) -> None:
+        self.specification = specification
+        self.formula = specification.formula
+        self.hides = reads_hidden(specification.formula, interface)
+        self._bounds = dense_of(regions).bounds
+        self._interface = interface
+        self._end: End = end
+        self._backend: BackendName = backend
+        self.resolution = regions.resolution
+        self._given = dict(zip(regions.program.variables, given, strict=True))
+        begin, last, _ = rows_of(regions, given)
+        dated = any(are_dates(times) for times, _ in given if len(times))
+        self._begin, self._dated = begin, dated
+        self._reader = EventReader(dense_of(regions))
+        self.extent = Extent(last, end == "complete", end == "cut", dense=True)
+
+    def time(self, position: int) -> float:
+        """The time of a position, as those of the events are."""
+        return self._reader.time(self._begin + position // 2, self._dated)
+
+    def reads(self) -> Mapping[Formula, Reads]:
+        """Where the formula reads its implications."""
+        return reads(self.formula, self._bounds, self.extent)
+
+    def opposite(self, left: Formula) -> Signs:
+        """Where the opposite of a left side holds and fails, by standard semantics."""
+        regions, given = self._changed(~left, STANDARD)
+        _, last, rows = rows_of(regions, given)
+        outlook = DenseOutlook(regions.program, rows, last, cut=self._end == "cut")
+        return _DenseSigns(*outlook.result(self._end), last)
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
+        regions, given = self._changed(unanswered(self.formula, answered), self._interface)
+        make = BACKENDS[self._backend].dense_episode_machine
+        machine = make(regions, EventReader(dense_of(regions)))
+        machine.run(given)
+        machine.finish(self._end)
+        return verdict_of(machine.lower, machine.upper) == 1
+
+    def _changed(self, formula: Formula, interface: Interface) -> tuple[RegionProgram, list[Given]]:
+        """The program of another formula over the same variables, which make up the trace."""
+        specification = _with_result(self.specification, formula)
+        regions = compile_regions(specification, self.resolution, interface=interface)
+        return regions, [self._given[name] for name in regions.program.variables]
+
+
+@functools.lru_cache(maxsize=512)
+def _with_result(specification: Specification, formula: Formula) -> Specification:
+    other = specification.with_result(formula)
+    return replace(other, formulas={**other.formulas, "#": specification.formula})
+
+
+class _DenseSigns(NamedTuple):
+    least: Runs
+    greatest: Runs
+    last: int
+
+    def holds(self) -> Spans:
+        return Spans.of(~np.signbit(self.least.last), self.least.starts, self.last)
+
+    def fails(self) -> Spans:
+        return Spans.of(np.signbit(self.greatest.last), self.greatest.starts, self.last)
+
+
+def dense_evidence(question: DenseQuestion, *, satisfied: bool) -> Evidence[DenseAsked]:
+    """What the verdict on a trace in dense time stands on."""
+    rows, vacuous = found_rows(question, satisfied=satisfied)
+    asked = []
+    for row in rows:
+        begins, ends = row.spans
+        ticks = int(np.sum((ends + 1) // 2 - begins // 2))  # the odd positions
+        first = question.time(int(begins[0])) if len(begins) else None
+        duration = float(ticks * question.resolution)
+        asked.append(DenseAsked(row.text, duration, len(begins), first, row.vacuous))
+    return Evidence(tuple(asked), vacuous)

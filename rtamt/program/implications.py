@@ -1,0 +1,308 @@
+"""The implications of a formula that can be put to the test, and where the formula reads them.
+
+An implication ``p implies q`` says nothing where p fails. How operators read their operands is
+found by running their meanings (`rtamt.language.operators`) on a builder whose registers are ways
+to operands, so that a new row needs nothing more. An implication counts where more robustness of it
+is never less of the whole: in positive position. A formula that is satisfied whatever one of its
+parts is was called vacuous by Beer, Ben-David, Eisner and Rodeh, "Efficient detection of vacuity in
+temporal model checking", FMSD 2001.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, cast
+
+from rtamt.language.formula import Formula, make
+from rtamt.language.node import Node
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Bounds
+
+__all__ = ["Extent", "InstantRuns", "Reads", "implications", "reads", "unanswered"]
+
+InstantRuns = tuple[tuple[int, float], ...]
+"""First and last one of runs of instants, in order; no run touches the next; the last may be inf.
+
+Instants are samples, or positions of dense time: 2t is the tick t, 2t + 1 the time between it and
+the next one.
+"""
+
+
+class _Step(NamedTuple):
+    """How an operator reads from an instant: those at offsets lo to hi; None is no bound.
+
+    Attributes:
+        lo: Least offset, in samples or ticks.
+        hi: Greatest offset.
+        begin: Of a future operator without an end, the offset at which its window begins.
+        open_end: Whether the offset farthest from 0 does not belong to it.
+    """
+
+    lo: int | None
+    hi: int | None
+    begin: int | None = None
+    open_end: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How the value of a register depends on an operand.
+
+    Attributes:
+        operand: The number of the operand.
+        steps: From the register to the operand.
+        positive: Whether the value rises with the operand; it falls if not.
+        chosen: By which of ``"min"`` and ``"max"`` it is chosen among other values.
+    """
+
+    operand: int
+    steps: tuple[_Step, ...] = ()
+    positive: bool = True
+    chosen: frozenset[str] = frozenset()
+
+    def negated(self) -> _Way:
+        return replace(self, positive=not self.positive, chosen=_dual(self.chosen))
+
+    def among(self, *folds: str) -> _Way:
+        return replace(self, chosen=self.chosen | {*folds})
+
+    def after(self, step: _Step) -> _Way:
+        return replace(self, steps=(step, *self.steps))
+
+
+def _dual(chosen: frozenset[str]) -> frozenset[str]:
+    return frozenset({"min": "max", "max": "min"}[fold] for fold in chosen)
+
+
+class _Ways:
+    """A builder of the table's meanings whose registers are ways to operands."""
+
+    def __init__(self, operands: int) -> None:
+        self.registers = [[_Way(i)] for i in range(operands)]
+
+    def constant(self, value: float) -> int:  # noqa: ARG002 - it reads nothing
+        return self._new(())
+
+    def map(self, function: str, *args: int) -> int:
+        ways = [way for a in args for way in self.registers[a]]
+        if function == "neg":
+            return self._new(way.negated() for way in ways)
+        return self._new(way.among(function) for way in ways)
+
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
+        step = _Step(lo, hi, lo if hi is None else None)
+        folds = () if lo == hi else (fold,)
+        ways = (way for a in args for way in self.registers[a])
+        return self._new(way.among(*folds).after(step) for way in ways)
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        late = begin if end is None else None
+        return self._both(
+            p, q, _Step(0, end, late, open_end=end is not None), _Step(begin, end, late)
+        )
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        past = None if end is None else -end
+        return self._both(p, q, _Step(past, 0, open_end=end is not None), _Step(past, -begin))
+
+    def _both(self, p: int, q: int, held: _Step, reached: _Step) -> int:
+        ways = [way.after(held) for way in self.registers[p]]
+        ways += [way.after(reached) for way in self.registers[q]]
+        return self._new(way.among("min", "max") for way in ways)
+
+    def _new(self, ways: Iterable[_Way]) -> int:
+        self.registers.append(list(ways))
+        return len(self.registers) - 1
+
+
+@functools.lru_cache(maxsize=1024)
+def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
+    """The ways of an operator to the operands on which its value depends in one direction only."""
+    row = OPERATORS[name]
+    if row.operands == "term":
+        return ()
+    builder = _Ways(operands)
+    arguments = range(operands)
+    found = row.meaning(builder, *((bounds, *arguments) if row.timed else arguments))
+    ways = dict.fromkeys(builder.registers[found])
+    signs = {(way.operand, way.positive) for way in ways}
+    return tuple(way for way in ways if (way.operand, not way.positive) not in signs)
+
+
+_NO_BOUNDS: Bounds = (0, None)
+
+
+def _operands(node: Node) -> Mapping[int, bool]:
+    """The operands in which an implication can count, and whether they have the formula's sign."""
+    if node.op is None:
+        return {}
+    ways = _ways(node.op.name, len(node.args), _NO_BOUNDS)
+    return {way.operand: way.positive for way in ways}
+
+
+@functools.lru_cache(maxsize=512)
+def implications(formula: Formula) -> tuple[Formula, ...]:
+    """The implications in positive position, each once, in the order of the text, the outer first.
+
+    Not those whose right side is ``false``, which nothing could answer.
+
+    Example:
+        >>> from rtamt import parse
+        >>> implications(
+        ...     parse("always(a > 0 implies (b > 0 iff c > 0)) and not (a implies b)").formula
+        ... )
+        (<Formula a > 0 implies (b > 0 iff c > 0)>,)
+    """
+    found: dict[Formula, None] = {}
+    seen: set[tuple[Node, bool]] = set()
+    stack: list[tuple[Node, bool]] = [(formula, True)]
+    while stack:
+        place = node, positive = stack.pop()
+        if place in seen:
+            continue
+        seen.add(place)
+        if positive and _counts(node):
+            found[cast("Formula", node)] = None
+        below = sorted(_operands(node).items(), reverse=True)
+        stack += [(node.args[i], positive == same) for i, same in below]
+    return tuple(found)
+
+
+def _counts(node: Node) -> bool:
+    return node.op is OPERATORS["implies"] and node.args[1].op is not OPERATORS["false"]
+
+
+def unanswered(formula: Formula, answered: Sequence[Formula]) -> Formula:
+    """The formula with ``false`` as the right side of some implications in positive position."""
+    changed: dict[tuple[Node, bool], Node] = {}
+    false = make("false", ())
+    for node in formula.nodes():
+        signs = _operands(node)
+        for positive in (True, False):
+            args = tuple(
+                changed[arg, positive == signs[i]] if i in signs else arg
+                for i, arg in enumerate(node.args)
+            )
+            if positive and node in answered:
+                args = args[0], false
+            same = node.op is None or all(a is b for a, b in zip(args, node.args, strict=True))
+            changed[node, positive] = node if same else _like(node, args)
+    return cast("Formula", changed[formula, True])
+
+
+def _like(node: Node, args: tuple[Node, ...]) -> Node:
+    """The node with other operands."""
+    assert node.op is not None  # noqa: S101 - it has operands
+    return make(node.op.name, args, node.interval)
+
+
+class Reads(NamedTuple):
+    """The instants at which a formula reads a part of it in positive position.
+
+    Attributes:
+        all: All of them.
+        needed: Those at which the whole fails if the part does.
+    """
+
+    all: InstantRuns
+    needed: InstantRuns
+
+
+def reads(
+    formula: Formula, bounds: Callable[[Node], Bounds], trace: Extent
+) -> Mapping[Formula, Reads]:
+    """At which instants a formula reads its implications; it is judged at instant 0.
+
+    Args:
+        formula: The formula.
+        bounds: The bounds of an operator with an interval, in samples or ticks.
+        trace: The instants of the trace.
+    """
+    places: dict[Node, dict[tuple[bool, bool], list[tuple[int, float]]]] = {
+        formula: {(True, True): [(0, 0)]}
+    }
+    for node in reversed([*formula.nodes()]):
+        if node not in places or node.op is None:
+            continue
+        limits = bounds(node) if node.op.timed else _NO_BOUNDS
+        known = [(key, _merged(runs)) for key, runs in places[node].items()]
+        for way in _ways(node.op.name, len(node.args), limits):
+            below = places.setdefault(node.args[way.operand], {})
+            for (positive, alone), runs in known:
+                chosen = way.chosen if positive else _dual(way.chosen)
+                key = positive == way.positive, alone and "max" not in chosen
+                below.setdefault(key, []).extend(trace.along(way.steps, runs))
+    found = {}
+    for each in implications(formula):
+        at = places.get(each, {})
+        needed = at.get((True, True), [])
+        found[each] = Reads(_merged(needed + at.get((True, False), [])), _merged(needed))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """The instants of a trace, and what a reading of its end makes of windows.
+
+    Attributes:
+        last: The last instant that was recorded: a sample, or a position of dense time.
+        complete: Whether every window is cut to the trace.
+        cut: Whether that of a future operator without an end is, if any of it was recorded.
+        dense: Whether instants are positions of dense time.
+    """
+
+    last: int
+    complete: bool
+    cut: bool
+    dense: bool = False
+
+    def along(self, steps: Sequence[_Step], runs: InstantRuns) -> InstantRuns:
+        """The instants that are reached from some."""
+        for step in steps:
+            runs = _merged(run for each in runs for run in self._step(step, *each))
+        return runs
+
+    def _step(self, step: _Step, first: int, final: float) -> Iterator[tuple[int, float]]:
+        """The instants that a window at each of a run of instants reads."""
+        if step.open_end and step.lo == step.hi:
+            return  # nothing is before the end of an interval without length
+        unit, last = 2 if self.dense else 1, self.last
+        low = 0 if step.lo is None else first + unit * step.lo
+        high = math.inf if step.hi is None else final + unit * step.hi
+        if step.open_end and step.lo == 0:
+            high -= self._short(final)
+        elif step.open_end:
+            low += self._short(first)
+        if self.complete:
+            high = min(high, last)
+        elif self.cut and step.begin is not None:
+            within = last - unit * step.begin  # up to it something of the window was recorded
+            if first <= within:
+                yield max(0, low), last
+            if final <= within:
+                return
+            low = max(first, within + 1) + unit * (step.lo or 0)
+        if max(0, low) <= high:
+            yield max(0, low), high
+
+    def _short(self, instant: float) -> int:
+        """By how much a window whose farthest instant is missing is shorter than one that has it.
+
+        From the time between two ticks it reaches as far as one that has it.
+        """
+        return 0 if self.dense and instant % 2 else 1
+
+
+def _merged(runs: Iterable[tuple[int, float]]) -> InstantRuns:
+    found: list[tuple[int, float]] = []
+    for first, last in sorted(runs):
+        if found and first <= found[-1][1] + 1:
+            found[-1] = found[-1][0], max(found[-1][1], last)
+        else:
+            found.append((first, last))
+    return tuple(found)

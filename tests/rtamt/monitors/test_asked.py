@@ -1,0 +1,283 @@
+"""What a verdict stands on, against its definition and against the golden file."""
+
+import copy
+import functools
+import pickle
+from collections.abc import Callable
+from dataclasses import astuple
+from typing import Literal
+
+import numpy as np
+import pytest
+from asked_oracle import dense_evidence, evidence
+from dense_signals import Signals, relevant, signals
+from golden_cases import cases as golden
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from interface_cases import ROLES, Case, read
+from interface_oracle import SEMANTICS
+from strategies import INFINITIES, Trace, formulas, length, rooted, traces
+
+import rtamt
+from rtamt import Asked, Formula, Judgement, Verdict, judge, judge_dense, parse
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+
+Wrap = Callable[[Formula, Formula], Formula]
+WRAPS: tuple[Wrap, ...] = (
+    lambda f, _: f.always(),
+    lambda f, _: f.always(1, 3),
+    lambda f, _: f.always(2),
+    lambda f, _: f.eventually(),
+    lambda f, _: f.eventually(0, 2),
+    lambda f, _: f.historically(1, 2),
+    lambda f, _: f.once(),
+    lambda f, _: f.prev(),
+    lambda f, _: f.next(strong=True),
+    lambda f, _: f.rise(),
+    lambda f, _: ~f,
+    lambda f, g: f & g,
+    lambda f, g: g | f,
+    lambda f, g: f.implies(g),
+    lambda f, g: g.implies(f),
+    lambda f, g: f.iff(g),
+    lambda f, g: f.until(g, 1, 2),
+    lambda f, g: f.until(g, 0, 0),
+    lambda f, g: g.until(f, 1),
+    lambda f, g: f.since(g, 0, 2),
+    lambda f, g: g.since(f),
+    lambda f, g: f.unless(g, 1, 2),
+    lambda f, g: f.unless(g),
+    lambda f, _: f & f.next() & (f & f.historically(2, 2)).always(),
+    lambda f, g: (f & g).always().eventually(),
+)
+
+
+@functools.cache
+@st.composite
+def requirements(draw: st.DrawFn, most: int = 3, *, total: bool = True) -> Formula:
+    """A formula with an implication somewhere in it."""
+    formula = draw(rooted("implies", 1, endless=True, total=total))
+    for wrap in draw(st.lists(st.sampled_from(WRAPS), min_size=0, max_size=most)):
+        formula = wrap(formula, draw(formulas(1, total=total)))
+    return formula
+
+
+Rows = tuple[tuple[object, ...], ...]
+
+
+def rows_of(found: Judgement) -> Rows:
+    return tuple(astuple(each) for each in found.asked)
+
+
+def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
+    n = length(trace)
+    for end in ENDS:
+        found = judge(formula, trace, end=end, n=n, backend=backend)
+        assert (rows_of(found), found.never_asked, found.vacuous) == evidence(
+            formula, trace, n, end
+        ), end
+
+
+@settings(max_examples=250)
+@given(formula=requirements(), trace=traces(most=8))
+def test_it_is_as_defined(formula: Formula, trace: Trace, backend: Backend) -> None:
+    agrees(formula, trace, backend)
+
+
+@settings(max_examples=60)
+@given(
+    formula=requirements(total=False),
+    trace=traces(most=6, values=INFINITIES),
+)
+def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> None:
+    agrees(formula, trace, backend)
+
+
+@st.composite
+def aware(draw: st.DrawFn, drawn: st.SearchStrategy[Formula]) -> Case:
+    """A requirement that declares inputs and outputs, and a semantics."""
+    semantics = draw(st.sampled_from(SEMANTICS))
+    role = semantics.partition("-")[0]
+    plain = semantics in ("standard", "boolean")
+    roles = draw(ROLES.filter(lambda roles: plain or role in roles.values()))
+    declared = "".join(f"{io} float {name};\n" for name, io in roles.items())
+    return parse(f"{declared}{draw(drawn)}"), semantics
+
+
+@settings(max_examples=120)
+@given(case=aware(requirements(2)), trace=traces(most=6))
+def test_left_sides_are_judged_by_standard_semantics(
+    case: Case, trace: Trace, backend: Backend
+) -> None:
+    spec, semantics = case
+    n = length(trace)
+    for end in ENDS:
+        found = judge(spec, trace, end=end, n=n, semantics=semantics, backend=backend)
+        expected = evidence(spec.formula, trace, n, end, read(case))
+        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+
+
+# Dense time. -------------------------------------------------------------------------------------
+
+DENSE_WRAPS = tuple(wrap for i, wrap in enumerate(WRAPS) if i not in (7, 8, 9, 23))
+
+
+@functools.cache
+@st.composite
+def dense_requirements(draw: st.DrawFn) -> Formula:
+    """A formula over dense time with an implication somewhere in it."""
+    formula = draw(rooted("implies", 1, endless=True, dense=True))
+    for wrap in draw(st.lists(st.sampled_from(DENSE_WRAPS), min_size=0, max_size=2)):
+        formula = wrap(formula, draw(formulas(1, dense=True)))
+    return formula
+
+
+@settings(max_examples=200)
+@given(formula=dense_requirements(), whole=signals())
+def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Backend) -> None:
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    for end in ENDS:
+        found = judge_dense(formula, its, end=end, backend=backend)
+        expected = dense_evidence(formula, its, end)
+        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+
+
+@settings(max_examples=40)
+@given(formula=dense_requirements(), whole=signals(), data=st.data())
+def test_dense_left_sides_are_judged_by_standard_semantics(
+    formula: Formula, whole: Signals, data: st.DataObject, backend: Backend
+) -> None:
+    spec, semantics = data.draw(aware(st.just(formula)))
+    assume(spec.variables)
+    its = relevant(whole, spec.variables)
+    for end in ENDS:
+        found = judge_dense(spec, its, end=end, semantics=semantics, backend=backend)
+        expected = dense_evidence(formula, its, end, read((spec, semantics)))
+        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+
+
+# What it is for. ---------------------------------------------------------------------------------
+
+
+def test_golden(backend: Backend) -> None:
+    for case in golden("evidence.json"):
+        formula = parse(case["formula"]).formula
+        for end in ENDS[:2]:
+            found, expected = judge(formula, case["trace"], end=end, backend=backend), case[end]
+            rows = tuple(
+                (str(parse(row["text"]).formula), *(row[key] for key in KEYS))
+                for row in expected["asked"]
+            )
+            assert rows_of(found) == rows
+            assert found.verdict.name == expected["verdict"]
+            assert (found.never_asked, found.vacuous) == (
+                expected["never_asked"],
+                expected["vacuous"],
+            )
+
+
+KEYS = ("samples", "occasions", "first", "vacuous")
+RESPONSE = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+
+
+def test_a_satisfied_response_without_a_request_says_so(backend: Backend) -> None:
+    idle = judge(RESPONSE, {"req": [0] * 5, "gnt": [0] * 5}, backend=backend)
+    assert (idle.verdict, idle.never_asked, idle.vacuous) == (Verdict.SATISFIED, True, True)
+    assert idle.asked == (
+        Asked("req >= 3 implies eventually[0:2](gnt >= 3)", 0, 0, None, vacuous=True),
+    )
+    assert str(idle).splitlines()[-1] == "never asked"
+    trace = {"req": [3, 3, 0, 0, 0, 4, 0, 0], "gnt": [3, 3, 3, 0, 0, 5, 0, 0]}
+    busy = judge(RESPONSE, trace, backend=backend)
+    assert (busy.never_asked, busy.vacuous) == (False, False)
+    assert str(busy).splitlines()[-1] == "asked 2x, first at sample 0"
+    late = judge("eventually(a > 0) or (b > 0 implies c > 0)", {"a": [1], "b": [1], "c": [1]})
+    assert str(late).splitlines()[-1] == (
+        "asked 1x, first at sample 0, satisfied without an answer"
+    )
+    several = judge("always(a implies b) and always(b implies c)", {"a": [0], "b": [-1], "c": [1]})
+    assert str(several).splitlines()[-2:] == [
+        "asked 1x, first at sample 0: a implies b",
+        "never asked: b implies c",
+    ]
+
+
+def test_bounds_are_in_the_unit_of_the_text_and_whole_samples(backend: Backend) -> None:
+    spec = parse("always[200:400](a > 0 implies b > 0)", unit="ms")
+    found = judge(spec, {"a": [1] * 9, "b": [1] * 9}, "100ms", backend=backend)
+    assert (found.asked[0].samples, found.asked[0].first) == (3, 2)
+    found = judge(spec, {"a": [1] * 9, "b": [1] * 9}, 0.15, align="outward", backend=backend)
+    assert (found.asked[0].samples, found.asked[0].first) == (3, 1)
+    whole = {"a": [(0, 1), (1000, 1)], "b": [(0, 1), (1000, 1)]}
+    dense = judge_dense(spec, whole, backend=backend)
+    assert dense.asked[0].duration == 0.2
+    assert (dense.asked[0].first, dense.asked[0].occasions) == (200, 1)
+
+
+def test_a_single_instant_of_dense_time_counts(backend: Backend) -> None:
+    whole = {"a": [(0, 0), (2, 1)], "b": [(0, 1), (2, 1)]}
+    found = judge_dense("always(a > 0 implies b > 0)", whole, backend=backend)
+    assert astuple(found.asked[0])[1:] == (0.0, 1, 2.0, False)
+    dates = np.array(["2024-01-01T00:00:00", "2024-01-01T00:00:02"], "datetime64[s]")
+    dated = {name: rtamt.Events(dates, [0.0, 1.0]) for name in "ab"}
+    found = judge_dense("always(a > 0 implies b > 0)", dated, backend=backend)
+    assert found.asked[0].first == dates[1]
+    assert str(found.asked[0]).startswith("asked 1x, first at time 2024-01-01T00:00:02")
+
+
+def test_named_formulas_count_where_they_are_used(backend: Backend) -> None:
+    spec = "granted = req >= 3 implies gnt >= 3; always granted and always[2:3] granted"
+    found = judge(spec, {"req": [0, 3, 3, 3], "gnt": [3] * 4}, backend=backend)
+    assert [astuple(each) for each in found.asked] == [
+        ("req >= 3 implies gnt >= 3", 3, 1, 1, False)
+    ]
+
+
+def test_held_values_count(backend: Backend) -> None:
+    trace = {"a": [1, np.nan, -1], "b": [1, 1, 1]}
+    found = judge("always(a > 0 implies b > 0)", trace, nan="hold", backend=backend)
+    assert found.asked[0].samples == 2
+    spec = parse("input float a; output float b; always(a > 0 implies b > 0)")
+    for semantics in SEMANTICS:
+        found = judge(spec, trace, semantics=semantics, nan="hold", backend=backend)
+        assert found.asked[0].samples == 2
+
+
+def test_it_is_found_when_it_is_asked_for_and_reads_no_array_of_the_caller(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = parse("input float a; output float b; always(a > 0 implies b > 0)")
+    with monkeypatch.context() as patched:
+        for module in ("judgement", "dense_judgement"):
+            name = "evidence_of" if module == "judgement" else "dense_evidence"
+            patched.delattr(f"rtamt.monitors.{module}.{name}")
+        found = []
+        for semantics in SEMANTICS:
+            a, b = np.ones(4), np.ones(4)
+            found.append(judge(spec, {"a": a, "b": b}, semantics=semantics, backend=backend))
+            a[:] = b[:] = -1.0
+        judge_dense(spec, {name: [(0, 1), (1, 1)] for name in "ab"}, backend=backend)
+    assert [each.asked[0].samples for each in found] == [4] * len(SEMANTICS)
+
+
+def test_it_belongs_to_the_value_of_a_judgement() -> None:
+    trace = {"a": [1.0, -1.0, 1.0], "b": [1.0, 1.0, 1.0]}
+    found = judge("always(a > 0 implies b > 0)", trace)
+    other = judge("always(a > 0 implies b > 0)", {**trace, "a": [1.0, 1.0, 1.0]})
+    assert found.robustness == other.robustness
+    assert found != other
+    for twin in (copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
+        assert twin == found
+        assert (twin.asked, twin.vacuous) == (found.asked, found.vacuous)
+
+
+def test_formulas_that_share_their_parts_are_walked_once() -> None:
+    formula = parse("a > 0 implies b > 0").formula
+    for _ in range(15):
+        formula = formula.always(0, 1) & formula.always(1, 2)
+    found = judge(formula, {"a": [1.0] * 40, "b": [1.0] * 40}, end="complete")
+    assert astuple(found.asked[0])[1:] == (31, 1, 0, False)
