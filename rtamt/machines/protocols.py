@@ -198,7 +198,7 @@ class DenseEpisodeMachine(Stateful, Protocol):
     @property
     def update(self) -> Callable[..., float]: ...
     def finish(self, end: End = "complete") -> float:
-        """End the trace, make the bounds those of this reading, and return the robustness."""
+        """End the trace, set the bounds as this reading says, and return the robustness."""
 
     def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
         """Take in a whole trace, with times as they were given.

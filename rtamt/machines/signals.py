@@ -66,7 +66,7 @@ class Values(NamedTuple):
         source: Gives the settled values.
         place: Which output of the source it is.
         settled: How many values are settled.
-        rest: Those after them in one world; the last one stays for ever.
+        rest: The values after them in one world; the last one stays for ever.
     """
 
     source: Settled
@@ -223,11 +223,11 @@ def _variables(program: Program) -> list[int] | None:
 class WindowPass:
     """A window with an end, which reads unseen elements otherwise than a machine does.
 
-    In the open reading it is a window that skips them; in that of a cut trace, a part of an
-    operator without end.
+    In the open reading it is a window that skips them; in the cut reading, a part of an operator
+    without end.
 
     Attributes:
-        needs_open: Whether its values of a cut trace need those of the open reading.
+        needs_open: Whether its values in the cut reading need its values in the open one.
     """
 
     def __init__(self, folded: Folded, machine: MakeMachine) -> None:
@@ -248,7 +248,7 @@ class WindowPass:
         """The folds at all times.
 
         Args:
-            signals: Those of the variables of its operands.
+            signals: The signals of the variables of its operands.
             world: The world, of a trace that is not complete.
             n: Length of the trace.
             opened: If the trace was cut and `needs_open`, the folds of the open reading.
@@ -277,7 +277,7 @@ class FoldPass:
         beyond: Its value at all unseen times of the open reading, if it is known.
 
     Attributes:
-        needs_open: Whether its values of a cut trace need those of the open reading.
+        needs_open: Whether its values in the cut reading need its values in the open one.
     """
 
     def __init__(self, folded: Folded, machine: MakeMachine, beyond: float | None) -> None:
@@ -298,7 +298,7 @@ class FoldPass:
         *,
         cut: bool,
     ) -> WholeSignal:
-        """The fold of the operands from every time on; the arguments are those of `WindowPass`."""
+        """The fold of the operands from every time on; `WindowPass` documents the arguments."""
         operands = self._operands.signals(signals, world, n)
         recorded = [operand.recorded for operand in operands]
         if world == ENDED:

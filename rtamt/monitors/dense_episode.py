@@ -53,7 +53,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     Events come in chunks of any size, each variable at its own pace; what is said of a time does
     not depend on the chunks. A variable with a declared value has it until its first event, and
     nothing waits for it: that event must come later than `settled`. Memory holds the events inside
-    the longest windows, and those of variables that run ahead.
+    the longest windows, and events of variables that run ahead.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -126,7 +126,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     decided_at: MachineValue[float | None] = machine_value(
         "decided_at",
         "The first tick such that the trace up to it decides the verdict, whatever follows: a time "
-        "as those of the events; None while there is none, and if the end decided.",
+        "of the kind of the events' times; None while there is none, and if the end decided.",
     )
     finished: MachineValue[bool] = machine_value(
         "finished", "Whether `finish` has ended the trace."
@@ -144,14 +144,14 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     def finish(self, end: End = "complete") -> float:
         """End the trace at `settled`: make bounds and verdict final, give the robustness.
 
-        The readings of the end are those of `EpisodeMonitor.finish`. Calling it again changes
-        nothing, whatever the reading.
+        `EpisodeMonitor.finish` describes the readings of the end. Calling it again changes nothing,
+        whatever the reading.
 
         Args:
             end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
 
         Returns:
-            ``robustness``: that of the complete trace, moved to the bounds.
+            ``robustness``: it judges the complete trace, moved to the bounds.
 
         Raises:
             InputError: On another reading, or if there is no time at which all variables are known;

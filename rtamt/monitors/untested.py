@@ -102,7 +102,7 @@ class _Walk:
         missing = window.hi is None and (not cut or begin >= n)
         if window.endless:
             missing = cut and time + window.begin >= n
-        if not cut:  # an unseen element may not be there, but for that of the window's own time
+        if not cut:  # an unseen element may not be there, except at the window's own time
             missing |= window.hi is not None and time + window.hi >= max(n, time + 1)
         deeper = []
         flags = self._foresight.undecided(window.args, self._end)

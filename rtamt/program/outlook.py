@@ -185,7 +185,7 @@ def unending(program: Program, unseen: float) -> Program:
 
 
 def otherwise_read(program: Program, *, best: bool, cut: bool) -> frozenset[int]:
-    """The windows with an end whose values near the end of a trace are not those of a machine.
+    """The windows with an end whose values near the end of a trace a machine would not give.
 
     Args:
         program: The program; its variables are predicates, which are unknown at unseen samples.
@@ -406,7 +406,7 @@ def planned(
 ) -> tuple[tuple[Folded, ...], Program]:
     """Applies `folded_apart` to the part that computes some registers, its outputs in order.
 
-    The registers of windows are those of the whole program.
+    The windows name their registers in the whole program.
     """
     outputs = {str(i): register for i, register in enumerate(registers)}
     kept = sorted(program.needed(*registers))

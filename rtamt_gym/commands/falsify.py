@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=SELECTOR",
-        help="what a variable reads, as for rtamt run; those of a scenario read what they name",
+        help="what a variable reads, as for rtamt run; variables of a scenario read what they name",
     )
     add_varied(parser)
     parser.add_argument(

@@ -268,7 +268,7 @@ class VectorCostMeter:
         """The costs of a step, an array for each key, as `CostMeter.take` names them.
 
         Args:
-            violated: By specification and environment, whether it is violated.
+            violated: Whether specifications are violated, shape (specifications, environments).
             stepped: The environments that made a step; None: all.
         """
         costs = _costs(self._kind, self._worst.copy(), violated, self._charged)

@@ -43,7 +43,7 @@ class VectorPanel:
         violated_at: The sample that showed it; -1 where there is none.
         robustness: The least robustness over the specifications.
 
-    The arguments are those of `Panel`, the number of environments, and the names of the columns of
+    It takes the arguments of `Panel`, the number of environments, and the names of the columns of
     the tables that are fed.
 
     Raises:
@@ -70,8 +70,8 @@ class VectorPanel:
         self._picks = [
             pick([columns.index(name) for name in spec.variables]) for spec in specs.values()
         ]
-        # By specification and environment the sample that decided it, -1 while it is open; and how
-        # many are decided.
+        # The sample that decided each specification in each environment, -1 while it is open; and
+        # how many are decided.
         self._decided_at = np.full((len(specs), num), -1)
         self._decided = 0
         self._violated = np.zeros((len(specs), num), np.bool_)
@@ -107,11 +107,11 @@ class VectorPanel:
         return self._judges[0].samples
 
     def undecided(self, at: Numbers) -> NDArray[np.bool_]:
-        """By specification, whether the verdict on the environments of these numbers is open."""
+        """Whether verdicts are open: a row for each specification, a column for each of `at`."""
         return self._decided_at.take(at, axis=1) < 0
 
     def knows(self, above: Mapping[str, float]) -> NDArray[np.bool_]:
-        """By environment, whether every robustness is known, as `Panel.knows` says."""
+        """Whether every robustness is known, as `Panel.knows` says, for each environment."""
         known = np.ones(len(self.violated_at), np.bool_)
         for name, (_, judge) in self.monitors.items():
             lower = judge.lower
@@ -119,11 +119,11 @@ class VectorPanel:
         return known
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
-        """By specification, whether the environments of these numbers satisfy it."""
+        """Whether verdicts are satisfied: a row for each specification, a column for each of `at`."""
         return np.array([judge.verdict[at] > 0 for judge in self._judges])
 
     def success(self, at: Numbers) -> Lanes:
-        """For the environments of these numbers, whether all specifications are satisfied."""
+        """Whether each of the environments `at` satisfies all specifications."""
         failed: Lanes = np.logical_or.reduce(self.undecided(at) | self._violated.take(at, axis=1))
         return ~failed
 
@@ -201,7 +201,7 @@ class VectorPanel:
         return self._upper
 
     def _uppers(self) -> list[Floats]:
-        """By specification, the upper bounds."""
+        """The upper bounds of each specification, an array with a number for each environment."""
         found = [judge.upper for judge in self._judges]
         if not self._fails:
             return found
@@ -219,12 +219,12 @@ class VectorPanel:
         self._record(at, found.take(at, axis=1))
 
     def _verdicts(self, at: Numbers) -> NDArray[np.int8]:
-        """By specification, the verdicts on the environments of these numbers."""
+        """The verdicts: a row for each specification, a column for each of the environments `at`."""
         found = np.array([judge.verdict[at] for judge in self._judges])
         return np.where(self._failed.take(at, axis=1), np.int8(-1), found)
 
     def _record(self, at: Numbers, verdicts: NDArray[np.int8]) -> None:
-        """Records the new ones among the verdicts on the environments of these numbers."""
+        """Records the verdicts on the environments `at` that were open before."""
         before = self._decided_at.take(at, axis=1)
         new = (verdicts != 0) & (before < 0)
         count = int(np.count_nonzero(new))
@@ -261,7 +261,7 @@ class VectorPanel:
         }
 
     def outcomes(self, at: Numbers) -> dict[str, dict[str, Any]]:
-        """The outcome of every specification so far, in the environments of these numbers."""
+        """The outcome of every specification so far, in the environments `at`."""
         found = outcome(
             np.array([judge.robustness[at] for judge in self._judges]),
             self._verdicts(at),

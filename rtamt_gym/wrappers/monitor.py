@@ -38,7 +38,7 @@ class StlMonitor(
     observation after a step with the action and the reward of that step, the terminal observation
     included. Observations, actions and rewards pass through unchanged, but for ``observe=``.
 
-    Every ``info``, that of :meth:`reset` included, gets
+    Every ``info``, also from :meth:`reset`, gets
 
     * ``robustness`` (float): the least robustness over the specifications, if the episode ended now
     * ``stl_lower``, ``stl_upper`` (float): bounds of what it can still become
@@ -83,13 +83,13 @@ class StlMonitor(
     an environment makes several in one step of its own: a violation between two observations is
     seen. Signals are read from the simulation (``qpos[1]``, ``body:torso.xpos[2]``,
     ``vehicle.speed``, or a callable, which reads ``env`` and gets neither observation nor reward
-    nor info) and from the action, which holds during the step. The period is that of the
+    nor info) and from the action, which holds during the step. The period is a step of the
     simulation, sample numbers count its steps, and an episode still ends after a whole step of the
     environment. For the MuJoCo environments of Gymnasium and for highway-env.
 
     With ``view="step"`` a formula is a requirement on every instant, as in an online monitor:
-    ``robustness`` is that of the newest instant whose horizon has passed (before the first, that of
-    the samples so far), bounds and verdict are those of ``always(formula)``.
+    ``robustness`` is the robustness at the newest instant whose horizon has passed (before the
+    first, of the samples so far); bounds and verdict judge ``always(formula)``.
 
     ``observe="state"`` appends the state of the monitors to the observation, for a learner or a
     policy that is to act on it; the reward stays as it is, and signals read the observation of the

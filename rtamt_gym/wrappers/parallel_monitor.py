@@ -46,27 +46,27 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
     The environment is one of PettingZoo's parallel API, and so is the wrapper. Specifications speak
     of the agents' joint signals: a selector says whose signal it reads, ``agent_0: obs[2]``,
     ``agent_1: action[0]``, ``agent_0: reward``, ``agent_1: info['speed']``; a callable gets a
-    :class:`rtamt_gym.Step` whose observations, actions, rewards and infos are those of all agents,
-    by agent. Samples, verdicts, costs and the options are those of :class:`StlMonitor`, as if the
-    agents were one:
+    :class:`rtamt_gym.Step` with the observations, actions, rewards and infos of all agents, by
+    agent. Samples, verdicts, costs and options are as for :class:`StlMonitor`, as if the agents
+    were one:
 
     * **Infos.** Every agent of a step, or of a reset, gets the keys that :class:`StlMonitor` adds,
       all agents the same: ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``, and
-      ``stl`` and ``cost`` where asked for. The cost is that of the whole: sum it for one agent, not
-      over agents.
+      ``stl`` and ``cost`` where asked for. The cost is one number for all agents: sum it over the
+      steps of one agent, not over agents.
     * **A certain violation** ends the episode of all agents, unless it is only reported: each is
       terminated, or truncated, and :attr:`agents` is empty.
-    * **The end of the episode** is that of the last agents. It is read by ``at_termination`` if one
-      of those that leave then is terminated, else by ``at_truncation``. The agents that are there
-      then get the last info, with ``stl_episode``, ``stl_success``, ``stl_undecided``,
-      ``is_success``, and of a violation ``stl_violated_by`` and ``stl_violated_at``.
+    * **The episode ends** when the last agents leave. The end is read by ``at_termination`` if one
+      of them is terminated, else by ``at_truncation``. The agents that are there then get the last
+      info, with ``stl_episode``, ``stl_success``, ``stl_undecided``, ``is_success``, and after a
+      violation ``stl_violated_by`` and ``stl_violated_at``.
     * **An agent that leaves before** ends no episode, and its own last info has no verdict, for the
       others go on. Its signals have no value then: an error says so, unless ``nan="hold"`` keeps
       their last value. That nobody may leave is a requirement like others, on a callable such as
       ``lambda step: len(step.obs)``.
 
-    ``state()``, ``render()`` and every other attribute are those of the environment. PettingZoo
-    need not be installed; where it is, the wrapper is one of its ``ParallelEnv``.
+    ``state()``, ``render()`` and every other attribute come from the environment. PettingZoo need
+    not be installed; where it is, the wrapper is one of its ``ParallelEnv``.
 
     Attributes:
         stl_episodes: Records of the last ``buffer_length`` episodes that ended, as
@@ -159,9 +159,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             cost: As for :class:`StlMonitor`
             buffer_length: How many records :attr:`stl_episodes` keeps
             history: Whether to keep the samples of the episode for :meth:`explain`
-            **reading: How samples are judged, as for :class:`StlMonitor`, the end being that of
-                the last agents: ``period``, ``view``, ``nan``, ``align``, ``semantics``,
-                ``inputs``, ``outputs``, ``at_termination`` and ``at_truncation``
+            **reading: How samples are judged, as for :class:`StlMonitor`, up to the end of the
+                last agents: ``period``, ``view``, ``nan``, ``align``, ``semantics``, ``inputs``,
+                ``outputs``, ``at_termination`` and ``at_truncation``
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does

@@ -1,6 +1,6 @@
 """The machine of `DenseEpisodeMonitor` in Python: robustness and bounds at the begin of a trace.
 
-It is that of `EpisodeMonitor` (`rtamt.machines.episode.machine`) over the regions of dense time.
+It does over the regions of dense time what `rtamt.machines.episode.machine` does over samples.
 Position 0 is the begin of the trace, and the last position that was seen is the instant of the
 earliest of the variables' last events.
 """
@@ -293,7 +293,7 @@ class PythonDenseEpisodeMachine(StateFields):
     def _with_defaults(
         self, columns: Sequence[TimedColumn], heard: Sequence[bool]
     ) -> Sequence[TimedColumn]:
-        """The events with those of declared values, which last until a variable's first event.
+        """The events, with declared values before them, which last until a variable's first event.
 
         Args:
             columns: The new events.

@@ -113,7 +113,7 @@ class Stream(Polynomials):
         self.last = -1
 
     def settle(self, t: int) -> Array | None:
-        """The value that settles with sample t, that of time t - late; None before time 0."""
+        """The value at time t - late, which settles with sample t; None before time 0."""
         return None if t < self.late else self._settled(t - self.late)
 
     def _settled(self, time: int) -> Array:

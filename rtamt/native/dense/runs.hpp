@@ -41,8 +41,8 @@ struct RegionFold {
 // Throws std::invalid_argument if there is no such fold.
 RegionFold fold_named(const std::string& name);
 
-// Runs of elements: a run lasts from its start to the next one. Of one operand the first numbers of
-// pairs play no part. Every run has an element for each corner.
+// Runs of elements: a run lasts from its start to the next one. With one operand the first numbers
+// of pairs play no part. Every run has an element for each corner.
 struct Runs {
     std::vector<Time> starts;
     std::vector<Pair> values;
@@ -84,8 +84,8 @@ Runs clipped(const Runs& runs, Time begin, Time end = std::numeric_limits<Time>:
 // Two signals as one of pairs, from a position on.
 Runs joint(const Runs& p, const Runs& q, Time begin);
 
-// The elements of a fold of two operands: see `paired` in rtamt/machines/dense/runs.py. The end is
-// that of the last run, if it has one.
+// The elements of a fold of two operands: see `paired` in rtamt/machines/dense/runs.py. The last
+// run ends at `end`, if there is one.
 Runs paired(RegionFold fold, const Runs& pairs, std::optional<Time> end);
 
 // The fold over offsets lo to hi of every position from begin to end.

@@ -200,7 +200,7 @@ private:
             if constexpr (F::width == 1) {
                 const Extremes open = in_.only()->extremes(w, t);
                 x = F::combine_alone(x, F::identity > 0 ? open.least : open.greatest);
-                // The last values of recorded times may be those of all later ones.
+                // The last values of recorded times may hold at all later ones.
                 if (in_.end(w, t) < last) x = F::combine_alone(x, in_.tail(w));
             }
         } else {

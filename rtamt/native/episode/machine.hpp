@@ -22,7 +22,7 @@ class UnsettledStream;
 class InitialValue;
 
 // One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi.
-// It writes the register after that of the row before.
+// It writes the next register after the row before.
 struct FormulaRow {
     std::string kind;
     std::string name;

@@ -117,7 +117,7 @@ private:
     Stream& a_;
     Stream& b_;
     std::unique_ptr<Summary> summary_;
-    // For the reader of a like fold, that of the settled values of both operands.
+    // For the reader of a like fold, the fold of the settled values of both operands.
     bool spreads_ = false;
     double settled_ = F::identity;
 };

@@ -13,7 +13,7 @@
 namespace rtamt::episode {
 
 // What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best. The
-// others are found when a trace is cut: the worst and the best anew, and those of a cut trace.
+// others are found when a trace is cut: the worst and best anew, and the worst and best if cut.
 enum World : int { kNow, kLower, kUpper, kOpenLower, kOpenUpper, kCutLower, kCutUpper };
 constexpr int kWorlds = 7;
 constexpr World kAll[] = {kNow, kLower, kUpper};

@@ -1,5 +1,5 @@
 // Responses: `p or eventually[a:b] q` at every time, of which a reader wants the least of the open
-// values; `p or always[a:b] q`; and their duals. The words here are those of `or`.
+// values; `p or always[a:b] q`; and their duals. The words here are for `or`.
 #pragma once
 
 #include <algorithm>
@@ -59,7 +59,7 @@ using Opposite = std::conditional_t<std::is_same_v<F, Min>, Max, Min>;
 
 // The least of max(p, q[a:b]) over the windows that reach to the present, where F is Max. The later
 // a window begins, the less is its q. So of two windows the earlier one does not matter if its p is
-// not below that of the later one, and p rises along the others. In the first of these the greatest
+// not below the later one's, and p rises along the others. In the first of these the greatest
 // q so far is not below p: there no window matters but the last, and its value is that q. In the
 // rest q is below p, and the first has the least value. A sample moves windows from the rest to the
 // first, or shortens the rest from its end.

@@ -125,7 +125,7 @@ public:
     virtual void prepare() {}
 
     // Whether the least or the greatest of extremes() is found without find_open(), for a reader who
-    // folds all settled values. The extremes may include those of some settled values.
+    // folds all settled values. The extremes may include some settled values.
     virtual bool summarises(World, bool /*greatest*/) const { return false; }
     virtual Extremes extremes(World, Time) const { return {}; }
 
@@ -167,8 +167,8 @@ protected:
     }
     // Makes room for the open values of a world.
     double* open(World w, std::size_t count);
-    // Writes the values of times `from` on, up to the last open one, which are those of a stream in
-    // a world; `out` is the place of the first open value.
+    // Writes the values of times `from` on, up to the last open one, as a stream has them in a
+    // world; `out` is the place of the first open value.
     void write_from(double* out, Time from, World w, Time t, const Stream& stream, World its) {
         from = std::max(from, last_ + 1);
         const Time to = end(w, t);
@@ -188,7 +188,7 @@ protected:
     std::array<Outlook, kWorlds> outlook_;
     std::array<double, kWorlds> tail_{};
     std::array<Span, kWorlds> open_;
-    // Whether values of a trace that was cut are those of the open reading from some time on.
+    // Whether from some time on the cut reading has the values of the open reading.
     bool goes_over_ = false;
 
 private:

@@ -126,7 +126,7 @@ private:
         return std::make_unique<FoldColumns<Most>>(num_, operand, begin, end);
     }
 
-    // Splits the operand of a fold where the function is that of the fold; false if a part has no
+    // Splits the operand of a fold where its function is the fold's own; false if a part has no
     // range.
     bool split(std::size_t r, const std::string& name, FoldOperand& operand) const {
         std::vector<std::size_t> rest{r};
