@@ -119,7 +119,7 @@ class VectorPanel:
         return known
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
-        """Whether verdicts are satisfied: a row for each specification, a column for each of `at`."""
+        """Whether they are satisfied: a row for each specification, a column for each of `at`."""
         return np.array([judge.verdict[at] > 0 for judge in self._judges])
 
     def success(self, at: Numbers) -> Lanes:
@@ -219,7 +219,7 @@ class VectorPanel:
         self._record(at, found.take(at, axis=1))
 
     def _verdicts(self, at: Numbers) -> NDArray[np.int8]:
-        """The verdicts: a row for each specification, a column for each of the environments `at`."""
+        """The verdicts: a row for each specification, a column for each environment of `at`."""
         found = np.array([judge.verdict[at] for judge in self._judges])
         return np.where(self._failed.take(at, axis=1), np.int8(-1), found)
 
