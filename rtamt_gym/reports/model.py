@@ -28,17 +28,17 @@ __all__ = [
     "Counts",
     "Decision",
     "Fact",
-    "Kind",
     "Picture",
     "Report",
     "Section",
+    "SectionKind",
     "ShownEpisode",
     "ShownRequirement",
     "ShownTrial",
     "plain",
 ]
 
-Kind = Literal["evaluation", "sweep", "search", "matrix", "comparison"]
+SectionKind = Literal["evaluation", "sweep", "search", "matrix", "comparison"]
 """What a section is about: episodes of a policy, simulations of a record, the search for a
 violation, recorded traces, or two evaluations side by side."""
 
@@ -241,7 +241,7 @@ class Section:
         matrix: The recorded traces, if the section is about some.
     """
 
-    kind: Kind
+    kind: SectionKind
     title: str
     system: str = ""
     policy: str = ""

@@ -10,12 +10,6 @@ from paths import ROOT
 ALTERNATIVES = {"SatisfactionCallback"}
 """Names that users import from the module of their learner, one callback for each."""
 
-OPEN = {
-    "Kind",
-    "Lanes",
-}
-"""Names that still mean two things."""
-
 
 def definitions(path: Path) -> Iterator[tuple[str, str]]:
     """The public classes and type aliases of a file: the name, and the type that an alias names."""
@@ -40,4 +34,4 @@ def test_a_name_is_one_class_or_one_type() -> None:
                     known[name].add(what)
     assert len(known) > 300
     twice = {name for name, meanings in known.items() if len(meanings) > 1}
-    assert twice - ALTERNATIVES - OPEN == set()
+    assert twice == ALTERNATIVES

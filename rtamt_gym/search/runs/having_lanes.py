@@ -13,7 +13,7 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import read_period
-from rtamt_gym.search.runs.lanes import Lanes
+from rtamt_gym.search.runs.lanes import NativeLanes
 from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.record import Stop
@@ -27,7 +27,7 @@ def lanes_of(
     duration: float | None,
     stop: Stop,
     batch: int,
-) -> Lanes | None:
+) -> NativeLanes | None:
     """The lanes that run the cases of an environment; None if it has none, or they do not do."""
     spec = system.spec if isinstance(system, gym.Env) else None
     if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
@@ -47,7 +47,7 @@ def lanes_of(
     most = None
     if duration is not None and duration != math.inf:
         most = int(exact(duration) / (panel.period or 1))
-    return Lanes(system, judging, elements, most, stop, batch)
+    return NativeLanes(system, judging, elements, most, stop, batch)
 
 
 def _elements(

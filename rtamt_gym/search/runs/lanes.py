@@ -24,7 +24,7 @@ from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 
-__all__ = ["Lanes"]
+__all__ = ["NativeLanes"]
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _NUMBERS: Final = 2**24
 """The most numbers that the actions of a batch may be; a batch of long runs has fewer lanes."""
 
 
-class Lanes:
+class NativeLanes:
     """The lanes of a native vector environment: each runs a case, and all step together.
 
     `rtamt_gym.simulate` gives the same numbers, to the last bit.
@@ -251,7 +251,12 @@ class _Batch:
     """
 
     def __init__(
-        self, lanes: Lanes, panel: VectorPanel, num: int, count: int, above: Mapping[str, float]
+        self,
+        lanes: NativeLanes,
+        panel: VectorPanel,
+        num: int,
+        count: int,
+        above: Mapping[str, float],
     ) -> None:
         self._panel = panel
         self._above = above

@@ -27,7 +27,7 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.reading import Reading, RunReading, checked_reading, lists_reading
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.having_lanes import lanes_of
-from rtamt_gym.search.runs.lanes import Lanes
+from rtamt_gym.search.runs.lanes import NativeLanes
 from rtamt_gym.search.runs.options import check_system, duration_of
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.trace import SimulatedTrace
@@ -159,7 +159,7 @@ class Runner:
         if self._made is not None:
             self._made.close()
         if getattr(self, "_lanes", None) is not None:
-            cast("Lanes", self._lanes).close()
+            cast("NativeLanes", self._lanes).close()
 
     @property
     def system(self) -> Any:  # noqa: ANN401 - MuJoCo is not typed
@@ -356,7 +356,7 @@ class Runner:
             raise InputError(f"seeds= are for environments, got some for {self.name}")
         return _Task(listed, given, keep, above)
 
-    def _groups(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], Lanes | None]]:
+    def _groups(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], NativeLanes | None]]:
         """The indices of cases that run side by side, with their lanes; None: one by one."""
         lanes = self._lanes
         if lanes is None:
@@ -371,7 +371,9 @@ class Runner:
             for begin in range(0, len(indices), lanes.size):
                 yield indices[begin : begin + lanes.size], lanes
 
-    def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Trial]]:
+    def _batch(
+        self, lanes: NativeLanes, task: _Task, indices: list[int]
+    ) -> Iterator[tuple[int, Trial]]:
         """Runs a batch in lanes; after an error, those that are not over one by one."""
         left = dict.fromkeys(indices)
         keep = None if task.keep is None else _renumbered(task.keep, indices)
