@@ -1,5 +1,6 @@
 #include "dense/regions.hpp"
 
+#include <cstdlib>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -557,6 +558,17 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
                   row.guard, row.endless);
     }
     fingerprint_ = print.value();
+    std::vector<Time> reaches(registers);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const RegionRow& row = rows[i];
+        const Time lo = row.lo.value_or(0), hi = row.hi.value_or(0);
+        require(-kEver <= lo && -kEver <= hi);
+        const Time inner = std::max(reaches[row.a], reaches[row.b]);
+        const Time own = std::max(std::abs(lo), std::abs(hi));
+        require(own <= kEver - inner);
+        reaches[terms + i] = inner + own;
+        reach_ = std::max(reach_, inner + own);
+    }
     const auto operand = [&](std::size_t reg) -> RegionStream& {
         require(streams_[reg] != nullptr);
         return *streams_[reg];
@@ -664,7 +676,7 @@ void Regions::fields(Snapshot& s) {
     s(t_);
     s.sized(first_);
     s.require(first_.size() == (t_ < 0 ? 0 : terms_));
-    s.require(t_ >= -1 && (t_ < 0 || t_ % 2 == 0));
+    s.require(t_ >= -1 && (t_ < 0 || t_ % 2 == 0) && t_ <= kEver - reach_);
     for (const std::size_t reg : order_) {
         RegionStream& stream = *streams_[reg];
         stream.fields(s);

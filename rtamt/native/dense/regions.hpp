@@ -79,6 +79,7 @@ private:
     std::unique_ptr<RegionTrace> trace_;
     Time t_ = -1;
     std::vector<double> first_;  // the terms at position 0
+    Time reach_ = 0;  // how far beyond a position registers look
     std::uint64_t fingerprint_;
 };
 

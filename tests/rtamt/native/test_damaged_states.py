@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rtamt import DenseMonitor, EpisodeMonitor, Monitor, VectorEpisodeMonitor, VectorMonitor
+from rtamt import (
+    DenseEpisodeMonitor,
+    DenseMonitor,
+    EpisodeMonitor,
+    Monitor,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+)
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -80,9 +87,31 @@ CHANGED: dict[str, Callable[[], Any]] = {
 }
 
 
+class Regions:
+    """A monitor whose registers alone are damaged."""
+
+    def __init__(self) -> None:
+        self.monitor = DenseEpisodeMonitor(
+            "always((x > 0) until[1:3] (once[0:2](x > 1)) or eventually(x > 3))", backend="native"
+        )
+        machine: Any = self.monitor._machine
+        self._machine = machine._readings[0]._machine
+
+    @property
+    def settled(self) -> float:
+        settled: float = self.monitor.settled
+        return settled
+
+    def update(self, events: Any) -> None:  # noqa: ANN401 - as the monitor takes them
+        self.monitor.update(events)
+
+
+CHANGED["dense regions"] = Regions
+
+
 def play(kind: str, monitor: Any, rng: random.Random, n: int) -> None:  # noqa: ANN401 - as feed
     for _ in range(n):
-        if kind == "dense":
+        if "dense" in kind:
             begin = max(0.0, monitor.settled) + 9.0
             monitor.update({"x": [(begin + rng.random(), rng.gauss(0, 2))]})
         else:

@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 
 from rtamt.language.parser import as_specification
-from rtamt.program.dense_lowering import compile_dense
+from rtamt.program.dense_lowering import NANOSECOND, compile_dense
+from rtamt.program.dense_regions import compile_regions
+from rtamt.program.encoding import encoded_regions
 from rtamt.program.lowering import compile_program
+from rtamt.program.placement import place
 
 module = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 native = pytest.importorskip("rtamt.machines.native", reason="no compiler was at hand")
@@ -28,6 +31,9 @@ MAKERS: dict[str, Maker] = {
     "EpisodeMachine": lambda text, reader: native.episode_machine(program(text), reader),
     "DenseMachine": lambda text, reader: native.dense_machine(
         compile_dense(as_specification(text), online=True), reader, ()
+    ),
+    "DenseRegions": lambda text, _: module.DenseRegions(
+        *encoded_regions(place(compile_regions(as_specification(text), NANOSECOND).program))
     ),
     "DiscreteBank": lambda text, reader: native.discrete_bank(program(text), 3, reader),
     "EpisodeBank": lambda text, reader: native.episode_bank(program(text), 3, reader),
@@ -59,7 +65,7 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
         with pytest.raises(TypeError):
             getattr(unmade, method)()
     with pytest.raises(TypeError):
-        unmade.update(1.0)
+        unmade.advance([], 0) if name == "DenseRegions" else unmade.update(1.0)
     del unmade
     gc.collect()
 
