@@ -82,6 +82,8 @@ def document(kind: str, fields: Mapping[str, Any]) -> str:
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
     """A value as dicts, lists, numbers and texts, which strict JSON can say."""
+    if type(value) in _AS_IT_IS:  # most are
+        return value
     for kind, make in _PLAIN:
         if isinstance(value, kind):
             return make(value)
@@ -148,6 +150,9 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
         "trials": results.rows,
     }
 
+
+_AS_IT_IS: Final = frozenset({str, int, bool, type(None)})
+"""The types whose values JSON holds as they are."""
 
 _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] = (
     (
@@ -235,12 +240,15 @@ def check_name(path: str | os.PathLike[str]) -> None:
         raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .json")
 
 
-def read(path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS)) -> dict[str, Any]:
+def read(
+    path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS), others: str = ""
+) -> dict[str, Any]:
     """Reads the file of a result; one of version 1 is read as what version 2 would have.
 
     Args:
         path: The file.
         kinds: The kinds that are expected.
+        others: What else could have been given, for an error.
 
     Raises:
         InputError: If the file does not hold such a result; says what it holds, and what writes
@@ -251,7 +259,7 @@ def read(path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS)) -> d
     what = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
     written = ", ".join(KINDS[kind] for kind in kinds)
     verb = "writes" if len(kinds) == 1 and " and " not in written else "write"
-    expected = f"expected a file that {written} {verb}"
+    expected = f"expected a file that {written} {verb}{others}"
     try:
         kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end

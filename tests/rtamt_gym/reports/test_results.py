@@ -19,7 +19,8 @@ from rtamt_gym.search.runs.report import to_json
 KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
     "--json, rtamt falsify --json, rtamt falsify --save and Falsification.save, rtamt evaluate "
-    "--save and Evaluation.save, rtamt compare --save and Comparison.save, rtamt mine --json write"
+    "--save and Evaluation.save, rtamt compare --save and Comparison.save, rtamt mine --json "
+    "write, or the Parquet file or the folder of a sweep, a campaign or a run"
 )
 
 
