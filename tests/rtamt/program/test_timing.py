@@ -2,9 +2,11 @@
 
 import math
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
+from catalogue import check, entries
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -60,115 +62,43 @@ def test_periods_scale_time_and_not_values() -> None:
     assert evaluate("once[0.02:0.04](x > 0)", x, "20ms").tolist() == in_samples.tolist()
 
 
+ERRORS = entries(Path(__file__).with_name("errors.txt"))
+
 REFUSED: list[tuple[str, Period | None, str]] = [
-    (
-        "always[0:0.25](x > 0)",
-        0.1,
-        (
-            "STL:1:7: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
-            "  always[0:0.25](x > 0)\n"
-            "        ^\n"
-            "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let align= round it"
-        ),
-    ),
-    (
-        "x > 0 and once[250ms:1s](x > 0)",
-        "100ms",
-        (
-            "STL:1:15: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
-            "  x > 0 and once[250ms:1s](x > 0)\n"
-            "                ^\n"
-            "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let align= round it"
-        ),
-    ),
-    (
-        "eventually[150:400ms](x > 0)",
-        0.1,
-        (
-            "STL:1:11: bound 150 ms is not a multiple of the period 0.1 s (1.5 steps)\n"
-            "  eventually[150:400ms](x > 0)\n"
-            "            ^\n"
-            "  hint: use 100 ms or 200 ms, take samples 0.05 s apart, or let align= round it"
-        ),
-    ),
-    (
-        "eventually[0:400ms](x > 0)",
-        None,
-        (
-            "STL:1:11: [0:400ms] has a unit, but no period is known\n"
-            "  eventually[0:400ms](x > 0)\n"
-            "            ^\n"
-            "  hint: give period= in seconds or as text such as '100ms', or write bounds in samples"
-        ),
-    ),
-    (
-        "eventually[0:2.5](x > 0)",
-        None,
-        (
-            "STL:1:11: bound 2.5 is not a whole number of samples\n"
-            "  eventually[0:2.5](x > 0)\n"
-            "            ^\n"
-            "  hint: use 2 or 3, give period= for bounds in time, or let align= round it"
-        ),
-    ),
-    (
-        "once[0:3000000000](x > 0)",
-        None,
-        (
-            "STL:1:5: bound 3000000000 is 3000000000 samples; the limit is 2147483648\n"
-            "  once[0:3000000000](x > 0)\n"
-            "      ^\n"
-            "  hint: write a smaller bound or a longer period"
-        ),
-    ),
-    (
-        "once[0:10](x > 0)",
-        "1ns",
-        (
-            "STL:1:5: bound 10 s is 10000000000 samples; the limit is 2147483648\n"
-            "  once[0:10](x > 0)\n"
-            "      ^\n"
-            "  hint: write a smaller bound or a longer period"
-        ),
-    ),
+    ("x > 0 and once[250ms:1s](x > 0)", 0.1, "multiple"),
+    ("eventually[150:400ms](x > 0)", 0.1, "multiple"),
+    ("eventually[0:400ms](x > 0)", None, "unit"),
+    ("eventually[0:2.5](x > 0)", None, "whole number"),
+    ("once[0:3000000000](x > 0)", None, "limit"),
+    ("once[0:10](x > 0)", "1ns", "limit"),
 ]
 
 
-@pytest.mark.parametrize(("text", "period", "message"), REFUSED, ids=[r[0] for r in REFUSED])
-def test_bounds_that_are_no_samples_are_refused(text: str, period: Period, message: str) -> None:
+@pytest.mark.parametrize(("text", "period", "word"), REFUSED, ids=[r[0] for r in REFUSED])
+def test_bounds_that_are_no_samples_are_refused(text: str, period: Period, word: str) -> None:
+    said = set()
     for build in (Monitor, rtamt.EpisodeMonitor):
-        with pytest.raises(SpecificationError) as caught:
+        with pytest.raises(SpecificationError, match=word) as caught:
             build(text, period)
-        assert str(caught.value) == message
-    with pytest.raises(SpecificationError) as caught:
+        said.add(str(caught.value))
+    with pytest.raises(SpecificationError, match=word) as caught:
         evaluate(text, {"x": [1.0]}, period)
-    assert str(caught.value) == message
+    said.add(str(caught.value))
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize(("call", "said"), ERRORS, ids=[call for call, _ in ERRORS])
+def test_an_error_of_a_program_says_what_was_expected_and_the_way_out(call: str, said: str) -> None:
+    check(call, said)
 
 
 @pytest.mark.parametrize("period", [0, -1, 0.0, -0.1, math.nan, math.inf, "0ms", "-1", "fast", ""])
 def test_a_period_is_a_positive_time(period: Period) -> None:
-    with pytest.raises(SpecificationError) as caught:
+    with pytest.raises(SpecificationError, match="period"):
         Monitor("x > 0", period)
-    assert str(caught.value) == (
-        f'expected a period from 1e-300 to 1e300 s, or text such as "100ms", got {period!r}'
-    )
 
 
 @pytest.mark.parametrize("period", [True, [1], 1j, b"1"])
 def test_a_period_is_a_number_or_text(period: Period) -> None:
-    with pytest.raises(InputTypeError) as caught:
+    with pytest.raises(InputTypeError, match="period"):
         Monitor("x > 0", period)
-    assert str(caught.value) == (
-        f'expected a period in seconds or as text such as "100ms", got {period!r}'
-    )
-
-
-def test_a_formula_made_in_python_names_itself_where_there_is_no_text() -> None:
-    formula = (rtamt.variable("x") > 0).always(0, 2.5)
-    with pytest.raises(SpecificationError) as caught:
-        Monitor(formula)
-    assert str(caught.value) == (
-        "bound 2.5 is not a whole number of samples\n"
-        "  in always[0:2.5](x > 0)\n"
-        "  hint: use 2 or 3, give period= for bounds in time, or let align= round it"
-    )
