@@ -1,8 +1,8 @@
 """Bounds of the robustness at the first sample of a whole trace, found with discrete machines.
 
-The readings of the end are those of `rtamt.machines.episode.machine`; here the samples are all
-there. A window without end that is read at time 0 alone is folded over settled values once, and
-from there over what differs from world to world.
+It reads the end as `rtamt.machines.episode.machine` does; here the samples are all there. A window
+without end that is read at time 0 alone is folded over settled values once, and from there over
+what differs from world to world.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class Foresight:
 
     Args:
         worst: The programs for the lower bound.
-        best: Those for the upper bound and the robustness; others if there are neutral predicates.
+        best: The programs for the upper bound and the robustness; others with neutral predicates.
         machine: Makes the discrete machines of a back-end.
         predicates: For every variable of the formulas its n values.
         n: Length of the trace, 1 or more.
@@ -179,7 +179,7 @@ class Foresight:
     def part(self, program: Program) -> Foresight:
         """The bounds for another program on the trace, which reads no other predicates.
 
-        Its semantics and its variables are those of the program of this one.
+        It has the semantics and the variables of this one's program.
         """
         bound = sufficient(program, self.n)
         worst = look_out(program, bound, best=False)
@@ -235,7 +235,7 @@ class Foresight:
 
 
 class _Reading:
-    """The values of one outlook's formulas; the arguments are those of `Foresight`."""
+    """The values of one outlook's formulas; `Foresight` documents the arguments."""
 
     def __init__(
         self, outlook: Outlook, machine: MakeMachine, predicates: Sequence[Array], n: int

@@ -97,7 +97,7 @@ class DenseQuestion:
         self.extent = Extent(last, end == "complete", end == "cut", dense=True)
 
     def time(self, position: int) -> float:
-        """The time of a position, as those of the events are."""
+        """The time of a position, of the kind of the events' times."""
         return self._reader.time(self._begin + position // 2, self._dated)
 
     def reads(self) -> Mapping[Formula, Reads]:

@@ -37,7 +37,7 @@ class _Step(NamedTuple):
     Attributes:
         lo: Least offset, in samples or ticks.
         hi: Greatest offset.
-        begin: Of a future operator without an end, the offset at which its window begins.
+        begin: The offset at which the window of a future operator without an end begins.
         open_end: Whether the offset farthest from 0 does not belong to it.
     """
 
@@ -206,7 +206,7 @@ class Reads(NamedTuple):
 
     Attributes:
         all: All of them.
-        needed: Those at which the whole fails if the part does.
+        needed: The instants at which the whole fails if the part does.
     """
 
     all: InstantRuns
@@ -252,7 +252,8 @@ class Extent:
     Attributes:
         last: The last instant that was recorded: a sample, or a position of dense time.
         complete: Whether every window is cut to the trace.
-        cut: Whether that of a future operator without an end is, if any of it was recorded.
+        cut: Whether the window of a future operator without an end is cut where some of it was
+            recorded.
         dense: Whether instants are positions of dense time.
     """
 

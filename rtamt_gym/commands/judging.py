@@ -186,7 +186,7 @@ def _row_of_file(asked: TracesAsked, explain: Sequence[Verdict], path: str) -> T
 
 
 def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
-    """What a trace came to, as plain values; some verdicts with their explanation."""
+    """The outcomes of a trace as a row of results; verdicts in ``explain`` with an explanation."""
     cells: dict[str, Outcome | Failure] = {}
     for name, spec in asked.specs.items():
         if name in judged.failures:

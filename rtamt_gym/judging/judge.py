@@ -64,7 +64,7 @@ class Judge:
         self.period: Fraction | None = self._free[0].period
 
     def begin(self) -> Panel:
-        """The monitors of a run that begins: those of a run that is over, or new ones."""
+        """The monitors for a run that begins: taken from a run that is over, or new ones."""
         if not self._free:
             return Panel(self.specs, self.reading)
         panel = self._free.pop()

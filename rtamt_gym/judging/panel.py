@@ -90,7 +90,7 @@ class Panel:
         self.violated_by: str | None = None
 
     def track_obligations(self) -> list[list[Obligation]]:
-        """Follows what the temporal operators owe from now on; returns those of each specification.
+        """Follows what temporal operators owe from now on; returns each specification's operators.
 
         A `feeder` that was made before does not.
         """

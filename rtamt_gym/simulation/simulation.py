@@ -66,7 +66,7 @@ class _Bound(NamedTuple):
 class Simulator:
     """A system under specifications: checked, bound and compiled once, for any number of runs.
 
-    The arguments are those of `rtamt_gym.simulate`. With a case, it is that of all runs.
+    `rtamt_gym.simulate` documents the arguments. A case is the same for all runs.
 
     Raises:
         RtamtError: What every run would raise before its first sample.

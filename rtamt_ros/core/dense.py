@@ -33,9 +33,9 @@ class DenseJudge:
     A run begins when every input has come and none is stale. The robustness of a time is reported
     as soon as it is known: with receive times, when a message comes or a look is taken, up to the
     message's own time, as topics that are silent have kept their values; with stamps, when every
-    topic has a later one. `DenseMonitor` gives the robustness, or `DenseEpisodeMonitor`, that of
-    the run so far, if no monitor can wait for the requirement; bounds and verdict are those of
-    `DenseEpisodeMonitor`.
+    topic has a later one. `DenseMonitor` gives the robustness; if it cannot wait for the
+    requirement, `DenseEpisodeMonitor` gives the robustness of the run so far. Bounds and verdict
+    come from `DenseEpisodeMonitor`.
 
     Args:
         requirement: What to judge.

@@ -17,7 +17,7 @@
 namespace rtamt::dense {
 
 // One instruction behind the terms: MAP, or WINDOW over positions at the offsets lo to hi. It writes
-// the register after that of the row before.
+// the next register after the row before.
 struct RegionRow {
     std::string kind;
     std::string name;
@@ -45,8 +45,8 @@ public:
     using Values = std::array<double, worlds>;
 
     // Takes how many registers are terms and the constants among them; the formulas behind them; and
-    // the registers that are read at position 0 alone, at all positions, and those of the latter
-    // that never settle. Throws std::invalid_argument on rows that are none.
+    // the registers that are read at position 0 alone, at all positions, and which of the latter
+    // never settle. Throws std::invalid_argument on rows that are none.
     Regions(std::size_t terms, const std::vector<RegionConstant>& constants,
             const std::vector<RegionRow>& rows, const std::vector<std::size_t>& initial,
             const std::vector<std::size_t>& streams, const std::vector<std::size_t>& unknowns);
@@ -56,7 +56,7 @@ public:
 
     std::size_t terms() const { return terms_; }
     Time last() const { return t_; }
-    // Takes in the terms at n new positions, the terms of one position behind those of another;
+    // Takes in the terms at n new positions, position by position;
     // all positions up to t have been seen.
     void advance(const Time* positions, const double* terms, std::size_t n, Time t);
     // The robustness at position 0 in the first worlds; `now` is no number before position 0.

@@ -16,7 +16,7 @@ namespace rtamt {
 
 // Until the first sample that is not known, one machine runs alone. From there on a twin goes on
 // from its state: the one takes the least values of all terms, the twin the greatest. Programs of
-// episodes are monotone in their terms, so their bounds lie around those of every trace between.
+// episodes are monotone in their terms, so their bounds enclose every trace's in between.
 class UncertainEpisode {
 public:
     UncertainEpisode(std::vector<DiscreteRow> terms, std::size_t variables,
