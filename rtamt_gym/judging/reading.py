@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from fractions import Fraction
-from typing import Any, Literal, TypedDict, TypeVar, Unpack, get_args
+from typing import Any, Literal, TypedDict, TypeVar, Unpack, cast, get_args
 
 import rtamt
 from rtamt import Align, End, InputError, InputTypeError, Names, NanPolicy, Period, SemanticsName
@@ -285,9 +285,8 @@ class Reading:
         Raises:
             InputError: On a name in ``inputs`` or ``outputs`` that no specification knows.
         """
-        shared = SampleReading(
-            period=self.period, nan=self.nan, align=self.align, semantics=self.semantics
-        )
+        said = {name: getattr(self, name) for name in SampleReading.__annotations__}
+        shared = cast("SampleReading", said)
         if self.inputs is None and self.outputs is None:
             return dict.fromkeys(specs, shared)
         known = {name: _known(spec) for name, spec in specs.items()}

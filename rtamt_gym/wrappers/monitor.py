@@ -21,8 +21,13 @@ from rtamt_gym.judging.specs import SpecsLike, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
-from rtamt_gym.wrappers.episode import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import OnSatisfaction, OnViolation, OwnOptions, single_env
+from rtamt_gym.wrappers.monitoring import (
+    EpisodeMonitoring,
+    OnSatisfaction,
+    OnViolation,
+    OwnOptions,
+    single_env,
+)
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
