@@ -273,6 +273,8 @@ def _outcome(
         not_recorded=judgement.not_recorded,
         way_out=judgement.way_out,
         explanation=explanation,
+        asked=found.asked,
+        vacuous=found.vacuous,
     )
 
 

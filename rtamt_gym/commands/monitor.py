@@ -44,6 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write the outcomes to standard output as strict JSON, in place of the report",
     )
+    parser.add_argument(
+        "--require-asked",
+        action="store_true",
+        help="exit 3 if all is satisfied and no trace has put some requirement with an implication "
+        "to the test",
+    )
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
     add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
     add_output(
@@ -75,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
         matrix_of,
         row_of,
     )
+    from rtamt_gym.results.asked import never_asked_lines
 
     asked, paths = read_arguments(options)
     inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
@@ -100,18 +107,21 @@ def run(options: argparse.Namespace) -> int:
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
+    unasked = never_asked_lines(matrix)
+    code = matrix.exit_code or (3 if unasked and options.require_asked else 0)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        print(to_json(matrix, _rules(asked), _columns(asked, paths)))
+        print(to_json(matrix, _rules(asked), _columns(asked, paths), code))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
+    said += [f"{line}\n" for line in unasked]
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     print(end="", flush=True)
     if failed := failure_lines(matrix):
         print(*failed, sep="", end="", file=sys.stderr)
-    return matrix.exit_code
+    return code
 
 
 def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:

@@ -11,6 +11,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -103,6 +104,9 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         "decided_at": found.decided,
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
+    if found.asked:
+        kept["asked"] = [asdict(each) for each in found.asked]
+        kept |= {"vacuous": found.vacuous, "never_asked": found.never_asked}
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -187,7 +191,13 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         not_recorded=tuple(kept.get("not_recorded", ())),
         way_out=kept.get("way_out", ""),
         explanation=kept.get("explanation", ""),
+        asked=tuple(_asked_of(each) for each in kept.get("asked", ())),
+        vacuous=kept.get("vacuous", False),
     )
+
+
+def _asked_of(kept: Mapping[str, Any]) -> rtamt.Asked | rtamt.DenseAsked:
+    return rtamt.Asked(**kept) if "samples" in kept else rtamt.DenseAsked(**kept)
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:

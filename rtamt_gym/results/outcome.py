@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final, Literal, Self
 
-from rtamt import Verdict
+from rtamt import Asked, DenseAsked, Verdict
 
 __all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "order", "word"]
 
@@ -60,6 +60,9 @@ class Outcome:
         not_recorded: What an open verdict needs and the trace does not have.
         way_out: What would decide an open verdict; else empty.
         explanation: Which samples decided; empty if it was not asked for.
+        asked: For each implication of the requirement how often it was put to the test; empty if
+            it has none, or nobody counted.
+        vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
     """
 
     robustness: float
@@ -71,6 +74,8 @@ class Outcome:
     not_recorded: tuple[str, ...] = ()
     way_out: str = ""
     explanation: str = ""
+    asked: tuple[Asked | DenseAsked, ...] = ()
+    vacuous: bool = False
 
     @classmethod
     def at(
@@ -102,6 +107,12 @@ class Outcome:
     def decided_at(self) -> float | None:
         """The time of ``decided`` in seconds, the number of its sample if there is no period."""
         return None if self.decided is None else self.decided.time
+
+    @property
+    def never_asked(self) -> bool:
+        """Whether it is satisfied, and none of its implications was put to the test."""
+        satisfied = self.verdict is Verdict.SATISFIED and bool(self.asked)
+        return satisfied and not any(each.occasions for each in self.asked)
 
     @property
     def by_end(self) -> bool:

@@ -48,8 +48,11 @@ def documented(traces: Iterable[Kept]) -> list[dict[str, Any]]:
     ]
 
 
+_NEWER = {"decided_at", "text", "asked", "vacuous", "never_asked"}
+
+
 def _named(outcome: Kept) -> dict[str, Any]:
-    found = {name: each for name, each in outcome.items() if name not in {"decided_at", "text"}}
+    found = {name: each for name, each in outcome.items() if name not in _NEWER}
     if "decided_at" in outcome:
         at = outcome["decided_at"]
         seconds = at and at["seconds"]

@@ -198,7 +198,7 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
         """)
     assert str(judge("always(x > 0)", {"x": [0]})) == inspect.cleandoc("""
         VIOLATED: always(x > 0)
-        robustness 0, violated, bounds -inf to 0 under end="cut"
+        robustness 0, violated, bounds 0 to 0 under end="cut"
         """)
     assert str(judge("x > 1.25e300", {"x": [-1e299]}, end="complete")) == inspect.cleandoc("""
         VIOLATED: x > 1.25e+300

@@ -211,7 +211,8 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     options = ["--json", "--junit", "out.xml"]
     assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
     out, err = capsys.readouterr()
-    assert err == f"outcomes: out.xml\nrtamt: error: {BAD}\n"
+    said = "outcomes: out.xml\nnever asked: answered in 1 trace\n"
+    assert err == f"{said}rtamt: error: {BAD}\n"
     kept = strict(out)
     assert {name: each for name, each in kept.items() if name not in {"traces", "trials"}} == {
         "format": "rtamt result",

@@ -1,0 +1,86 @@
+"""A requirement that nothing has put to the test is said, and fails where that is asked for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rtamt import Asked, DenseAsked, Verdict
+from rtamt_gym.__main__ import main
+from rtamt_gym.results.codec import outcome_of, plain_outcome
+from rtamt_gym.results.outcome import Outcome
+
+Output = pytest.CaptureFixture[str]
+RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
+SAID = "never asked: answered in 2 traces"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with traces of which one has a request."""
+    monkeypatch.chdir(tmp_path)
+    for name, request in (("idle", 0), ("calm", 1), ("busy", 4)):
+        rows = "".join(f"{time},{request if time == 1 else 0},9\n" for time in range(5))
+        (tmp_path / f"{name}.csv").write_text(f"time,req,gnt\n{rows}")
+    return tmp_path
+
+
+def run(*words: str) -> int:
+    return main(["monitor", RESPONSE, "calm = always(gnt < 99)", "--", *words])
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_it_is_said_in_a_line_at_the_end_always(dense: list[str], capsys: Output) -> None:
+    assert run("idle.csv", "calm.csv", *dense) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == SAID
+    assert run("idle.csv", *dense) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "never asked: answered in 1 trace"
+    assert run("idle.csv", "busy.csv", *dense) == 0
+    assert "never asked" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_require_asked_makes_it_exit_3(dense: list[str], capsys: Output) -> None:
+    assert run("idle.csv", "calm.csv", "--require-asked", *dense) == 3
+    assert capsys.readouterr().out.splitlines()[-1] == SAID
+    assert run("idle.csv", "busy.csv", "--require-asked", *dense) == 0
+
+
+def test_errors_and_violations_come_first(folder: Path) -> None:
+    low = "low = always(gnt < 5)"
+    assert main(["monitor", RESPONSE, low, "--require-asked", "--", "idle.csv"]) == 1
+    (folder / "bad.csv").write_text("time,gnt\n0,1\n")
+    words = [RESPONSE, low, "--require-asked", "--", "idle.csv", "bad.csv"]
+    assert main(["monitor", *words]) == 2
+
+
+def test_json_has_it_and_standard_error_says_it(capsys: Output) -> None:
+    assert run("idle.csv", "calm.csv", "--json", "--require-asked") == 3
+    out, said = capsys.readouterr()
+    assert said == f"{SAID}\n"
+    kept = json.loads(out)
+    assert kept["exit_code"] == 3
+    outcomes = kept["trials"][0]["outcomes"]
+    assert outcomes["answered"]["asked"] == [
+        {
+            "text": "req >= 3 implies eventually[0:1](gnt >= 3)",
+            "samples": 0,
+            "occasions": 0,
+            "first": None,
+            "vacuous": True,
+        }
+    ]
+    assert (outcomes["answered"]["vacuous"], outcomes["answered"]["never_asked"]) == (True, True)
+    assert "asked" not in outcomes["calm"]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [Asked("a implies b", 3, 2, 1, vacuous=False), DenseAsked("p", 0.5, 1, 2.5, vacuous=True)],
+)
+def test_an_outcome_keeps_it_in_json(asked: Asked | DenseAsked) -> None:
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, asked=(asked,), vacuous=asked.vacuous)
+    assert outcome_of(json.loads(json.dumps(plain_outcome(outcome)))) == outcome
+    assert not outcome.never_asked
