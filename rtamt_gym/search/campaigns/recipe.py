@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Any
 
 import gymnasium as gym
@@ -90,4 +91,6 @@ def _written(value: Any) -> Any:  # noqa: ANN401
         return value
     if isinstance(value, list | tuple):
         return [_written(each) for each in value]
+    if isinstance(value, Fraction):
+        return str(value)
     return getattr(value, "__qualname__", type(value).__qualname__)

@@ -1,9 +1,11 @@
 """How samples are judged is said once, and what was given is told from what was not."""
 
+import argparse
 import inspect
 from collections.abc import Callable
+from dataclasses import Field, field
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypedDict
 
 import gymnasium as gym
 import pytest
@@ -24,12 +26,16 @@ from rtamt_gym import (
     simulate,
     sweep,
 )
+from rtamt_gym.commands.arguments import add_reading
 from rtamt_gym.judging.reading import (
+    ROWS,
     EpisodeReading,
     InstantReading,
     PredicateReading,
     RunReading,
     SampleReading,
+    checked_reading,
+    lists_reading,
 )
 
 KINDS: dict[type, tuple[Callable[..., Any], ...]] = {
@@ -187,3 +193,36 @@ def test_what_a_monitor_has_may_be_said_again() -> None:
     plain = simulate(monitored(own), policy=push, seed=1)
     assert simulate(monitored(own), policy=push, seed=1, **own) == plain
     assert plain.view == "step"
+
+
+def test_a_row_is_shown_and_checked_wherever_options_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = replace_row(ROWS["view"], name="gap", default="small", choices=("small", "large"))
+    monkeypatch.setitem(ROWS, "gap", row)
+    kind: Any = TypedDict("kind", {"gap": str}, total=False)
+
+    def judged(x: float, **reading: str) -> None:
+        """Judges.
+
+        Args:
+            x: A number.
+            **reading: How.
+        """
+
+    shown = lists_reading(kind)(judged)
+    assert str(inspect.signature(shown)) == "(x: float, *, gap: str = 'small') -> None"
+    assert 'gap: ``"episode"``: a formula is about' in (shown.__doc__ or "")
+    parser = argparse.ArgumentParser()
+    add_reading(parser, "gap")
+    assert parser.parse_args(["--gap", "large"]).gap == "large"
+    assert "gap" not in parser.parse_args([])
+    assert "(default: small)" in parser.format_help()
+    with pytest.raises(TypeError, match="unexpected keyword argument 'gpa'; did you mean 'gap'"):
+        checked_reading({"gpa": "large"}, shown, kind)
+
+
+def replace_row(row: Field[Any], name: str, default: str, choices: tuple[str, ...]) -> Field[Any]:
+    """A row like another, with a name, a default and choices of its own."""
+    made: Any = field(default=default, metadata={**row.metadata, "choices": choices})
+    made.name, made.type = name, str
+    found: Field[Any] = made
+    return found
