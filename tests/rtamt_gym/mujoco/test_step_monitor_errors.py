@@ -65,7 +65,7 @@ X = {"x": "qpos[0]"}
             ),
         ),
         ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
-        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold', got 'skip'"),
+        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold' or 'unknown', got 'skip'"),
     ],
 )
 def test_what_cannot_be_monitored_is_refused_at_construction(

@@ -93,7 +93,7 @@ class Timeless(gym.Env[Any, Any]):
             "expected on_violation='terminate' or 'truncate' or 'report', got 'stop'",
         ),
         ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
-        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold', got 'skip'"),
+        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold' or 'unknown', got 'skip'"),
         (
             {"cost": "square"},
             InputError,
