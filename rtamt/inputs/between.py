@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats, array_of_numbers, number
 
-__all__ = ["NO_BOUNDS", "UNKNOWN", "Between", "out_of_order"]
+__all__ = ["NO_BOUNDS", "UNKNOWN", "Between", "identical", "out_of_order"]
 
 NO_BOUNDS: Final = (
     "EpisodeMonitor, VectorEpisodeMonitor and judge give bounds; a nan of others means 'not yet'"
@@ -43,12 +43,14 @@ class Between:
         InputTypeError: On ends that are not real numbers.
 
     Example:
-        >>> from rtamt import Between, EpisodeMonitor
+        >>> from rtamt import Between, EpisodeMonitor, judge
         >>> e = EpisodeMonitor("always(x > 1)")
         >>> e.update(x=Between(3, 5)), e.lower, e.upper, e.verdict.name
         (2.0, -inf, 4.0, 'UNDECIDED')
         >>> e.finish(), e.lower, e.upper, e.verdict.name
         (2.0, 2.0, 4.0, 'SATISFIED')
+        >>> judge("always(x > 1)", {"x": Between([3, 0], [5, 4])}, end="complete").verdict.name
+        'UNDECIDED'
     """
 
     __slots__ = ("lower", "upper")
@@ -88,6 +90,11 @@ class Between:
 
 UNKNOWN: Final = Between(-math.inf, math.inf)
 """A value of which nothing is known."""
+
+
+def identical(lower: Floats, upper: Floats) -> bool:
+    """Whether two arrays of ends are the same to the bit, so that all values are known."""
+    return bool(np.array_equal(lower.view(np.int64), upper.view(np.int64)))
 
 
 def out_of_order(lower: Floats, upper: Floats) -> NDArray[np.bool_]:

@@ -307,8 +307,8 @@ class SampleReader:
     ) -> tuple[list[Floats], list[Floats], int]:
         """The least and the greatest values of the columns, and their length.
 
-        Every nan is still in both, unless it is unknown. If all values are known, both are one
-        list. It raises the errors of `columns`.
+        If all values are known, both are one list, and every nan is still in it. It raises the
+        errors of `columns`, and of `without_nan` if a value is not known.
         """
         halves: list[TraceColumns] = [data]
         if isinstance(data, Mapping) and any(isinstance(v, Between) for v in data.values()):
@@ -318,6 +318,8 @@ class SampleReader:
             ]
         found = [self.columns(half, n=n, extra=extra) for half in halves]
         (lower, length), (upper, _) = found[0], found[-1]
+        if self.nan != "unknown" and upper is not lower:
+            lower, upper = self.without_nan(lower), self.without_nan(upper)
         if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
             upper = [np.where(np.isnan(column), np.inf, column) for column in upper]
             lower = [np.where(np.isnan(column), -np.inf, column) for column in lower]

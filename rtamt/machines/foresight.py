@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine, without_nan
 from rtamt.machines.protocols import End
+from rtamt.machines.ranges import FindRanges
 from rtamt.machines.signals import (
     BOUNDS,
     ENDED,
@@ -123,7 +124,8 @@ class Foresight:
         worst: The programs for the lower bound.
         best: The programs for the upper bound and the robustness; others with neutral predicates.
         machine: Makes the discrete machines of a back-end.
-        predicates: For every variable of the formulas its n values.
+        least: For every variable of the formulas its n values, the least ones of what is not known.
+        greatest: The greatest ones; the same object if all are known.
         n: Length of the trace, 1 or more.
     """
 
@@ -132,15 +134,17 @@ class Foresight:
         worst: Outlook,
         best: Outlook,
         machine: MakeMachine,
-        predicates: Sequence[Array],
+        least: Sequence[Array],
+        greatest: Sequence[Array],
         n: int,
     ) -> None:
         self.outlook = worst
         self.n = n
         self._arguments = worst, best, machine
-        self._predicates = predicates
-        self._worst = _Reading(worst, machine, predicates, n)
-        self._best = self._worst if best is worst else _Reading(best, machine, predicates, n)
+        self._predicates = least, greatest
+        self._worst = _Reading(worst, machine, least, n)
+        self._given = self._worst if best is worst else _Reading(best, machine, least, n)
+        self._best = self._given if greatest is least else _Reading(best, machine, greatest, n)
 
     @classmethod
     def of(
@@ -148,7 +152,8 @@ class Foresight:
         program: Program,
         reader: SampleReader,
         machine: MakeMachine,
-        columns: Sequence[Array],
+        ranges: FindRanges,
+        columns: tuple[Sequence[Array], Sequence[Array]],
         n: int,
         *,
         everywhere: bool = False,
@@ -159,7 +164,9 @@ class Foresight:
             program: The program.
             reader: Raises the errors of terms that are nan.
             machine: Makes the discrete machines of a back-end.
-            columns: For every variable its n values, nan among them as the reader allows.
+            ranges: Finds the terms of samples that are not known.
+            columns: For every variable its n least and its n greatest values; the same object if
+                all are known, nan among them as the reader allows.
             n: Length of the trace, 1 or more.
             everywhere: Whether `fails` and `holds` will be asked for, about every sample.
         """
@@ -169,12 +176,20 @@ class Foresight:
         best = look_out(program, bound, best=True) if program.neutral else worst
         needed = n if everywhere else min(n, worst.needed or n)
         terms = worst.predicates
-        predicates: list[Array] = []
+        observed = tuple(terms.outputs.values())
+        lower, upper = columns
+        least: list[Array] = []
+        if terms.outputs and upper is not lower:
+            least, greatest = (
+                [column[:needed] for column in found]
+                for found in ranges(terms, reader, observed, lower, upper, n)
+            )
+            return cls(worst, best, machine, least, greatest, needed)
         if terms.outputs:
-            made = machine(terms, SampleReader(terms, reader.nan), tuple(terms.outputs.values()))
-            found = without_nan(reader, columns, lambda known: made.evaluate(known, n))
-            predicates = [column[:needed] for column in found]
-        return cls(worst, best, machine, predicates, needed)
+            made = machine(terms, SampleReader(terms), observed)
+            found = without_nan(reader, lower, lambda known: made.evaluate(known, n))
+            least = [column[:needed] for column in found]
+        return cls(worst, best, machine, least, least, needed)
 
     def part(self, program: Program) -> Foresight:
         """The bounds for another program on the trace, which reads no other predicates.
@@ -185,8 +200,10 @@ class Foresight:
         worst = look_out(program, bound, best=False)
         best = look_out(program, bound, best=True) if program.neutral else worst
         places = outputs_among(worst.predicates, self.outlook.predicates)
-        predicates = [self._predicates[place] for place in places]
-        return Foresight(worst, best, self._arguments[2], predicates, self.n)
+        least, greatest = self._predicates
+        low = [least[place] for place in places]
+        high = low if greatest is least else [greatest[place] for place in places]
+        return Foresight(worst, best, self._arguments[2], low, high, self.n)
 
     def fails(self, end: End) -> NDArray[np.bool_]:
         """Whether the result fails for certain, at every sample."""
@@ -198,14 +215,20 @@ class Foresight:
 
     def until(self, n: int) -> Foresight:
         """The bounds for the first n samples."""
-        known = [column[:n] for column in self._predicates]
-        return Foresight(*self._arguments, known, n)
+        least, greatest = self._predicates
+        low = [column[:n] for column in least]
+        high = low if greatest is least else [column[:n] for column in greatest]
+        return Foresight(*self._arguments, low, high, n)
+
+    def robustness(self) -> float:
+        """The robustness if the trace is complete, the least one of what is not known."""
+        return self._given.at_zero(ENDED, cut=False)
 
     def bounds(self, end: End) -> tuple[float, float]:
         """The least and the greatest robustness that a reading of the end leaves possible.
 
-        If the trace is complete the greatest is its robustness, and the least the same, but for two
-        zeros if it hangs on neutral predicates.
+        If the trace is complete both are its robustness, but for two zeros if it hangs on neutral
+        predicates, and for what is not known.
         """
         worlds = (ENDED, ENDED) if end == "complete" else BOUNDS
         lower, upper = (

@@ -17,7 +17,7 @@ from rtamt.inputs.between import Between
 from rtamt.inputs.samples import SampleReader, SampleValues, ends_of, in_between
 from rtamt.machines.episode.machine import PythonEpisodeMachine, refuse_update
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import Readout
+from rtamt.machines.readout import Readout, moved
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers
 from rtamt.program.placement import place
@@ -46,8 +46,9 @@ class SampleTerms(NamedTuple):
 class PythonUncertainEpisode(StateFields):
     """A machine that bounds an episode, whatever the values are that are not known."""
 
-    STATE = ("_apart", "_least", "_greatest")
+    STATE = ("_apart", "_least", "_greatest", "_moved")
     _apart: bool
+    _moved: float | None
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self._program = place(program).program
@@ -75,11 +76,11 @@ class PythonUncertainEpisode(StateFields):
     @property
     def robustness(self) -> float:
         """The least robustness if the episode ended now."""
-        return self._least.robustness
+        return self._least.robustness if self._moved is None else self._moved
 
     @property
     def result(self) -> float:
-        return self._least.robustness
+        return self.robustness
 
     @property
     def lower(self) -> float:
@@ -120,14 +121,17 @@ class PythonUncertainEpisode(StateFields):
         self._show()
 
     def finish(self, end: End = "complete") -> float:
-        robustness = self._least.finish(end)
+        cut, robustness = end == "cut" and self._apart and not self.finished, self.robustness
+        self._least.finish(end)
         if self._apart:
             self._greatest.finish(end)
+        if cut:  # inside the bounds of both
+            self._moved = moved(robustness, self.lower, self.upper)
         self._show()
-        return robustness
+        return self.robustness
 
     def reset(self) -> None:
-        self._apart = False
+        self._apart, self._moved = False, None
         for machine in (self._least, self._greatest):
             machine.reset()
         self._show()

@@ -237,7 +237,8 @@ class SampledQuestion(NamedTuple):
         interface: The semantics of the verdict.
         end: The reading of the end.
         foresight: The bounds of the whole formula.
-        columns: If `reads_hidden`, the values of every variable; else None.
+        columns: If `reads_hidden`, the least and the greatest values of every variable, one array
+            if all values are known; else None.
         nan: What is made of a nan in the columns.
         backend: The back-end.
     """
@@ -248,7 +249,7 @@ class SampledQuestion(NamedTuple):
     interface: Interface
     end: End
     foresight: Foresight
-    columns: Mapping[str, NDArray[np.float64]] | None
+    columns: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] | None
     nan: NanPolicy
     backend: BackendName
 
@@ -281,10 +282,14 @@ class SampledQuestion(NamedTuple):
         if self.columns is None:
             return self.foresight.part(self._program(formula, self.interface))
         program = self._program(formula, STANDARD)
-        machine, n = BACKENDS[self.backend].discrete_machine, self.foresight.n
-        columns = [self.columns[name][:n] for name in program.variables]
-        reader = SampleReader(program, self.nan)
-        return Foresight.of(program, reader, machine, columns, n, everywhere=True)
+        made, n = BACKENDS[self.backend], self.foresight.n
+        pairs = [self.columns[name] for name in program.variables]
+        lower = upper = [low[:n] for low, _ in pairs]
+        if any(low is not high for low, high in pairs):
+            upper = [high[:n] for _, high in pairs]
+        reader = SampleReader(program, self.nan, bounds=True)
+        machines = made.discrete_machine, made.term_ranges
+        return Foresight.of(program, reader, *machines, (lower, upper), n, everywhere=True)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""

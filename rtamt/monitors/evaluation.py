@@ -15,7 +15,7 @@ from rtamt.machines.offline import run_offline
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
 
-__all__ = ["evaluate", "raw_trace", "whole_trace"]
+__all__ = ["evaluate", "raw_trace", "trace_between", "whole_trace"]
 
 
 @listed_in_signature(SampleOptions)
@@ -69,10 +69,20 @@ def raw_trace(
 ) -> tuple[list[NDArray[np.float64]], int]:
     """What `whole_trace` returns, with every nan still in it."""
     columns, length = reader.columns(data, n=n, extra=True)
-    _require_sample(length)
-    if period is None and reader.program.specification.timed:
-        check_times(data, reader.variables)
+    _check_trace(reader, data, length, period)
     return columns, length
+
+
+def trace_between(
+    reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], int]:
+    """The least and the greatest values of a whole trace, and its length; see `raw_trace`.
+
+    If all values are known, both are one list.
+    """
+    lower, upper, length = reader.between(data, n=n, extra=True)
+    _check_trace(reader, data, length, period)
+    return lower, upper, length
 
 
 def whole_trace(
@@ -86,6 +96,10 @@ def whole_trace(
     return reader.without_nan(columns), length
 
 
-def _require_sample(length: int) -> None:
+def _check_trace(
+    reader: SampleReader, data: TraceColumns, length: int, period: Period | None
+) -> None:
     if length == 0:
         raise InputError("expected a trace of at least 1 sample, got 0")
+    if period is None and reader.program.specification.timed:
+        check_times(data, reader.variables)

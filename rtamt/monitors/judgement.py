@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, Unpack
 
+from rtamt.inputs.between import identical
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.monitors.asked import Asked, Evidence, SampledQuestion, evidence_of, reads_hidden
-from rtamt.monitors.evaluation import raw_trace
+from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.holds import zero_text
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
@@ -71,6 +72,7 @@ class Judgement:
         end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
         formula: The formula as text.
         complete: The verdict of the complete reading.
+        unknown: The variables of which a value is not known (`Between`, ``nan="unknown"``).
     """
 
     robustness: float
@@ -80,6 +82,7 @@ class Judgement:
     end: End
     formula: str
     complete: Verdict
+    unknown: tuple[str, ...]
     _untested: Callable[[], tuple[Untested, ...]]
     _decided_at: Callable[[], float | None]
     _evidence: Callable[[], Evidence[Any]]
@@ -93,6 +96,7 @@ class Judgement:
         untested: Callable[[], tuple[Untested, ...]],
         decided_at: Callable[[], float | None],
         evidence: Callable[[Verdict], Evidence[Any]],
+        unknown: tuple[str, ...] = (),
     ) -> Judgement:
         """The judgement for robustness, lower and upper bound.
 
@@ -104,10 +108,20 @@ class Judgement:
             untested: Finds what was not recorded, when that is first asked for.
             decided_at: Finds when the open reading was decided, when that is first asked for.
             evidence: Finds what the verdict stands on, when that is first asked for.
+            unknown: The variables of which a value is not known.
         """
         verdict = _verdict(*bounds[1:])
         late = _Once(untested), _Once(decided_at), _Once(lambda: evidence(verdict))
-        return Judgement(*bounds, verdict, end, formula, complete, *late)
+        return Judgement(*bounds, verdict, end, formula, complete, unknown, *late)
+
+    @property
+    def open_for(self) -> str:
+        """What leaves the verdict of the complete reading open, in words; empty if it is not."""
+        if self.complete is not Verdict.UNDECIDED:
+            return ""
+        if self.unknown:
+            return f"values of {', '.join(self.unknown)} that are not known"
+        return "a predicate that counts 0"
 
     @property
     def untested(self) -> tuple[Untested, ...]:
@@ -165,7 +179,8 @@ class Judgement:
     def _values(self) -> tuple[object, ...]:
         return (
             *(self.robustness, self.lower, self.upper, self.verdict, self.end, self.formula),
-            *(self.complete, self.untested, self.decided_at, self.asked, self.vacuous),
+            *(self.complete, self.unknown, self.untested, self.decided_at),
+            *(self.asked, self.vacuous),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -190,7 +205,7 @@ class Judgement:
             lines += _wrapped(str(each) if len(self.asked) == 1 else f"{each}: {each.text}")
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
-                way = "no reading of the end decides it: it hangs on a predicate that counts 0"
+                way = f"no reading of the end decides it: it hangs on {self.open_for}"
             else:
                 way = f'if the trace is all there is, end="complete" says {self.complete.name}'
             lines += _wrapped(way)
@@ -221,7 +236,7 @@ def judge(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: As for `evaluate`.
+        signals: As for `evaluate`; a column may also be a `Between` of two arrays.
         period: As for `Monitor`.
         end: What lies behind the last sample. ``"complete"``: nothing, windows are cut to the
             trace. ``"cut"``: the trace is a recording; what bounded windows need of the time after
@@ -230,7 +245,7 @@ def judge(
             could change. See `EpisodeMonitor.finish`.
         n: The length, for a formula without variables.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`.
+            for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known.
 
     Raises:
         SpecificationError: As for `evaluate`.
@@ -251,15 +266,26 @@ def judge(
         >>> idle = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
         >>> idle.verdict.name, idle.never_asked, idle.asked[0].occasions
         ('SATISFIED', True, 0)
+
+        >>> print(judge("always(x > 1)", {"x": [3, float("nan"), 5]}, nan="unknown"))
+        UNDECIDED: always(x > 1)
+        robustness -inf, bounds -inf to 2 under end="cut"
+        no reading of the end decides it: it hangs on values of x that are not known
     """
     reading = checked_end(end)
     specification, interface, backend, nan, seconds, program = compiled(
         judge, spec, period, options, online=False
     )
-    reader = SampleReader(program, nan)
-    columns, length = raw_trace(reader, signals, n, period)
-    machine = BACKENDS[backend].discrete_machine
-    foresight = Foresight.of(program, reader, machine, columns, length)
+    reader = SampleReader(program, nan, bounds=True)
+    least, greatest, length = trace_between(reader, signals, n, period)
+    made = BACKENDS[backend]
+    foresight = Foresight.of(
+        program, reader, made.discrete_machine, made.term_ranges, (least, greatest), length
+    )
+    unknown = []
+    if greatest is not least:
+        pairs = zip(program.variables, least, greatest, strict=True)
+        unknown = [name for name, low, high in pairs if not identical(low, high)]
     complete = foresight.bounds("complete")
     lower, upper = bounds = complete if reading == "complete" else foresight.bounds(reading)
 
@@ -267,7 +293,10 @@ def judge(
     kept = foresight.until(foresight.n)
     hidden = None
     if reads_hidden(specification.formula, interface):
-        hidden = {v: c.copy() for v, c in zip(program.variables, columns, strict=True)}
+        ends = [[c.copy() for c in least]] * 2
+        if greatest is not least:
+            ends[1] = [c.copy() for c in greatest]
+        hidden = dict(zip(program.variables, zip(*ends, strict=True), strict=True))
 
     def evidence(verdict: Verdict) -> Evidence[Asked]:
         align = options.get("align")
@@ -280,13 +309,14 @@ def judge(
         return found_untested(kept, seconds, reading)
 
     return Judgement.of(
-        (moved(complete[1], lower, upper), lower, upper),
+        (moved(foresight.robustness(), lower, upper), lower, upper),
         reading,
         str(specification.formula),
         _verdict(*complete),
         untested,
         lambda: _first_decided(kept),
         evidence,
+        tuple(unknown),
     )
 
 

@@ -140,7 +140,7 @@ class TraceJudgement:
         if self.verdict != Verdict.UNDECIDED:
             return ""
         if self.found.complete == Verdict.UNDECIDED:
-            return "no --end decides it: it hangs on a predicate that counts 0"
+            return f"no --end decides it: it hangs on {self.found.open_for}"
         return f"if the trace is all there is, --end complete says {self.found.complete.name}"
 
     @property

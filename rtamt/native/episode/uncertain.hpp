@@ -2,9 +2,11 @@
 // rtamt/machines/uncertain.py.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -56,20 +58,25 @@ public:
     }
 
     // The robustness if the episode ended now, the least one; nan before the first sample.
-    double result() const { return least_->result(); }
+    double result() const { return moved_ ? *moved_ : least_->result(); }
     double lower() const { return least_->lower(); }
     double upper() const { return apart_ ? greatest_->upper() : least_->upper(); }
     int verdict() const { return verdict_of(lower(), upper()); }
     bool finished() const { return least_->finished(); }
     void finish(End end) {
+        if (finished()) return;
+        const double robustness = result();
         least_->finish(end);
-        if (apart_) greatest_->finish(end);
+        if (!apart_) return;
+        greatest_->finish(end);
+        if (end == End::cut) moved_ = moved(robustness, lower(), upper());
     }
 
     std::uint64_t fingerprint() const { return least_->fingerprint(); }
     void reset() {
         least_->reset();
         apart_ = false;
+        moved_.reset();
     }
     void fields(Snapshot& s) {
         bool apart = apart_;
@@ -78,6 +85,9 @@ public:
         if (!apart) return;
         if (s.reads()) part();
         greatest_->fields(s);
+        double robustness = moved_.value_or(std::nan(""));
+        s(robustness);
+        moved_ = robustness == robustness ? std::optional(robustness) : std::nullopt;
         s.require(greatest_->samples() == least_->samples() &&
                   greatest_->finished() == least_->finished());
     }
@@ -104,6 +114,7 @@ private:
     std::unique_ptr<EpisodeMachine> least_;
     std::unique_ptr<EpisodeMachine> greatest_;  // null until it is needed
     bool apart_ = false;                        // whether the two differ
+    std::optional<double> moved_;  // the robustness inside the bounds of both, if they were cut
     Program program_;
     std::unique_ptr<TermRanges> ranges_;
     std::vector<double> least_terms_;

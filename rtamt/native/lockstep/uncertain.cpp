@@ -1,6 +1,7 @@
 #include "lockstep/uncertain.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace rtamt {
@@ -11,11 +12,16 @@ UncertainBank::UncertainBank(std::vector<DiscreteRow> terms, std::size_t variabl
                              std::size_t num)
     : least_(std::make_unique<EpisodeBank>(terms, variables, formulas, initial, streams, num)),
       uncertain_(num),
+      moved_(num, std::nan("")),
+      results_(num),
       program_{std::move(terms), std::move(formulas), std::move(initial), std::move(streams)} {}
 
 std::size_t UncertainBank::take(const Table& table, const std::uint8_t* mask) {
     const std::size_t bad = least_->take(table, mask);
-    if (apart_ && bad == num()) greatest_->take(table, mask);
+    if (apart_ && bad == num()) {
+        greatest_->take(table, mask);
+        publish();
+    }
     return bad;
 }
 
@@ -48,6 +54,7 @@ std::size_t UncertainBank::take(const Table& lower, const Table& upper, const st
     least_->take(lower, mask, least_terms_.data());
     if (apart_) greatest_->take(upper, mask, greatest_terms_.data());
     uncertain_ = std::move(uncertain);
+    publish();
     return num();
 }
 
@@ -57,15 +64,32 @@ void UncertainBank::reset(const std::uint8_t* mask) {
     greatest_->reset(mask);
     bool left = false;
     for (std::size_t lane = 0; lane < num(); ++lane) {
-        if (mask == nullptr || mask[lane]) uncertain_[lane] = 0;
+        if (mask == nullptr || mask[lane]) {
+            uncertain_[lane] = 0;
+            moved_[lane] = std::nan("");
+        }
         left |= uncertain_[lane] != 0;
     }
     apart_ = left;
+    publish();
 }
 
 void UncertainBank::finish(const std::uint8_t* mask, End end) {
+    const std::vector<std::uint8_t> before(finished(), finished() + num());
+    const std::vector<double> robustness(results(), results() + num());
     least_->finish(mask, end);
-    if (apart_) greatest_->finish(mask, end);
+    if (!apart_) return;
+    greatest_->finish(mask, end);
+    for (std::size_t lane = 0; lane < num(); ++lane)
+        if (end == End::cut && finished()[lane] && !before[lane])
+            moved_[lane] = moved(robustness[lane], lower()[lane], upper()[lane]);
+    publish();
+}
+
+void UncertainBank::publish() {
+    if (!apart_) return;
+    for (std::size_t lane = 0; lane < num(); ++lane)
+        results_[lane] = moved_[lane] == moved_[lane] ? moved_[lane] : least_->results()[lane];
 }
 
 void UncertainBank::part() {
@@ -75,6 +99,8 @@ void UncertainBank::part() {
                                                   program_.initial, program_.streams, num());
     follow(*greatest_, *least_);
     apart_ = true;
+    std::fill(moved_.begin(), moved_.end(), std::nan(""));
+    publish();
 }
 
 void UncertainBank::fields(Snapshot& s) {
@@ -85,6 +111,8 @@ void UncertainBank::fields(Snapshot& s) {
     if (s.reads()) part();
     greatest_->fields(s);
     s.array(uncertain_.data(), uncertain_.size());
+    s.array(moved_.data(), moved_.size());
+    publish();
     for (std::size_t lane = 0; lane < num(); ++lane)
         s.require(least_->samples()[lane] == greatest_->samples()[lane] &&
                   least_->finished()[lane] == greatest_->finished()[lane]);

@@ -26,7 +26,7 @@ public:
     const double* upper_inputs() const { return greatest().inputs(); }
     const std::int64_t* samples() const { return least_->samples(); }
     const std::uint8_t* finished() const { return least_->finished(); }
-    const double* results() const { return least_->results(); }
+    const double* results() const { return apart_ ? results_.data() : least_->results(); }
     const double* lower() const { return least_->lower(); }
     const double* upper() const { return greatest().upper(); }
 
@@ -52,11 +52,14 @@ private:
     const EpisodeBank& greatest() const { return apart_ ? *greatest_ : *least_; }
     // Lets the twin go on from the state of the bank.
     void part();
+    void publish();
 
     std::unique_ptr<EpisodeBank> least_;
     std::unique_ptr<EpisodeBank> greatest_;  // null until it is needed
     bool apart_ = false;                     // whether the two differ
     std::vector<std::uint8_t> uncertain_;    // the lanes in which they do
+    std::vector<double> moved_;    // the robustness of lanes that were cut, inside the bounds of both
+    std::vector<double> results_;  // while the two differ
     Program program_;
     std::unique_ptr<TermRanges> ranges_;
     std::vector<double> least_terms_;

@@ -29,6 +29,7 @@ from rtamt import (
     evaluate,
     evaluate_many,
     explain,
+    judge,
     number,
     variable,
 )
@@ -139,10 +140,10 @@ def test_where_each_variable_is_read_once_the_bounds_are_reached(
             ends[name, i] = x, x
     for place in rng.sample(list(ends), min(5, len(ends))):
         ends[place] = ends[place][0], ends[place][0] + rng.choice([0.25, 1.0, 3.0, INF])
-    monitors = [EpisodeMonitor(each, backend=backend) for each in (formula, ~formula)]
-    for monitor in monitors:
-        for i in range(n):
-            monitor.update([Between(*ends[name, i]) for name in monitor.variables])
+    monitor = EpisodeMonitor(formula, backend=backend)
+    for i in range(n):
+        monitor.update([Between(*ends[name, i]) for name in monitor.variables])
+    monitor.finish()
     places = list(ends)
     values = []
     for corner in itertools.product(*({x, y} for x, y in ends.values())):
@@ -150,8 +151,7 @@ def test_where_each_variable_is_read_once_the_bounds_are_reached(
         data = {name: [at[name, i] for i in range(n)] for name in VARIABLES}
         values.append(float(evaluate(formula, data)[0]))
     least, greatest = min(values, key=order), max(values, key=order)
-    found = [monitor.robustness for monitor in monitors]
-    assert identical(found, [least, -greatest]), (str(formula), ends)
+    assert identical(offered(monitor), (least, least, greatest)), (str(formula), ends)
 
 
 def test_bounds_go_by_polarity(backend: Backend) -> None:
@@ -326,3 +326,58 @@ def test_an_interval_is_a_value() -> None:
         columns.lower[0] = 5.0
     with pytest.raises(AttributeError, match="does not change"):
         x.lower = 3.0
+
+
+@given(
+    formulas(3, endless=True),
+    uncertain_traces(),
+    st.sampled_from(ENDS),
+    st.sampled_from(["nan", "ends"]),
+)
+@settings(max_examples=60)
+def test_a_judgement_is_what_the_monitor_says(
+    formula: Formula, trace: Uncertain, end: End, form: str
+) -> None:
+    n = len(trace["a"])
+    pairs = {
+        name: [(x.lower, x.upper) if isinstance(x, Between) else (x, x) for x in column]
+        for name, column in trace.items()
+    }
+    columns: dict[str, Any] = {
+        name: Between(*np.array(ends, np.float64).reshape(n, 2).T) for name, ends in pairs.items()
+    }
+    if form == "nan":  # what is unknown as nan
+        columns = {
+            name: [
+                NAN if x is UNKNOWN else low for (low, _), x in zip(ends, trace[name], strict=True)
+            ]
+            for name, ends in pairs.items()
+        }
+    for backend in BACKENDS:
+        monitor = EpisodeMonitor(formula, backend=backend, nan="unknown")
+        for i in range(n):
+            monitor.update(
+                [columns[v][i] if form == "nan" else trace[v][i] for v in monitor.variables]
+            )
+        open_verdicts = monitor.verdict
+        monitor.finish(end)
+        found = judge(formula, columns, end=end, n=n, backend=backend, nan="unknown")
+        assert identical(offered(monitor), (found.robustness, found.lower, found.upper))
+        assert found.verdict is monitor.verdict
+        assert (found.decided_at is None) == (open_verdicts is Verdict.UNDECIDED)
+
+
+def test_a_judgement_says_what_is_not_known(backend: Backend) -> None:
+    columns = {"x": [3.0, NAN, 5.0], "y": [1.0, 1.0, 1.0]}
+    for end in ENDS:
+        found = judge("always(x > 1 or y > 2)", columns, end=end, nan="unknown", backend=backend)
+        assert found.verdict is found.complete is Verdict.UNDECIDED
+        assert found.unknown == ("x",)
+        last = str(found).splitlines()[-1]
+        assert last.startswith("no reading of the end decides it: it hangs on values of x that")
+    known = judge("always(y > 2)", columns, nan="unknown", backend=backend)
+    assert (known.unknown, known.open_for) == ((), "")
+    with pytest.raises(InputError, match=r"^variable 'x' is nan at sample 1; pass nan='hold'"):
+        judge("always(x + y > 1)", {"x": [1, NAN], "y": Between([1, 1], [2, 2])}, backend=backend)
+    with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample 1, where x = B"):
+        judge("always(sqrt(x) > 1)", {"x": Between([1, -2], [2, -1])}, backend=backend)
