@@ -164,8 +164,8 @@ def test_what_cannot_be_compared_is_told(capsys: Output) -> None:
             "common; evaluate both with the same --seed"
         ),
         ("old.json", "both.json"): (
-            "both.json holds no evaluation: expected the format 'rtamt evaluation 1', as "
-            "Evaluation.save writes it"
+            "both.json holds no evaluation but a result of kind 'comparison': expected a file that "
+            "rtamt evaluate --save and Evaluation.save write"
         ),
         ("old.json", "none.json"): "cannot open none.json: No such file or directory",
         ("old.json", "new.json", "--save", "old.json"): "cannot write old.json: it is read",
