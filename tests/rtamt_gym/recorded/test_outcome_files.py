@@ -250,7 +250,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
             "near": {
                 "verdict": "VIOLATED",
                 "robustness": -1.0,
-                "lower": "-inf",
+                "lower": -1.0,
                 "upper": -1.0,
                 "decided_at": {"sample": 1, "seconds": 0.5},
                 "text": "VIOLATED, robustness -1, certain from 0.5 s on",
@@ -263,6 +263,17 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
                 "upper": 3.0,
                 "decided_at": None,
                 "text": "SATISFIED, robustness 3, at the end of the trace",
+                "asked": [
+                    {
+                        "text": "req >= 3 implies eventually[0:1](gnt >= 3)",
+                        "samples": 0,
+                        "occasions": 0,
+                        "first": None,
+                        "vacuous": True,
+                    }
+                ],
+                "vacuous": True,
+                "never_asked": True,
             },
         },
         "verdict": "VIOLATED",
@@ -300,7 +311,7 @@ def test_the_keys_of_version_1_stand_beside_those_of_version_2(capsys: Output) -
                 "near": {
                     "verdict": "VIOLATED",
                     "robustness": -1.0,
-                    "lower": "-inf",
+                    "lower": -1.0,
                     "upper": -1.0,
                     "certain_from": 0.5,
                     "explanation": EXPLAINED,
