@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.simulation.environments import make
-    from rtamt_gym.simulation.outcomes import report, saved_note, to_json
+    from rtamt_gym.simulation.outcomes import failed_note, report, saved_note, to_json
     from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
@@ -105,7 +105,9 @@ def run(options: argparse.Namespace) -> int:
         ]
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
-    print("", *report(runs), "", *saved_note(runs), *notes, sep="\n")
+    failed = failed_note(runs) if reading.at_termination == "failure" else []
+    shown_below = [*failed, *saved_note(runs), *notes]
+    print("", *report(runs), "", *shown_below, sep="\n")
     if options.json:
         readings = {
             "on_violation": options.on_violation,
