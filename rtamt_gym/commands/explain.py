@@ -7,7 +7,7 @@ import sys
 
 from rtamt import Verdict
 from rtamt_gym.commands.traces import add_arguments as add_traces
-from rtamt_gym.commands.traces import read_arguments
+from rtamt_gym.commands.traces import read_arguments, refuse_unknown
 
 __all__ = ["add_arguments", "run"]
 
@@ -27,6 +27,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
     from rtamt_gym.results.matrix import undecided_lines
 
+    refuse_unknown(options, "rtamt explain", "follows one robustness to the sample that decided it")
     asked, paths = read_arguments(options)
     rows = judge_files(asked, paths, workers=1, explain=tuple(Verdict))
     texts = []

@@ -222,7 +222,10 @@ def failure_lines(matrix: Matrix) -> list[str]:
     return lines
 
 
-def _explanation(spec: rtamt.Specification, judged: Judged, reading: Reading) -> str:
+def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: Reading) -> str:
+    unknown = judged.judgements[name].found.unknown
+    if unknown:
+        return f"not explained: values of {', '.join(unknown)} are not known"
     whole, trace = judge.viewed(spec, reading.view), judged.trace
     if isinstance(trace, EventTrace):
         return str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
@@ -261,7 +264,7 @@ def _outcome(
     judgement = judged.judgements[name]
     explanation = ""
     if judgement.verdict in explain:
-        explanation = _explanation(spec, judged, reading)
+        explanation = _explanation(spec, judged, name, reading)
     found = judgement.found
     return Outcome(
         found.robustness,

@@ -12,7 +12,12 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import read_reading
-from rtamt_gym.commands.traces import TracesAsked, read_arguments, read_trace_of
+from rtamt_gym.commands.traces import (
+    TracesAsked,
+    read_arguments,
+    read_trace_of,
+    refuse_unknown,
+)
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
@@ -65,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
     tolerance = _read_tolerance(options.tolerance)
     if read_reading(options).dense:
         raise InputError("rtamt mine judges samples; expected no --dense")
+    refuse_unknown(options, "rtamt mine", "compares the robustness of traces")
     count = options.specs.index(SEPARATOR) if SEPARATOR in options.specs else len(options.specs)
     if count != 1:
         raise InputError(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, check_outputs, positive
-from rtamt_gym.commands.traces import TracesAsked, read_arguments
+from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from rtamt_gym.results.matrix import Matrix
 
 __all__ = ["add_arguments", "run"]
+
+_OVER_TIME = ("--out", "--plot", "--write-mcap")
+"""The options that write what becomes of one trace over time."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +75,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _given(options: argparse.Namespace, option: str) -> bool:
+    return getattr(options, option.strip("-").replace("-", "_")) is not None
+
+
 def run(options: argparse.Namespace) -> int:
     """Judges the traces, prints the report and writes the files asked for; returns the verdict."""
     from rtamt_gym.commands.judging import (
@@ -83,6 +90,9 @@ def run(options: argparse.Namespace) -> int:
     )
     from rtamt_gym.results.asked import never_asked_lines
 
+    for option in _OVER_TIME:
+        if _given(options, option):
+            refuse_unknown(options, option, "needs the robustness at every sample")
     asked, paths = read_arguments(options)
     inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
     outputs = options.junit, options.markdown, options.out, options.write_mcap
@@ -102,8 +112,8 @@ def run(options: argparse.Namespace) -> int:
         judged = judge_file(asked, paths[0], formulas=True)
         rows = [row_of(asked, judged, explain=explain)]
     else:
-        for option in ("--out", "--plot", "--write-mcap"):
-            if getattr(options, option.strip("-").replace("-", "_")):
+        for option in _OVER_TIME:
+            if _given(options, option):
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)

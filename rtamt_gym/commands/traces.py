@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rtamt_gym.judging.reading import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
-__all__ = ["TracesAsked", "add_arguments", "read_arguments", "read_trace_of"]
+__all__ = ["TracesAsked", "add_arguments", "read_arguments", "read_trace_of", "refuse_unknown"]
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,8 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         choices=get_args(Missing),
         default="raise",
         help="what an empty cell, or nan in a bag, does: it is an error, it has the value before, "
-        "or its row is left out (default: raise)",
+        "its row is left out, or nothing is known of it there, as rtamt monitor alone can judge, "
+        "with the bounds and the verdict that this leaves (default: raise)",
     )
     group.add_argument(
         "--jitter",
@@ -192,6 +193,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         jitter=options.jitter,
         stale=options.stale,
     )
+    if reading.dense:
+        columns.check_dense()
     variables = variables_of(every)
     for name in columns.signals:
         if name not in variables and name not in _messages(every):
@@ -203,6 +206,24 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
 
         check_topics(requirements)
     return TracesAsked(requirements, reading, columns), found
+
+
+def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None:
+    """Refuses ``--missing unknown`` for a command that needs the robustness of instants.
+
+    Args:
+        options: The arguments.
+        command: Its name.
+        does: What it does with a robustness.
+
+    Raises:
+        InputError: If it is given.
+    """
+    if options.missing == "unknown":
+        raise InputError(
+            f"--missing: {command} {does}, which a sample that is not known does not have; give "
+            "--missing hold or --missing drop"
+        )
 
 
 def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:

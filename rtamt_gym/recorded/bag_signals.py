@@ -110,7 +110,10 @@ def read_signals(
         spans[messages.topic] = times
         for variable, values in zip(messages.variables, messages.values, strict=True):
             numbers = np.array(values, np.float64)[kept]
-            signals[variable] = _numbers(bag, messages.topic, variable, times, numbers)
+            found_at = times, numbers
+            if columns.missing != "unknown":
+                found_at = _numbers(bag, messages.topic, variable, times, numbers)
+            signals[variable] = found_at
     _check_clocks(bag, apart)
     zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
@@ -243,7 +246,10 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
         if columns.missing != "raise"
     }
     each = ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
-    return [f"messages without a number leave the value before ({each})"] if each else []
+    does = "leave the value before"
+    if columns.missing == "unknown":
+        does = "leave the value unknown until the next"
+    return [f"messages without a number {does} ({each})"] if each else []
 
 
 def _started(

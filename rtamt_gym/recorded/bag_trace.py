@@ -103,6 +103,7 @@ def sampled(
         notes=signals.notes,
         epoch=signals.epoch,
         known_from={name: at - first for name, at in known.items() if at > first},
+        unknown=[name for name, (_, values) in signals.signals.items() if np.isnan(values).any()],
     )
 
 

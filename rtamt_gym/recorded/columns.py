@@ -12,8 +12,8 @@ from rtamt_gym.checks.numbers import read_floats
 
 __all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns"]
 
-Missing = Literal["raise", "hold", "drop"]
-"""What an empty cell does: it is an error, it has the value before, or its row is left out."""
+Missing = Literal["raise", "hold", "drop", "unknown"]
+"""What an empty cell does: it is an error, has the value before, lets its row go, or is unknown."""
 
 UNITS: Mapping[str, int] = {
     "ns": 1,
@@ -83,6 +83,18 @@ class Columns:
             )
         if self.stale is not None and not self.stale > 0:
             raise InputError(f"--stale: expected seconds, such as 0.5, got {self.stale:g}")
+
+    def check_dense(self) -> None:
+        """Checks that events in dense time can be read so.
+
+        Raises:
+            InputError: If empty cells are unknown, which a value that holds between events is not.
+        """
+        if self.missing == "unknown":
+            raise InputError(
+                "expected --missing unknown or --dense: a value in dense time holds until its next "
+                "event, and no event of it is unknown; give --missing hold or --missing drop"
+            )
 
     def column(self, variable: str) -> str:
         """The column of a variable."""

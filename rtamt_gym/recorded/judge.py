@@ -72,7 +72,7 @@ class TraceJudgement:
     Attributes:
         found: The verdict, its bounds, and what was not recorded.
         series: The robustness of the named formulas, the last of which is the result; empty unless
-            it was asked for.
+            it was asked for, and if values are not known: it has no value at each sample then.
         semantics: How predicates counted.
         start: The time of the first sample; 0 for events.
         period: Seconds between samples; None for events, or if bounds count samples.
@@ -89,7 +89,10 @@ class TraceJudgement:
     dense: bool = False
 
     def __str__(self) -> str:
-        words = f"{self.verdict.name}, robustness {self.robustness_text}"
+        found, words = self.found, f"{self.verdict.name}, robustness {self.robustness_text}"
+        if found.unknown and found.lower < found.upper:
+            ends = f"{number(found.lower)} and {number(found.upper)}"
+            words = f"{self.verdict.name}, robustness between {ends}"
         if self.verdict == Verdict.UNDECIDED:
             return words
         time = self.certain_from
@@ -214,7 +217,10 @@ def judge(
     whole = viewed(spec, reading.view)
     trace = trace.known(whole.variables)
     semantics, n = reading.semantics, trace.samples
-    options = reading.having(period=period).of_monitors({"": whole})[""]
+    reading = reading.having(period=period)
+    if not {*trace.unknown}.isdisjoint(whole.variables):
+        reading = reading.having(nan="unknown")
+    options = reading.of_monitors({"": whole})[""]
     found = rtamt.judge(whole, trace.columns, end=reading.end, n=n, **options)
     times, step = _clock(trace, period)
     series = {
@@ -227,7 +233,7 @@ def judge(
             step,
             str(part.formula),
         )
-        for name, part in (_parts(spec) if formulas else {}).items()
+        for name, part in (_parts(spec) if formulas and not found.unknown else {}).items()
     }
     return TraceJudgement(found, series, semantics, trace.start, period, step)
 

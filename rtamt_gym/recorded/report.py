@@ -40,14 +40,25 @@ def report(
     room = 80 - sum(2 + max(map(len, column)) for column in list(zip(*rows, strict=True))[2:])
     width = max(8, (room - 2) // 2 if several else room)
     cells = [[shorten(text, width) for text in row[:2]] + [*row[2:]] for row in rows]
-    verdicts = []
+    verdicts, unknown = [], {}
     for name, judgement in judgements.items():
         verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
         verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
+        if judgement.found.unknown:
+            unknown[name] = judgement.found.unknown
+    notes = [*notes, *_left_out(unknown, several=several)]
     return [
         *verdicts,
         trace,
         *(line for note in notes for line in indented(f"note: {note}", "")),
-        "",
-        *table(cells, "<<>>>>"),
+        *(["", *table(cells, "<<>>>>")] if len(rows) > 1 else []),
     ]
+
+
+def _left_out(unknown: Mapping[str, tuple[str, ...]], *, several: bool) -> list[str]:
+    """Why the table lacks requirements, in a sentence; nothing if it has all."""
+    if not unknown:
+        return []
+    of = f" of {', '.join(unknown)}" if several else ""
+    names = dict.fromkeys(name for each in unknown.values() for name in each)
+    return [f"no robustness over time{of}: values of {', '.join(names)} are not known"]

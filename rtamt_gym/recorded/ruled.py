@@ -29,6 +29,8 @@ def read_ruled(
         InputError: If the trace cannot be read, or is too short to have a period.
         OSError: If there is no such file.
     """
+    if reading.dense:
+        columns.check_dense()
     row = format_of(path)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(

@@ -46,6 +46,7 @@ class Trace:
         epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
         known_from: The first sample of each variable that has none before, as a topic of a bag that
             began late; its values before are nan.
+        unknown: The variables of which some values are not known; these are nan.
     """
 
     source: str
@@ -58,6 +59,7 @@ class Trace:
     notes: Sequence[str] = ()
     epoch: int = 0
     known_from: Mapping[str, int] = field(default_factory=dict)
+    unknown: Collection[str] = ()
 
     def known(self, variables: Collection[str]) -> Trace:
         """The trace from the first sample on at which all of some variables have a value.
@@ -213,11 +215,18 @@ def read_trace(
 
 
 def _filled(trace: Trace, columns: Columns) -> Trace:
-    """The trace without empty cells, which are nan: they hold the value before, or go."""
+    """The trace without empty cells, which are nan: they hold the value before, go, or stay."""
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
     if not counts:
         return trace
+    if columns.missing == "unknown":
+        each = ", ".join(
+            f"{name}: {count}, the first in {trace.where(int(empty[name].argmax()))}"
+            for name, count in counts.items()
+        )
+        note = f"empty cells are unknown samples ({each})"
+        return replace(trace, notes=[*trace.notes, note], unknown=tuple(counts))
     if columns.missing == "hold":
         held = dict(trace.columns)
         for name in counts:

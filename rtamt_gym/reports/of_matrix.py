@@ -138,6 +138,8 @@ def _episode(
     trace, period = read_ruled(str(path), {"": spec}, reading, columns)
     if not isinstance(trace, Trace):
         raise InputError("this page shows samples")
+    if unknown := [name for name in spec.variables if name in trace.unknown]:
+        raise InputError(f"values of {', '.join(unknown)} are not known")
     whole = viewed(spec, reading.view)
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start
