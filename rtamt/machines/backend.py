@@ -26,6 +26,7 @@ from rtamt.machines.protocols import (
     EpisodeMachine,
 )
 from rtamt.machines.ranges import FindRanges, term_ranges
+from rtamt.machines.terms import FindTerms, term_columns
 from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
@@ -51,6 +52,7 @@ class Factories:
         dense_episode_machine: ``(program, reader)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
+        term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
     """
 
@@ -60,6 +62,7 @@ class Factories:
     dense_episode_machine: Callable[[RegionProgram, EventReader], DenseEpisodeMachine]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
+    term_columns: FindTerms
     term_ranges: FindRanges
 
 
@@ -71,6 +74,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDenseEpisodeMachine,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
+        term_columns,
         term_ranges,
     )
 }
@@ -92,6 +96,7 @@ else:
         native.dense_episode_machine,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
+        native.term_columns,
         native.term_ranges,
     )
     read_only = native.read_only

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
@@ -11,7 +11,7 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, RegionRow
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, RegionRows
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
@@ -20,6 +20,7 @@ from rtamt.program.encoding import (
     encoded_discrete,
     encoded_episode,
     encoded_regions,
+    encoded_terms,
 )
 from rtamt.program.placement import Placement
 from rtamt.program.program import Program
@@ -33,6 +34,7 @@ __all__ = [
     "episode_machine",
     "read_only",
     "refuse_running",
+    "term_columns",
     "term_ranges",
 ]
 
@@ -71,8 +73,8 @@ class _Regions(StateFields):
     def t(self) -> int:
         return self._machine.t
 
-    def advance(self, rows: Sequence[RegionRow], t: int) -> None:
-        self._machine.advance(rows, t)
+    def advance(self, rows: RegionRows, t: int) -> None:
+        self._machine.advance(rows.positions, rows.terms, t)
 
     def look(self, worlds: Sequence[int]) -> list[float]:
         values = self._machine.look(max(worlds) + 1)
@@ -90,7 +92,7 @@ class _Regions(StateFields):
 
 
 def dense_episode_machine(program: RegionProgram, reader: EventReader) -> PythonDenseEpisodeMachine:
-    return PythonDenseEpisodeMachine(program, reader, _Regions)
+    return PythonDenseEpisodeMachine(program, reader, _Regions, term_columns)
 
 
 def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:
@@ -99,6 +101,17 @@ def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.Dis
 
 def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
     return _native.EpisodeBank(*encoded_episode(program), num, reader)
+
+
+def term_columns(
+    program: Program,
+    columns: Sequence[Floats],
+    refuse: Callable[[list[float], int], NoReturn],
+) -> list[Floats]:
+    found, fine = _native.term_columns(encoded_terms(program), columns)
+    if fine < len(columns[0]):
+        refuse([float(column[fine]) for column in columns], fine)
+    return found
 
 
 def term_ranges(

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, NoReturn, TypeVar, assert_never
 
+import numpy as np
+
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 
-__all__ = ["Operation", "PythonSampleMachine", "Registers", "Terms", "map_operation"]
+__all__ = [
+    "FindTerms",
+    "Operation",
+    "PythonSampleMachine",
+    "Registers",
+    "Terms",
+    "map_operation",
+    "term_columns",
+]
 
 Registers = list[float]
 Operation = Callable[[Registers], None]
 """Computes one register from others."""
+FindTerms = Callable[
+    [Program, Sequence[Floats], Callable[[list[float], int], NoReturn]], list[Floats]
+]
+"""Evaluates terms as `term_columns` does."""
 
 
 _Place = TypeVar("_Place")
@@ -69,6 +84,31 @@ class Terms(Generic[_Place]):
             if value != value:  # noqa: PLR0124 - nan
                 self._refuse(values, place)
         return registers
+
+
+def term_columns(
+    program: Program,
+    columns: Sequence[Floats],
+    refuse: Callable[[list[float], int], NoReturn],
+) -> list[Floats]:
+    """The registers of the terms at n samples.
+
+    Args:
+        program: The program whose terms are evaluated.
+        columns: For every variable its n values.
+        refuse: Raises the error of the first sample that has a term which is nan, from the values
+            of the variables and the number of the sample.
+
+    Returns:
+        For every term its n values.
+
+    Raises:
+        InputError: If a term is nan.
+    """
+    terms: Terms[int] = Terms(program, refuse)
+    samples = zip(*(column.tolist() for column in columns), strict=True)
+    rows = [terms(list(values), i) for i, values in enumerate(samples)]
+    return list(np.array(rows).reshape(len(rows), program.terms).T.copy())
 
 
 def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:

@@ -90,7 +90,7 @@ class DenseQuestion:
         self._backend: BackendName = backend
         self.resolution = regions.resolution
         self._given = dict(zip(regions.program.variables, given, strict=True))
-        begin, last, _ = rows_of(regions, given)
+        begin, last, _ = rows_of(regions, given, BACKENDS[backend].term_columns)
         dated = any(are_dates(times) for times, _ in given if len(times))
         self._begin, self._dated = begin, dated
         self._reader = EventReader(dense_of(regions))
@@ -107,7 +107,7 @@ class DenseQuestion:
     def opposite(self, left: Formula) -> Signs:
         """Where the opposite of a left side holds and fails, by standard semantics."""
         regions, given = self._changed(~left, STANDARD)
-        _, last, rows = rows_of(regions, given)
+        _, last, rows = rows_of(regions, given, BACKENDS[self._backend].term_columns)
         outlook = DenseOutlook(regions.program, rows, last, cut=self._end == "cut")
         return _DenseSigns(*outlook.result(self._end), last)
 

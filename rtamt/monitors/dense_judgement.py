@@ -91,7 +91,7 @@ def judge_dense(
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or verdict_of(lower, upper) != 0:
             return ()
-        begin, last, rows = rows_of(regions, given)
+        begin, last, rows = rows_of(regions, given, BACKENDS[backend].term_columns)
         outlook = DenseOutlook(regions.program, rows, last, cut=reading == "cut")
         return found_untested_dense(outlook, begin, whole.resolution, cut=reading == "cut")
 

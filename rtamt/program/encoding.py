@@ -30,6 +30,7 @@ __all__ = [
     "encoded_discrete",
     "encoded_episode",
     "encoded_regions",
+    "encoded_terms",
 ]
 
 
@@ -211,6 +212,12 @@ def clock_of(tick: Fraction) -> tuple[float, int, int]:
     units, ticks = tick.as_integer_ratio()
     quotient = (ticks, units) if max(ticks, units) < MAX_TICKS else (0, 1)
     return (float(1 / tick), *quotient)
+
+
+@functools.lru_cache(maxsize=256)
+def encoded_terms(program: Program) -> tuple[DiscreteRow, ...]:
+    """The terms of a program, of any time."""
+    return tuple(_terms(program))
 
 
 def _terms(program: Program) -> list[DiscreteRow]:

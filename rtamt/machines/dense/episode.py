@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, assert_never
+from typing import Any, NamedTuple, NoReturn, Protocol, assert_never
 
 import numpy as np
 
 from rtamt.errors import InputError
+from rtamt.inputs.arrays import Floats
+from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given
 from rtamt.machines.dense.regions import (
@@ -28,12 +30,12 @@ from rtamt.machines.dense.regions import (
     RegionSliding,
     RegionStream,
 )
-from rtamt.machines.dense.runs import Runs
-from rtamt.machines.dense.streams import Joint
+from rtamt.machines.dense.runs import Positions, Runs
+from rtamt.machines.dense.waiting import Waiting, together
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import StateFields
-from rtamt.machines.terms import Registers, Terms
+from rtamt.machines.terms import FindTerms, Registers, term_columns
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 from rtamt.program.dense_regions import RegionProgram
@@ -44,15 +46,31 @@ from rtamt.program.program import Program
 
 __all__ = [
     "PythonDenseEpisodeMachine",
-    "RegionRow",
+    "RegionRows",
     "Regions",
     "dense_of",
     "readings_of",
     "rows_of",
 ]
 
-RegionRow = tuple[int, Registers]
-"""A position and the terms from there on."""
+
+class RegionRows(NamedTuple):
+    """The terms from some positions on.
+
+    Attributes:
+        positions: The positions, increasing.
+        terms: For every term its value from each position to the next.
+    """
+
+    positions: Positions
+    terms: Sequence[Floats]
+
+    def between(self, begin: int, end: int) -> RegionRows:
+        """Those after a position, up to another one."""
+        first, after = self.positions.searchsorted((begin, end), "right")
+        if after - first == len(self.positions):
+            return self
+        return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
 
 
 def readings_of(program: Program) -> tuple[Program, ...]:
@@ -127,15 +145,14 @@ class Regions(StateFields):
             case _ as never:
                 assert_never(never)
 
-    def advance(self, rows: Sequence[RegionRow], t: int) -> None:
+    def advance(self, rows: RegionRows, t: int) -> None:
         """Take in the terms at new positions; all positions up to t have been seen."""
         if self.t < 0:
-            self._first = rows[0][1]
+            self._first = [float(values[0]) for values in rows.terms]
         self.t = t
-        starts = np.array([position for position, _ in rows], np.int64)
         for register, stream in self.streams.items():
             if isinstance(stream, RegionPredicate):
-                stream.take(starts, np.array([terms[register] for _, terms in rows]))
+                stream.take(rows.positions, rows.terms[register])
             runs = stream.settle(t)
             if runs is None:
                 continue
@@ -149,13 +166,12 @@ class Regions(StateFields):
         for stream in self.streams.values():
             stream.trim()
 
-    def unfold(self, rows: Sequence[RegionRow], t: int, worlds: Sequence[int]) -> None:
+    def unfold(self, rows: RegionRows, t: int, worlds: Sequence[int]) -> None:
         """Take in a whole trace, of which nothing settles but predicates, and find all runs."""
         self.t = t
-        starts = np.array([position for position, _ in rows], np.int64)
         for register, stream in self.streams.items():
             if isinstance(stream, RegionPredicate):
-                stream.take(starts, np.array([terms[register] for _, terms in rows]))
+                stream.take(rows.positions, rows.terms[register])
             if isinstance(stream, RegionPredicate | RegionConstant) and (runs := stream.settle(t)):
                 stream.append(runs, t)
             for world in worlds:
@@ -209,7 +225,7 @@ class RegionRegisters(Protocol):
 
     @property
     def t(self) -> int: ...
-    def advance(self, rows: Sequence[RegionRow], t: int) -> None: ...
+    def advance(self, rows: RegionRows, t: int) -> None: ...
     def look(self, worlds: Sequence[int]) -> list[float]: ...
     def reset(self) -> None: ...
     def state(self) -> list[Any]: ...
@@ -223,6 +239,7 @@ class PythonDenseEpisodeMachine(StateFields):
         regions: The program.
         reader: Turns arguments into events, and refuses them.
         make: Makes the registers of a back-end.
+        find: Evaluates terms.
     """
 
     STATE = (
@@ -235,7 +252,7 @@ class PythonDenseEpisodeMachine(StateFields):
         "_dated",
         "_first",
         "_last",
-        "_inputs",
+        "_waiting",
         "_readings",
     )
     finished: bool
@@ -253,13 +270,14 @@ class PythonDenseEpisodeMachine(StateFields):
         regions: RegionProgram,
         reader: EventReader,
         make: Callable[[Placement], RegionRegisters] = Regions,
+        find: FindTerms = term_columns,
     ) -> None:
         self.reader = reader
         self._program = regions
-        programs = readings_of(regions.program)
-        self._terms = [Terms(program, reader.refuse) for program in programs]
-        self._readings = [make(place(program)) for program in programs]
-        self._inputs = Joint(len(reader.variables))
+        self._find = find
+        self._programs = readings_of(regions.program)
+        self._readings = [make(place(program)) for program in self._programs]
+        self._waiting = [Waiting() for _ in reader.variables]
         defaults = regions.program.specification.defaults
         self._defaults = [defaults.get(name) for name in reader.variables]
         self.reset()
@@ -343,17 +361,20 @@ class PythonDenseEpisodeMachine(StateFields):
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
         begin, end = max(first), min(last)
         before = self._end
-        self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
-        try:
-            rows = [self._rows(terms, begin, end, dated) for terms in self._terms]
-            if begin <= end < math.inf:
-                _check_reach(self._program, int(end - begin))
-        except BaseException:
-            self._inputs.retract([len(t) for t in times])
-            raise
+        rows: list[RegionRows] = []
+        for waiting, column in zip(self._waiting, columns, strict=True):
+            waiting.extend(column)
+        if begin <= end:
+            try:
+                rows = self._rows(int(begin), int(end), dated)
+            except BaseException:
+                for waiting, column in zip(self._waiting, columns, strict=True):
+                    waiting.retract(column)
+                raise
+        if not math.isinf(end):
+            for waiting in self._waiting:
+                waiting.drop(int(end))
         self._first, self._last, self._dated = first, last, dated
-        while self._inputs.next <= end:
-            self._inputs.take()
         if begin <= end and end != before:
             known = -1 if math.isinf(before) else int(before - begin)
             if decided and self._decided is None:
@@ -361,17 +382,15 @@ class PythonDenseEpisodeMachine(StateFields):
             else:
                 self._go(rows, known, int(end - begin))
 
-    def _rows(self, terms: Terms[Any], begin: float, end: float, dated: Dated) -> list[RegionRow]:
-        """The terms at all new times of the trace; changes nothing."""
-        if begin > end:
-            return []
-        return [
-            (2 * int(time - begin), terms(list(values), (time, dated)))
-            for time, values in self._inputs.ahead(end)
-            if time >= begin
-        ]
+    def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
+        """For each reading the terms at all new times of the trace; changes nothing."""
+        trace = (*together(self._waiting, begin, end), dated)
+        terms = _terms(self._programs, self._find, self.reader, trace)
+        _check_reach(self._program, end - begin)
+        positions = 2 * (trace[0] - begin)
+        return [RegionRows(positions, each) for each in terms]
 
-    def _decide(self, rows: Sequence[Sequence[RegionRow]], known: int, ticks: int) -> None:
+    def _decide(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
         """Go from the last tick that was known to another; find where the verdict is decided."""
         low, high, state = known, ticks, self._states()
         self._go(rows, known, ticks)
@@ -397,10 +416,9 @@ class PythonDenseEpisodeMachine(StateFields):
         for reading, state in zip(self._readings, states, strict=True):
             reading.restore(state)
 
-    def _go(self, rows: Sequence[Sequence[RegionRow]], known: int, ticks: int) -> None:
-        begin, t = 2 * known, 2 * ticks
+    def _go(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
         for reading, its in zip(self._readings, rows, strict=True):
-            reading.advance([row for row in its if begin < row[0] <= t], t)
+            reading.advance(its.between(2 * known, 2 * ticks), 2 * ticks)
         self._conclude()
 
     def _conclude(self) -> None:
@@ -431,7 +449,8 @@ class PythonDenseEpisodeMachine(StateFields):
         self._heard = [False] * width
         self._dated = None
         self._first, self._last = [math.inf] * width, [-math.inf] * width
-        self._inputs.reset()
+        for waiting in self._waiting:
+            waiting.reset()
         for reading in self._readings:
             reading.reset()
         self._conclude()
@@ -443,8 +462,8 @@ def dense_of(regions: RegionProgram) -> DenseProgram:
 
 
 def rows_of(
-    regions: RegionProgram, given: Sequence[Given]
-) -> tuple[int, int, list[list[RegionRow]]]:
+    regions: RegionProgram, given: Sequence[Given], find: FindTerms
+) -> tuple[int, int, list[RegionRows]]:
     """The first tick of a whole trace, its last position, and for each reading the terms.
 
     The trace is one that a machine has taken in before.
@@ -453,11 +472,25 @@ def rows_of(
     columns, dated = reader.counted(given, [-math.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     last = min(int(ticks[-1]) for ticks, _ in columns)
-    events = Joint(len(columns))
-    events.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
-    rows = []
-    for program in readings_of(regions.program):
-        terms: Terms[tuple[float, Dated]] = Terms(program, reader.refuse)
-        its = [(time, values) for time, values in events.ahead(last) if time >= begin]
-        rows.append([(2 * int(time - begin), terms(list(x), (time, dated))) for time, x in its])
-    return begin, 2 * (last - begin), rows
+    events = [Waiting() for _ in columns]
+    for waiting, column in zip(events, columns, strict=True):
+        waiting.extend(column)
+    trace = (*together(events, begin, last), dated)
+    terms = _terms(readings_of(regions.program), find, reader, trace)
+    positions = 2 * (trace[0] - begin)
+    return begin, 2 * (last - begin), [RegionRows(positions, each) for each in terms]
+
+
+def _terms(
+    programs: Sequence[Program],
+    find: FindTerms,
+    reader: EventReader,
+    trace: tuple[Ticks, Sequence[Floats], Dated],
+) -> list[list[Floats]]:
+    """The terms of programs at ticks, from the values of all variables then."""
+    ticks, values, dated = trace
+
+    def refuse(sample: list[float], i: int) -> NoReturn:
+        reader.refuse(sample, (int(ticks[i]), dated))
+
+    return [find(program, values, refuse) for program in programs]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtamt.machines.dense.episode import RegionRow, Regions, readings_of
+from rtamt.machines.dense.episode import RegionRows, Regions, readings_of
 from rtamt.machines.dense.regions import CUT, LOWER, NOW, UPPER, WORLDS
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
@@ -46,7 +46,7 @@ class DenseOutlook:
     """
 
     def __init__(
-        self, program: Program, rows: Sequence[Sequence[RegionRow]], last: int, *, cut: bool
+        self, program: Program, rows: Sequence[RegionRows], last: int, *, cut: bool
     ) -> None:
         self.last = last
         self._worlds = CUT if cut else (LOWER, UPPER)

@@ -159,15 +159,16 @@ namespace {
 // A term read as a formula.
 class Predicate final : public RegionStream {
 public:
-    Predicate(const RegionTrace& trace, std::size_t reg) : RegionStream(trace, 0), reg_(reg) {}
+    explicit Predicate(const RegionTrace& trace) : RegionStream(trace, 0) {}
 
-    void take(const Time* positions, const double* terms, std::size_t width, std::size_t n) {
+    void take(const Time* positions, const double* values, std::size_t n) {
         next_ = Runs();
         next_.corners = trace_.corners;
         const Time begin = last() + 1;
         if (n == 0 || positions[0] > begin) next_.add(begin, kept_.at(kept_.size() - 1));
         for (std::size_t i = 0; i < n; ++i)
-            next_.add(positions[i], Pair{0.0, terms[i * width + reg_]});
+            if (next_.empty() || !same(next_.values.back().q, values[i]))
+                next_.add(positions[i], Pair{0.0, values[i]});
     }
 
 protected:
@@ -178,7 +179,6 @@ protected:
     }
 
 private:
-    std::size_t reg_;
     Runs next_;
 };
 
@@ -578,7 +578,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         auto& made = streams_[reg];
         if (reg < terms) {
             if (constants_[reg]) made = std::make_unique<Constant>(*trace_, *constants_[reg]);
-            else made = std::make_unique<Predicate>(*trace_, reg);
+            else made = std::make_unique<Predicate>(*trace_);
             continue;
         }
         const RegionRow& row = rows[reg - terms];
@@ -610,13 +610,16 @@ Regions::Regions(Regions&&) noexcept = default;
 Regions& Regions::operator=(Regions&&) noexcept = default;
 Regions::~Regions() = default;
 
-void Regions::advance(const Time* positions, const double* terms, std::size_t n, Time t) {
-    if (t_ < 0) first_.assign(terms, terms + terms_);
+void Regions::advance(const Time* positions, const double* const* terms, std::size_t n, Time t) {
+    if (t_ < 0) {
+        first_.clear();
+        for (std::size_t reg = 0; reg < terms_; ++reg) first_.push_back(terms[reg][0]);
+    }
     t_ = t;
     for (const std::size_t reg : order_) {
         RegionStream& stream = *streams_[reg];
         if (auto* predicate = dynamic_cast<Predicate*>(&stream))
-            predicate->take(positions, terms, terms_, n);
+            predicate->take(positions, terms[reg], n);
         if (!stream.settle(t)) continue;
         if (const auto* future = dynamic_cast<const RegionFuture*>(&stream)) {
             const std::size_t axis = future->axis();

@@ -56,9 +56,8 @@ public:
 
     std::size_t terms() const { return terms_; }
     Time last() const { return t_; }
-    // Takes in the terms at n new positions, position by position;
-    // all positions up to t have been seen.
-    void advance(const Time* positions, const double* terms, std::size_t n, Time t);
+    // Takes in columns of the terms at n new positions; all positions up to t have been seen.
+    void advance(const Time* positions, const double* const* terms, std::size_t n, Time t);
     // The robustness at position 0 in the first worlds; `now` is no number before position 0.
     Values look(std::size_t worlds);
 

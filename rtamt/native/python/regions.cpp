@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "dense/terms.hpp"
+#include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
 
@@ -22,22 +24,27 @@ void construct(RegionsObject* self, std::size_t terms, const nb::sequence& const
                               nb::none()}};
 }
 
-void advance(RegionsObject& object, const nb::sequence& rows, dense::Time t) {
-    std::vector<dense::Time> positions;
-    std::vector<double> terms;
-    const dense::Time last = object.machine.last();
-    for (nb::handle row : rows) {
-        const dense::Time position = nb::cast<dense::Time>(row[0]);
-        const bool rises = position > (positions.empty() ? last : positions.back());
-        if (!rises || position > t) throw nb::value_error("expected new positions that increase");
-        positions.push_back(position);
-        for (nb::handle term : nb::object(row[1])) terms.push_back(nb::cast<double>(term));
-        if (terms.size() != positions.size() * object.machine.terms())
-            throw nb::value_error("expected a number for every term");
+void advance(RegionsObject& object, const nb::object& positions, const nb::sequence& terms,
+             dense::Time t) {
+    const std::size_t n = nb::len(positions);
+    const ArrayView view(positions, n, PyBUF_ND);
+    const auto* places = view.data<dense::Time>();
+    std::vector<ArrayView> columns;
+    std::vector<const double*> sources;
+    for (nb::handle column : terms) {
+        columns.emplace_back(nb::borrow(column), n, PyBUF_ND);
+        sources.push_back(columns.back().data<double>());
     }
-    if (t <= last || t % 2 != 0 || (last < 0 && (positions.empty() || positions[0] != 0)))
+    if (columns.size() != object.machine.terms())
+        throw nb::value_error("expected a column for every term");
+    const dense::Time last = object.machine.last();
+    bool rises = true;
+    for (std::size_t i = 0; i < n; ++i) rises &= places[i] > (i == 0 ? last : places[i - 1]);
+    if (!rises || (n > 0 && places[n - 1] > t))
+        throw nb::value_error("expected new positions that increase");
+    if (t <= last || t % 2 != 0 || (last < 0 && (n == 0 || places[0] != 0)))
         throw nb::value_error("expected a later instant, and the terms at the first");
-    object.machine.advance(positions.data(), terms.data(), positions.size(), t);
+    object.machine.advance(places, sources.data(), n, t);
 }
 
 nb::tuple look(RegionsObject& object, std::size_t worlds) {
@@ -48,9 +55,21 @@ nb::tuple look(RegionsObject& object, std::size_t worlds) {
     return nb::tuple(list);
 }
 
+nb::tuple term_columns(const nb::sequence& rows, const nb::sequence& columns) {
+    const std::size_t variables = nb::len(columns);
+    const dense::TermColumns terms(discrete_rows(rows), variables);
+    const std::size_t n = variables == 0 ? 0 : nb::len(nb::object(columns[0]));
+    const Arrays arrays(variables, terms.size(), columns, n);
+    const std::size_t fine = terms.compute(arrays.sources(), arrays.targets(), n);
+    return nb::make_tuple(arrays.made(), fine);
+}
+
 }  // namespace
 
 void bind_regions(nb::module_& m) {
+    m.def("term_columns", term_columns, nb::arg("rows"), nb::arg("columns"),
+          "Return a column for each term from one for each variable, and the number of samples\n"
+          "before the first at which a term is nan; see rtamt.machines.terms.term_columns.");
     machine_class<RegionsObject>(
         m, "DenseRegions",
         "The registers of a program over the regions of dense time, as\n"
@@ -66,8 +85,9 @@ void bind_regions(nb::module_& m) {
              nb::arg("initial"), nb::arg("streams"), nb::arg("unknowns"))
         .def_prop_ro("t", [](const RegionsObject& o) { return o.machine.last(); },
                      "The last position that was seen; -1 before there is one.")
-        .def("advance", advance, nb::arg("rows"), nb::arg("t"),
-             "Take in positions and the terms there; all positions up to t have been seen.")
+        .def("advance", advance, nb::arg("positions"), nb::arg("terms"), nb::arg("t"),
+             "Take in positions and columns of the terms there; all positions up to t have been "
+             "seen.")
         .def("look", look, nb::arg("worlds"), "Return the robustness in the first worlds.")
         .def("reset", reset<RegionsObject>, "Return to the state before the first position.");
 }

@@ -177,6 +177,41 @@ def test_an_event_costs_the_same_while_a_variable_runs_ahead(
     assert spent(4_000) <= 1.1 * spent(200)
 
 
+@pytest.mark.parametrize("backend", NATIVE)
+@pytest.mark.parametrize("text", DENSE)
+def test_python_reads_whole_arrays_of_events(text: str, backend: Backend) -> None:
+    lines, spec = StepCounter(), rtamt.parse(text)
+
+    def whole(n: int) -> dict[str, rtamt.Events]:
+        """Events at whole milliseconds: exact arithmetic is for times between two ticks."""
+        return {v: rtamt.Events(np.round(e.times, 3), e.values) for v, e in events(n).items()}
+
+    def judged(n: int) -> int:
+        return lines(rtamt.judge_dense, spec, whole(n), "open", backend=backend)
+
+    def taken(n: int) -> int:
+        monitor = rtamt.DenseEpisodeMonitor("always(a + b > -99)", backend=backend)
+        return lines(monitor.update, whole(n))
+
+    for spent in (judged, taken):
+        spent(200)  # the first call compiles
+        assert 0 < spent(2_000) <= 1.1 * spent(200)
+
+
+def test_an_episode_of_events_costs_the_same_while_a_variable_runs_ahead(
+    count: StepCounter, backend: Backend
+) -> None:
+    trace = events(4_000)
+    ahead, late = pairs(trace["a"]), pairs(trace["b"])[:100]
+
+    def spent(lead: int) -> int:
+        monitor = rtamt.DenseEpisodeMonitor("always[0:1](a + b > -99)", backend=backend)
+        monitor.update({"a": ahead[:lead]})
+        return sum(count(monitor.update, {"b": [row]}) for row in late)
+
+    assert spent(4_000) <= 1.1 * spent(200)
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -5,6 +5,7 @@ import math
 import pickle
 from typing import Literal
 
+import numpy as np
 import pytest
 from bits import identical
 from dense_oracle import STEP
@@ -17,7 +18,16 @@ from region_oracle import Regions, inside
 from strategies import formulas
 
 import rtamt
-from rtamt import DenseEpisodeMonitor, End, Formula, InputError, StateError, Verdict, judge_dense
+from rtamt import (
+    DenseEpisodeMonitor,
+    End,
+    Events,
+    Formula,
+    InputError,
+    StateError,
+    Verdict,
+    judge_dense,
+)
 
 Backend = Literal["native", "python"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
@@ -165,6 +175,30 @@ def test_errors(backend: Backend) -> None:
     monitor.reset()
     assert not monitor.finished
     assert rtamt.__all__.count("DenseEpisodeMonitor") == 1
+
+
+def test_a_refused_chunk_leaves_what_waits(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(sqrt(x) + y > 1)", backend=backend)
+    monitor.update(x=[(0, 4), (2, 9)], y=[(0, 1), (1, 3)])
+    before = seen(monitor), monitor.settled
+    roots = np.arange(1.0, 1_001.0)
+    roots[700] = -1.0
+    with pytest.raises(InputError, match=r"at time 703\.0, where x = -1\.0"):
+        monitor.update(x=Events(np.arange(3.0, 1_003.0), roots), y=[(4, 5), (2_000, 5)])
+    assert (seen(monitor), monitor.settled) == before
+    monitor.update(x=[(3, 0), (5, 16)], y=[(2.5, 0.5), (6, 7)])
+    assert (monitor.robustness, monitor.settled, monitor.decided_at) == (-0.5, 5, 3)
+
+
+def test_events_that_wait_are_copies(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(x + y > 0)", backend=backend)
+    times, values = np.arange(4, dtype=np.int64) * 10**9, np.array([3.0, 2.0, 5.0, 4.0])
+    monitor.update(x=Events(times, values))
+    values[:] = times[:] = -9
+    monitor.update(y=[(0, 1), (2, 0)])
+    assert monitor.robustness == 3
+    monitor.update(y=[(10**9, 0), (4 * 10**9, 1)])
+    assert (monitor.robustness, monitor.settled) == (2, 3 * 10**9)
 
 
 DECLARED = """
