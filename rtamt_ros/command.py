@@ -10,6 +10,7 @@ from typing import NoReturn, get_args
 
 from rtamt import InputError, SemanticsName
 from rtamt_gym.commands.errors import options_in, refusal
+from rtamt_ros.core.settings import StaleAs
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
@@ -146,6 +147,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="an input without a message for so long is stale, and nothing is said of what reads "
         "it; TOPIC=SECONDS is for one topic; may be repeated (default: five periods, at least 0.5)",
+    )
+    when.add_argument(
+        "--stale-as",
+        choices=get_args(StaleAs),
+        help="what a stale input does: restart ends the run, and the next begins when it is there "
+        "again; unknown goes on with samples in which nothing is known of it, and bounds and "
+        f"verdict hold for whatever it was (default: {_default('stale_as')})",
     )
     when.add_argument(
         "--record",

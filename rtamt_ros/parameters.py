@@ -15,7 +15,7 @@ import rtamt
 from rtamt import InputError, RtamtError, Specification
 from rtamt.errors import alternatives, brief, is_one_of
 from rtamt_ros.core.judges import Judges
-from rtamt_ros.core.settings import Settings
+from rtamt_ros.core.settings import Settings, StaleAs
 
 __all__ = ["DEPTH", "PARAMETERS", "UNITS", "Qos", "read"]
 
@@ -37,6 +37,10 @@ PARAMETERS: dict[str, tuple[object, str]] = {
     "stale": (
         None,
         "seconds until an input is stale, or a list of TOPIC=SECONDS",
+    ),
+    "stale_as": (
+        "restart",
+        "what a stale input does: restart ends the run, unknown goes on without its values",
     ),
     "semantics": ("standard", "the robustness of inputs and outputs"),
     "align": ("", "how bounds between samples are rounded: outward, inward or nearest"),
@@ -67,7 +71,8 @@ def read(
         SpecificationError: On a text that is no specification, or that a monitor cannot run; a note
             names its file.
     """
-    for name, known in (("unit", UNITS), ("qos", get_args(Qos))):
+    choices = {"unit": UNITS, "qos": get_args(Qos), "stale_as": get_args(StaleAs)}
+    for name, known in choices.items():
         if not is_one_of(values[name], known):
             raise InputError(f"{name}: expected {alternatives(known)}, got {brief(values[name])}")
     if values["depth"] < 1:
@@ -79,6 +84,7 @@ def read(
         stamps=values["stamps"],
         stale=stale,
         stale_of=stale_of,
+        stale_as=values["stale_as"],
         semantics=values["semantics"],
         align=values["align"] or None,
         record=Path(values["record"]) if values["record"] else None,

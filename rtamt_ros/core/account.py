@@ -96,6 +96,30 @@ class Account:
         )
         return report, f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
+    def without_values(
+        self, time: int, ages: Mapping[str, int], bounds: tuple[float, float], verdict: Verdict
+    ) -> RequirementReport:
+        """The report of a sample in a run that goes on without the values of stale inputs.
+
+        Args:
+            time: Of the sample.
+            ages: The stale inputs, and for how many nanoseconds nothing came.
+            bounds: The least and the greatest robustness of the run.
+            verdict: Its verdict.
+        """
+        what = [f"{name} stale {seconds(age)}" for name, age in ages.items()]
+        what += [each.error for each in self.inputs if each.error]
+        return self._report(
+            time,
+            Level.STALE,
+            "; ".join(what),
+            stale=tuple(ages),
+            robustness=_NAN,
+            lower=bounds[0],
+            upper=bounds[1],
+            verdict=verdict,
+        )
+
     def failed(self, time: int, reason: str) -> RequirementReport:
         """The report of values that have no robustness, such as ``sqrt(-1)``."""
         return self._report(time, Level.ERROR, reason, **_UNKNOWN)

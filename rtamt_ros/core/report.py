@@ -29,10 +29,10 @@ class RequirementReport(NamedTuple):
         about: The time that the robustness is about: `time` less the latency. None without a
             robustness.
         lower: The least robustness since the last start, over all continuations and ends; nan while
-            an input is stale; None before the first sample.
+            an input is stale, unless its values count as unknown; None before the first sample.
         upper: The greatest.
-        verdict: The verdict since the last start; UNDECIDED while an input is stale; None before
-            the first sample.
+        verdict: The verdict since the last start; UNDECIDED while an input is stale, unless its
+            values count as unknown; None before the first sample.
         values: The robustness of every named formula of the requirement, nan until its own latency
             has passed; empty while there is nothing to say.
         worst: The least robustness since the node was started; None before the first.

@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
+from rtamt.machines.readout import moved
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.formulas import Formulas
+from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
@@ -24,6 +26,10 @@ class SampledJudge:
     that comes late by several periods takes the values held then for all of them. `Monitor` gives
     the robustness, or `EpisodeMonitor` if no monitor can wait for the requirement. `Formulas` does
     the same for every named formula.
+
+    Under ``stale_as="unknown"`` a run goes on while inputs are stale: `EpisodeMonitor` takes their
+    values for unknown, so that bounds and verdict are about the whole run. `Monitor` and
+    `Formulas`, which need every value, begin anew when all inputs are there again.
 
     Args:
         requirement: What to judge.
@@ -48,7 +54,10 @@ class SampledJudge:
             "semantics": settings.semantics,
             "align": settings.align,
         }
-        self._episode = EpisodeMonitor(requirement.specification, **options)
+        self._unknown = settings.stale_as == "unknown"
+        self._episode = EpisodeMonitor(
+            requirement.specification, **options, nan="unknown" if self._unknown else "raise"
+        )
         self._monitor: Monitor | None = None
         try:
             self._monitor = Monitor(requirement.specification, **options)
@@ -56,14 +65,15 @@ class SampledJudge:
             self._latency = 0
         else:
             self._latency = self._monitor.latency * settings.period
-        self._may_rise = (
-            self._monitor is None or unbounded(requirement.specification) == "eventually"
-        )
+        whole = unbounded(requirement.specification)
+        self._may_rise = self._monitor is None or whole == "eventually"
+        self._about_run = bool(whole) and self._monitor is not None
         order = {source: at for at, source in enumerate(self.inputs)}
         cells = [requirement.cells[name] for name in self._episode.variables]
         self._places = [(order[source], place) for source, place in cells]
         named = requirement.specification.formulas
         result = [name for name, of in named.items() if of is requirement.specification.formula]
+        self._result = result[:1]
         self._alone = result[0] if len(named) == len(result) == 1 else ""
         self._formulas: Formulas | None = None
         if named and self._monitor is None:
@@ -73,6 +83,7 @@ class SampledJudge:
         self._start: int | None = None
         self._count = 0
         self._decided = False
+        self._gaps = False
         self._jumps = 0
 
     def stop(self, why: str) -> None:
@@ -85,7 +96,7 @@ class SampledJudge:
         """The report of a time; None if no sample is due."""
         jumps = 0
         for source in self.inputs:
-            if source.is_gone(now):
+            if source.is_awaited() if self._unknown else source.is_gone(now):
                 report, why = self.account.without(now)
                 self.stop(why)
                 return report
@@ -106,7 +117,7 @@ class SampledJudge:
             self.stop(f"nothing was sampled for {seconds(since)}")
             return self._begin(now)
         self.account.missed += late
-        return self._feed(late + 1)
+        return self._feed(late + 1, now)
 
     def _begin(self, now: int) -> RequirementReport:
         self._episode.reset()
@@ -114,17 +125,17 @@ class SampledJudge:
             if each is not None:
                 each.reset()
         self._start, self._count, self._decided = now, 0, False
-        return self._feed(1)
+        self._gaps = False
+        return self._feed(1, now)
 
-    def _feed(self, count: int) -> RequirementReport:
-        held = [source.values for source in self.inputs]
-        sample = [held[at][place] for at, place in self._places]
+    def _feed(self, count: int, now: int) -> RequirementReport:
+        sample, stale = self._sample(now)
         time = about = 0
         robustness, known = math.nan, None
         for _ in range(count):
             time = (self._start or 0) + self._count * self._period
             try:
-                robustness = self._step(sample)
+                robustness = self._apart(sample) if stale else self._step(sample)
             except InputError as error:  # a term is no number
                 self.stop("there was no robustness")
                 return self.account.failed(time, str(error))
@@ -143,6 +154,11 @@ class SampledJudge:
                 self._decided = True
                 if self._episode.verdict is Verdict.VIOLATED:
                     self.account.violated(time)
+        if stale:
+            what = {each.name: each.age(now) for each in stale}
+            return self.account.without_values(
+                time, what, self._episode.bounds(), self._episode.verdict
+            )
         return self.account.judged(
             time,
             known,
@@ -153,6 +169,26 @@ class SampledJudge:
             may_rise=self._may_rise,
         )
 
+    def _sample(self, now: int) -> tuple[list[float], list[Input]]:
+        """The values of a time, and the inputs of which they are not known and nan."""
+        stale = []
+        if self._unknown:  # before the values: a message may come now
+            stale = [source for source in self.inputs if source.is_stale(now)]
+        held = [source.values for source in self.inputs]
+        for source in stale:
+            at = self.inputs.index(source)
+            held[at] = [math.nan] * len(held[at])
+        return [held[at][place] for at, place in self._places], stale
+
+    def _apart(self, sample: Sequence[float]) -> float:
+        """Takes values of which some are not known, with which there is no robustness."""
+        self._episode.update(*sample)
+        self._gaps = True
+        for each in (self._monitor, self._formulas):
+            if each is not None:
+                each.reset()
+        return math.nan
+
     def _step(self, sample: Sequence[float]) -> float:
         if self._monitor is None:
             robustness = self._episode.update(*sample)
@@ -161,6 +197,9 @@ class SampledJudge:
             return robustness
         robustness = self._monitor.update(*sample)
         self._episode.update(*sample)
+        if self._gaps and self._about_run and robustness == robustness:  # noqa: PLR0124 - not nan
+            # It is that of the samples since the last gap: what was before it counts too.
+            return moved(robustness, *self._episode.bounds())
         return robustness
 
     def _values(self, robustness: float) -> Mapping[str, float]:
@@ -169,4 +208,5 @@ class SampledJudge:
             return {self._alone: robustness}
         if self._formulas is not None:
             return self._formulas.values
-        return {} if self._monitor is None else self._monitor.values
+        values = {} if self._monitor is None else self._monitor.values
+        return {**values, **dict.fromkeys(self._result, robustness)} if self._gaps else values

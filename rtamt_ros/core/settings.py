@@ -6,11 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from rtamt import InputError
 from rtamt.errors import Argument
 
-__all__ = ["Settings"]
+__all__ = ["Settings", "StaleAs"]
+
+StaleAs = Literal["restart", "unknown"]
+"""What a stale input does to a run: it ends it, or its values are not known in it."""
 
 _SECOND = 1_000_000_000
 
@@ -28,6 +32,9 @@ class Settings:
         stale: Seconds without a message after which an input is stale; inf: never. None: five
             periods, and at least half a second.
         stale_of: The same for single topics, named as in the specification.
+        stale_as: What a stale input does. ``"restart"``: the run ends, and the next begins when
+            every input is there again. ``"unknown"``: the run goes on with samples in which nothing
+            is known of the input; bounds and verdict hold for whatever it was.
         semantics: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`; dense time has no samples to round to.
         record: A CSV file for times, variables and robustness of every sample, or in dense time for
@@ -36,7 +43,8 @@ class Settings:
             ``NAME-REQUIREMENT.csv``.
 
     Raises:
-        InputError: On a period or a time that is not positive, or on `align` in dense time.
+        InputError: On a period or a time that is not positive, or on `align` or
+            ``stale_as="unknown"`` in dense time.
     """
 
     period: int = 100_000_000
@@ -44,6 +52,7 @@ class Settings:
     stamps: bool = False
     stale: float | None = None
     stale_of: Mapping[str, float] = field(default_factory=dict)
+    stale_as: StaleAs = "restart"
     semantics: str = "standard"
     align: str | None = None
     record: Path | None = None
@@ -57,6 +66,12 @@ class Settings:
         if self.dense and self.align is not None:
             raise InputError(
                 "expected ", Argument("align"), " or dense time, which has no samples to round to"
+            )
+        if self.dense and self.stale_as == "unknown":
+            raise InputError(
+                "expected ",
+                Argument("stale_as", "unknown"),
+                " or dense time, in which no event is unknown; there a stale input ends the run",
             )
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:

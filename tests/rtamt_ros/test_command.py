@@ -51,6 +51,8 @@ ERRORS = {
     "--spec x>1 --stale soon": "--stale: expected seconds or TOPIC=SECONDS, got 'soon'",
     "--spec x>1 --stale x=-1": "expected seconds until an input is stale of x, more than 0, "
     "got -1.0; inf is never",
+    "--spec x>1 --stale-as unknown --dense": "expected --stale-as unknown or dense time, in which "
+    "no event is unknown; there a stale input ends the run",
     "--spec x>1 --stale rtamt/y=2": "stale speaks of the topic rtamt/y, which nothing reads; "
     "did you mean 'rtamt/x'?",
     "--spec eventually[0:0.25](x>1)": "STL:1:11: bound 0.25 s is not a multiple of the period "
@@ -177,7 +179,8 @@ def test_the_help_fits_a_terminal_of_80_columns(
     assert max(map(len, lines)) <= 80
     options = {word for line in lines for word in line.split() if word.startswith("--")}
     of_ros_2 = {"depth", "autostart", "spec_file"}
-    assert options >= {f"--{name}" for name in PARAMETERS if name not in of_ros_2} | {"--stl"}
+    named = {name.replace("_", "-") for name in PARAMETERS if name not in of_ros_2}
+    assert options >= {f"--{name}" for name in named} | {"--stl"}
 
 
 @given(st.integers(1, 10**12), st.sampled_from(sorted(UNITS)))
