@@ -17,6 +17,9 @@ FOLDS: dict[str, int]  # names of the lattice folds of WINDOW, and the numbers i
 KINDS: tuple[str, ...]  # names of the kinds of instructions
 
 def read_only(slot: MemberDescriptorType) -> object: ...
+def ticks(
+    clock: tuple[float, int, int], times: NDArray[np.float64]
+) -> NDArray[np.int64] | None: ...
 def term_columns(
     rows: Sequence[tuple[object, ...]], columns: Sequence[NDArray[np.float64]]
 ) -> tuple[list[NDArray[np.float64]], int]: ...

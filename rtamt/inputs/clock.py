@@ -64,7 +64,7 @@ class Clock:
                 a resolution that would do.
         """
         if times.dtype.kind == "f":
-            return self._nearest_ones(times, name)
+            return self.nearest_ones(times, name)
         tick, given = self.tick, times
         if times.dtype.kind == "M":
             self._unit()
@@ -95,7 +95,8 @@ class Clock:
         except (TypeError, ValueError, OverflowError):
             return False
 
-    def _nearest_ones(self, times: Times, name: str) -> Ticks:
+    def nearest_ones(self, times: Times, name: str) -> Ticks:
+        """The nearest ticks of doubles; errors as of `ticks`."""
         # The product is off by less than 2^-51 of it, the text of the double included: if it is not
         # that near to the middle between two ticks, it rounds as the exact number does.
         with np.errstate(over="ignore", invalid="ignore"):

@@ -6,6 +6,7 @@ that it does not read itself and for every error.
 
 from __future__ import annotations
 
+import copy
 import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
@@ -53,6 +54,12 @@ class EventReader:
         self.program = program
         self.variables = program.variables
         self._messages = Messages(program.specification, program.variables)
+
+    def with_clock(self, clock: Clock) -> EventReader:
+        """The same reader, which counts times with another clock of the same ticks."""
+        reader = copy.copy(self)
+        reader.clock = clock
+        return reader
 
     def given(
         self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]

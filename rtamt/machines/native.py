@@ -8,6 +8,7 @@ from typing import NoReturn
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 from rtamt.errors import StateError
 from rtamt.inputs.arrays import Floats
+from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -16,6 +17,7 @@ from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.encoding import (
+    clock_of,
     encoded_dense,
     encoded_discrete,
     encoded_episode,
@@ -91,8 +93,23 @@ class _Regions(StateFields):
         self._machine.restore(saved)
 
 
+class _Clock(Clock):
+    """Counts the frequent times in C++."""
+
+    __slots__ = ("_encoded",)
+
+    def __init__(self, dense: DenseProgram) -> None:
+        super().__init__(dense)
+        self._encoded = clock_of(self.tick)
+
+    def nearest_ones(self, times: Times, name: str) -> Ticks:
+        ticks = _native.ticks(self._encoded, times)
+        return super().nearest_ones(times, name) if ticks is None else ticks
+
+
 def dense_episode_machine(program: RegionProgram, reader: EventReader) -> PythonDenseEpisodeMachine:
-    return PythonDenseEpisodeMachine(program, reader, _Regions, term_columns)
+    counting = reader.with_clock(_Clock(DenseProgram(program.program, program.resolution)))
+    return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns)
 
 
 def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:

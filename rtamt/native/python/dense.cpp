@@ -21,17 +21,22 @@ struct DenseObject : NamedObject<DenseMachine> {
     Clock clock;
 };
 
+Clock clock_of(const std::tuple<double, Time, Time>& clock) {
+    const auto [scale, ticks, units] = clock;
+    if (!(ticks >= 0 && units > 0)) throw nb::value_error("expected a clock that counts");
+    return Clock(scale, ticks, units);
+}
+
 void construct(DenseObject* self, const nb::sequence& rows, std::size_t terms,
                const nb::tuple& variables, std::size_t result,
                const std::tuple<double, Time, Time>& clock, const nb::sequence& observed,
                nb::object reader) {
-    const auto [scale, ticks, units] = clock;
-    if (!(ticks >= 0 && units > 0)) throw nb::value_error("expected a clock that counts");
+    const Clock counts = clock_of(clock);
     new (self) DenseObject{{{DenseMachine(dense_rows(rows), terms, nb::len(variables), result,
                                           registers_of(observed)),
                              std::move(reader)},
                             Arguments(variables)},
-                           Clock(scale, ticks, units)};
+                           counts};
 }
 
 // A time for the reader: a tick, or -inf or inf.
@@ -288,6 +293,18 @@ nb::tuple run(DenseObject& object, const nb::sequence& given) {
     return nb::make_tuple(array_of_times(object, ticks), doubles(values.data(), values.size()));
 }
 
+// The ticks of an array of doubles; None if Python should count them.
+nb::object ticks_of(const std::tuple<double, Time, Time>& clock, nb::handle times) {
+    static const NewArray integers("int64");
+    const Clock counts = clock_of(clock);
+    Py_ssize_t n = 0;
+    const double* given = Numpy::instance().column(times.ptr(), n);
+    if (given == nullptr) return nb::none();
+    std::vector<Time> ticks(static_cast<std::size_t>(n));
+    if (!counts.count(given, 1, ticks.size(), ticks.data())) return nb::none();
+    return integers.make<Time>(ticks.size(), [&](std::size_t i) { return ticks[i]; });
+}
+
 PyMethodDef methods[] = {
     update_method(update,
                   "update($self, /, *events, **named)\n--\n\n"
@@ -298,6 +315,9 @@ PyMethodDef methods[] = {
 }  // namespace
 
 void bind_dense(nb::module_& m) {
+    m.def("ticks", ticks_of, nb::arg("clock"), nb::arg("times"),
+          "Return the nearest ticks of an array of doubles, None if Python should count them; the\n"
+          "clock is that of rtamt.program.encoding.EncodedDense.");
     machine_class<DenseObject>(
         m, "DenseMachine",
         "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.\n\n"

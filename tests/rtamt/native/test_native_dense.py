@@ -18,7 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import DENSE, INFINITIES, formulas, rooted
 
-from rtamt import DenseMonitor, Events, Formula, evaluate_dense
+import rtamt
+from rtamt import DenseEpisodeMonitor, DenseMonitor, Events, Formula, evaluate_dense
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -277,3 +278,45 @@ def test_every_form_means_what_it_means_in_python(name: str, begun: bool) -> Non
     after = {"a": [(20.0, 0.0)], "b": [(20.0, 0.0)]}
     assert native.update(after) == python.update(after)
     assert native.finish() == python.finish()
+
+
+@given(
+    times=st.lists(
+        st.one_of(
+            st.floats(allow_nan=False, allow_infinity=False),
+            st.floats(-5e9, 5e9),
+            st.integers(-(10**12), 10**12).map(lambda n: n / 2000),
+        ),
+        min_size=1,
+    ),
+    resolution=st.sampled_from(("1ns", "1ms", "3ns", "1s")),
+)
+def test_the_events_of_an_episode_are_counted_alike(times: list[float], resolution: str) -> None:
+    ordered = np.unique(times)
+
+    def counted(backend: Backend) -> object:
+        monitor = DenseEpisodeMonitor("x > 0", resolution=resolution, backend=backend)
+        reader = cast("Any", monitor)._machine.reader
+        return reader.counted([(ordered, np.ones(len(ordered)))], [-math.inf], None)[0][0][
+            0
+        ].tolist()
+
+    assert outcome(lambda: counted("native")) == outcome(lambda: counted("python"))
+
+
+@given(
+    x=st.lists(st.one_of(st.sampled_from(INFINITIES), st.floats(-2, 2)), min_size=1),
+    calm=st.sampled_from((0, 511, 700)),
+    text=st.sampled_from(("sqrt(x)", "1 / x", "x - x", "min(ln(x), 2) + x ** 2", "abs(x) * 3")),
+)
+def test_terms_of_an_episode_are_alike(x: list[float], calm: int, text: str) -> None:
+    values = np.append(np.full(calm, 2.0), x)
+
+    def judged(backend: Backend) -> object:
+        events = {"x": Events(np.arange(float(len(values))), values)}
+        found = rtamt.judge_dense(
+            f"always({text} > 1) or once({text} == 2)", events, backend=backend
+        )
+        return found.robustness, found.lower, found.upper, found.decided_at
+
+    assert outcome(lambda: judged("native")) == outcome(lambda: judged("python"))
