@@ -56,7 +56,7 @@ def failed_note(runs: Sequence[Run]) -> list[str]:
         return []
     return [
         "VIOLATED beside a robustness that holds: violated by how it ended. The robustness",
-        "is that of the samples (--at-termination failure).",
+        "judges the samples alone (--at-termination failure).",
     ]
 
 

@@ -198,7 +198,7 @@ class SampledJudge:
         robustness = self._monitor.update(*sample)
         self._episode.update(*sample)
         if self._gaps and self._about_run and robustness == robustness:  # noqa: PLR0124 - not nan
-            # It is that of the samples since the last gap: what was before it counts too.
+            # It judges the samples since the last gap: what was before it counts too.
             return moved(robustness, *self._episode.bounds())
         return robustness
 
