@@ -15,6 +15,7 @@ from rtamt.errors import Advice, Argument
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.commands.errors import options_of, refusal
+from rtamt_ros.parameters import PARAMETERS
 
 Output = pytest.CaptureFixture[str]
 
@@ -45,7 +46,7 @@ NAMES = sorted({name for call in calls() if (name := name_of(call))})
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in OF_PYTHON])
 def test_an_argument_of_errors_is_an_option_of_some_command(name: str) -> None:
-    assert any(name in options_of(command) for command in COMMANDS)
+    assert name in PARAMETERS or any(name in options_of(command) for command in COMMANDS)
 
 
 @pytest.mark.parametrize("name", sorted(OF_PYTHON))
