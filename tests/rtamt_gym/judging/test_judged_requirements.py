@@ -138,7 +138,7 @@ def test_the_command_runs_every_requirement(
     options += [f"--signal={name}={selector}" for name, selector in SIGNALS.items()]
     assert main(["run", "CartPole-v1", *options, "--json", str(out)]) == 0
     names = ["upright", "near", "calm", "safe.upright", "safe.near", "safe.calm", "alone"]
-    assert list(json.loads(out.read_text())["specs"]) == names
+    assert list(json.loads(out.read_text())["requirements"]) == names
     assert capsys.readouterr().out.splitlines()[:2] == [
         "upright: always(abs(angle) < 0.1)",
         "near: always(abs(x) < 0.05)",
