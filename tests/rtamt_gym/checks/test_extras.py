@@ -23,7 +23,7 @@ def said(code: str, *, without: str = "") -> str:
 
 
 OF_INPUTS = {"Case", "Parameter", "Signal", "Space", "Waveform"}
-OF_TRACES = {"Mined", "mine"}
+OF_TRACES = {"Mined", "Reading", "Record", "RequirementResult", "mine"}
 OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
 
 
