@@ -230,10 +230,10 @@ def test_eventually_is_violated_after_its_last_sample_and_not_before(backend: Ba
     assert monitor.verdict is V
 
 
-def test_an_empty_cut_window_puts_robustness_outside_the_bounds(backend: Backend) -> None:
+def test_an_empty_cut_window_leaves_robustness_inside_the_bounds(backend: Backend) -> None:
     monitor = EpisodeMonitor("eventually[2:3](x > 0) or x > 5", backend=backend)
     monitor.update(x=7.0)
     assert offered(monitor) == (2.0, 2.0, INF)
     monitor = EpisodeMonitor("not eventually[2:3](true)", backend=backend)
     monitor.update()
-    assert offered(monitor) == (INF, -INF, -INF)
+    assert offered(monitor) == (INF, -INF, INF)

@@ -25,7 +25,7 @@ def test_oracle_agrees_with_the_golden_horizons() -> None:
 
 def test_oracle_agrees_with_the_golden_episodes_after_every_sample() -> None:
     golden = cases("episode.json")
-    assert len(golden) == 200
+    assert len(golden) == 300
     for case in golden:
         formula = rtamt.parse(case["formula"]).formula
         for n, after in enumerate(case["after"], start=1):
