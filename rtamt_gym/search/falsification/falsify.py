@@ -19,7 +19,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, lists_reading
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
@@ -194,7 +194,12 @@ def falsify(
     budget, seed = check_count(Argument("budget"), budget), _checked_seed(seed)
     judged = checked_reading(reading, falsify, EpisodeReading)
 
-    def make(specs: Requirements | None, stop: Stop) -> Runner:
+    def make(
+        specs: Requirements | None,
+        stop: Stop,
+        signals: Mapping[str, SignalLike] | None = signals,
+        judged: Reading = judged,
+    ) -> Runner:
         return Runner(
             system,
             specs,
@@ -218,8 +223,10 @@ def falsify(
     check_columns([*varied.columns, *rest.columns()], specs)
     of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(of_search)
+    # A monitor that the system has gives its specifications, and so its signals and reading too.
+    again = partial(make, signals=runner.signals, judged=runner.reading)
     search = Search(
-        *(make, runner, varied, rest, budget, seed, rng, _scales(scales, specs)),
+        *(again, runner, varied, rest, budget, seed, rng, _scales(scales, specs)),
         elsewhere=None if here else elsewhere,
     )
 
