@@ -1,8 +1,8 @@
 """The readings of the end of a trace, written down naively; shares no code with the library.
 
-A value is an interval ``(low, high)``; -0.0 counts as less than +0.0. The complete and the open
-reading are those of `oracle`; here is that of a trace that was cut. Of a future without end it has
-the open bounds where no sample of its window was recorded.
+A value is an interval ``(low, high)``; -0.0 counts as less than +0.0. `oracle` defines the
+complete and the open reading, this module the reading of a trace that was cut: a future without end
+has its open bounds where no sample of its window was recorded.
 """
 
 from __future__ import annotations

@@ -316,8 +316,8 @@ PyMethodDef methods[] = {
 
 void bind_dense(nb::module_& m) {
     m.def("ticks", ticks_of, nb::arg("clock"), nb::arg("times"),
-          "Return the nearest ticks of an array of doubles, None if Python should count them; the\n"
-          "clock is that of rtamt.program.encoding.EncodedDense.");
+          "Return the nearest ticks of an array of doubles, None if Python should count them;\n"
+          "rtamt.program.encoding.EncodedDense describes the clock.");
     machine_class<DenseObject>(
         m, "DenseMachine",
         "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.\n\n"
