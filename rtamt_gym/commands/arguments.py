@@ -22,6 +22,7 @@ __all__ = [
     "add_max_steps",
     "add_output",
     "add_reading",
+    "add_require_asked",
     "add_spec",
     "add_workers",
     "check_outputs",
@@ -246,4 +247,19 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="SECONDS",
         help="end a simulation that takes longer, even if it hangs; it runs in another process",
+    )
+
+
+def add_require_asked(parser: argparse.ArgumentParser, what: str) -> None:
+    """Adds ``--require-asked``.
+
+    Args:
+        parser: The parser of the command.
+        what: What puts a requirement to the test, as in ``trace``.
+    """
+    parser.add_argument(
+        "--require-asked",
+        action="store_true",
+        help=f"exit 3 if no {what} has put some requirement with an implication to the test, and "
+        "nothing is violated",
     )

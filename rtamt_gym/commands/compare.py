@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rtamt_gym.commands.arguments import add_output
 from rtamt_gym.commands.evaluate import check_files, tell_files
+from rtamt_gym.commands.exit_codes import exit_code
 
 __all__ = ["add_arguments", "run"]
 
@@ -40,4 +41,4 @@ def run(options: argparse.Namespace) -> int:
         comparison.save(options.save)
     tell_files(comparison, options, "comparison")
     worse = (each.shown and each.difference < 0 for each in comparison.results)
-    return int(any(worse))
+    return exit_code(["violated"] if any(worse) else [])

@@ -27,11 +27,13 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.commands.specs import requirements_of
 
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison
     from rtamt_gym.evaluation.evaluation import Evaluation
+    from rtamt_gym.results.outcome import Word
 
 __all__ = ["add_arguments", "check_files", "run", "tell_files"]
 
@@ -175,7 +177,7 @@ def run(options: argparse.Namespace) -> int:
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
-    return _exit_code(evaluation.decision or {}, options.target)
+    return exit_code(_words(evaluation.decision or {}, options.target))
 
 
 _RULES = ("until_width", "target", "alpha", "margin")
@@ -213,7 +215,14 @@ def tell_files(result: Evaluation | Comparison, options: argparse.Namespace, wha
         print("", *files, sep="\n")
 
 
-def _exit_code(decision: Mapping[str, str], target: float | None) -> int:
-    if target is None or all(each.startswith("meets") for each in decision.values()):
-        return 0
-    return 1 if any(each.startswith("falls short") for each in decision.values()) else 3
+def _words(decision: Mapping[str, str], target: float | None) -> list[Word]:
+    """What became of requirements that are to meet a target."""
+    if target is None:
+        return []
+    return [_word(each) for each in decision.values()]
+
+
+def _word(decision: str) -> Word:
+    if decision.startswith("meets"):
+        return "satisfied"
+    return "violated" if decision.startswith("falls short") else "undecided"

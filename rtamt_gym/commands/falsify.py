@@ -26,6 +26,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
@@ -174,7 +175,7 @@ def run(options: argparse.Namespace) -> int:
         if options.plot:
             found.plot(options.plot)
         print(found.to_json() if options.json else "\n".join(_lines(found, options, notes)))
-    return int(found.falsified)
+    return exit_code(["violated"] if found.falsified else [])
 
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:

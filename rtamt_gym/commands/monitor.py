@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_output, check_outputs, positive
+from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
+from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 
@@ -47,12 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write the outcomes to standard output as strict JSON, in place of the report",
     )
-    parser.add_argument(
-        "--require-asked",
-        action="store_true",
-        help="exit 3 if all is satisfied and no trace has put some requirement with an implication "
-        "to the test",
-    )
+    add_require_asked(parser, "trace")
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
     add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
     add_output(
@@ -117,8 +113,8 @@ def run(options: argparse.Namespace) -> int:
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
-    unasked = never_asked_lines(matrix)
-    code = matrix.exit_code or (3 if unasked and options.require_asked else 0)
+    hollow = [Hollow(text, options.require_asked) for text in never_asked_lines(matrix)]
+    code = exit_code([matrix.word], hollow)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
@@ -126,8 +122,8 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
-    said += [f"{line}\n" for line in unasked]
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
+    tell(hollow, json=options.json)
     print(end="", flush=True)
     if failed := failure_lines(matrix):
         print(*failed, sep="", end="", file=sys.stderr)

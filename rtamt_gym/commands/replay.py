@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import add_output, check_outputs
 from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
 
         save(draw([with_inputs(made, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
-    return 0 if saved.gives(made) else 1
+    return exit_code([] if saved.gives(made) else ["violated"])
 
 
 def _lines(saved: SavedCase, made: Run) -> Iterator[str]:

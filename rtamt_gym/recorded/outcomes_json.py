@@ -14,16 +14,14 @@ from rtamt_gym.results.version_1 import documented
 __all__ = ["to_json"]
 
 
-def to_json(
-    matrix: Matrix, rules: Mapping[str, str], columns: Columns, exit_code: int | None = None
-) -> str:
+def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns, exit_code: int) -> str:
     """The traces as a result of the kind ``"traces"``.
 
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name.
         columns: How their columns were read; what is not the default is said.
-        exit_code: The exit code of the command; None: that of the outcomes.
+        exit_code: The exit code of the command.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
@@ -36,7 +34,7 @@ def to_json(
         {
             "reading": {**rules, "columns": other},
             "verdict": label(matrix.word),
-            "exit_code": matrix.exit_code if exit_code is None else exit_code,
+            "exit_code": exit_code,
             "counts": counts,
             "worst_requirement": requirement and requirement[0],
             "worst_trace": trace and trace[0],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 from rtamt_gym.results.table import Results
 from rtamt_gym.tables import counted
 
@@ -29,7 +27,7 @@ def never_asked(results: Results) -> list[str]:
 
 
 def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
-    """A line for each requirement that nothing has put to the test, in at most 80 columns.
+    """A text for each requirement that nothing has put to the test.
 
     Args:
         results: The trials.
@@ -38,6 +36,5 @@ def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
     lines = []
     for name in never_asked(results):
         _, judged = asked_in(results, name) or (0, 0)
-        said = f"never asked: {name} in {counted(judged, what)}"
-        lines += textwrap.wrap(said, 80, subsequent_indent="    ", break_on_hyphens=False)
+        lines.append(f"never asked: {name} was put to the test in 0 of {counted(judged, what)}")
     return lines

@@ -41,11 +41,6 @@ class Matrix(Results):
         """The worst of all verdicts, as a word."""
         return next(each for each, count in self.counts().items() if count)
 
-    @property
-    def exit_code(self) -> int:
-        """2 if something could not be judged, else 1 if violated, else 3 if undecided, else 0."""
-        return {"failed": 2, "violated": 1, "undecided": 3, "satisfied": 0}[self.word]
-
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
         """For each message of an error the error and the traces that have it."""
         found: dict[str, tuple[Failure, list[str]]] = {}

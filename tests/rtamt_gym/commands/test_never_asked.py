@@ -14,7 +14,7 @@ from rtamt_gym.results.outcome import Outcome
 
 Output = pytest.CaptureFixture[str]
 RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
-SAID = "never asked: answered in 2 traces"
+SAID = "never asked: answered was put to the test in 0 of 2 traces"
 
 
 @pytest.fixture(autouse=True)
@@ -27,25 +27,29 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*words: str) -> int:
-    return main(["monitor", RESPONSE, "calm = always(gnt < 99)", "--", *words])
+def run(*words: str, command: str = "monitor") -> int:
+    return main([command, RESPONSE, "calm = always(gnt < 99)", "--", *words])
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_it_is_said_in_a_line_at_the_end_always(dense: list[str], capsys: Output) -> None:
-    assert run("idle.csv", "calm.csv", *dense) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == SAID
-    assert run("idle.csv", *dense) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "never asked: answered in 1 trace"
-    assert run("idle.csv", "busy.csv", *dense) == 0
+@pytest.mark.parametrize("command", ["monitor", "explain"])
+def test_it_is_said_in_a_line_at_the_end_always(
+    command: str, dense: list[str], capsys: Output
+) -> None:
+    assert run("idle.csv", "calm.csv", *dense, command=command) == 0
+    assert capsys.readouterr().out.splitlines()[-2:] == ["", SAID]
+    assert run("idle.csv", *dense, command=command) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == SAID.replace("2 traces", "1 trace")
+    assert run("idle.csv", "busy.csv", *dense, command=command) == 0
     assert "never asked" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_require_asked_makes_it_exit_3(dense: list[str], capsys: Output) -> None:
-    assert run("idle.csv", "calm.csv", "--require-asked", *dense) == 3
+@pytest.mark.parametrize("command", ["monitor", "explain"])
+def test_require_asked_makes_it_exit_3(command: str, dense: list[str], capsys: Output) -> None:
+    assert run("idle.csv", "calm.csv", "--require-asked", *dense, command=command) == 3
     assert capsys.readouterr().out.splitlines()[-1] == SAID
-    assert run("idle.csv", "busy.csv", "--require-asked", *dense) == 0
+    assert run("idle.csv", "busy.csv", "--require-asked", *dense, command=command) == 0
 
 
 def test_errors_and_violations_come_first(folder: Path) -> None:

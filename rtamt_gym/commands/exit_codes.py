@@ -1,0 +1,67 @@
+"""The exit codes of commands, and what makes a verdict hollow: said always, a failure by choice."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rtamt_gym.results.outcome import Word
+
+__all__ = ["Hollow", "exit_code", "tell"]
+
+
+@dataclass(frozen=True, slots=True)
+class Hollow:
+    """What a verdict leaves out.
+
+    Attributes:
+        text: It in words, as in ``never asked: up was put to the test in 0 of 40 traces``.
+        fails: Whether the command is to fail for it, by a switch or by what it is.
+    """
+
+    text: str
+    fails: bool = False
+
+
+def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
+    """The exit code of a command: the first of 2, 1, 3 and 0 for which there is a reason.
+
+    Bad input is 2 too, before there is anything to judge: an error, which `rtamt_gym.__main__`
+    says.
+
+    Args:
+        words: What became of requirements, in words, each once or more often.
+        hollow: What the verdicts leave out.
+
+    Example:
+        >>> exit_code({"violated", "failed"}), exit_code({"violated", "undecided"})
+        (2, 1)
+        >>> exit_code({"satisfied", "undecided"}), exit_code({"satisfied"})
+        (3, 0)
+        >>> never = Hollow("never asked: up was put to the test in 0 of 3 traces", fails=True)
+        >>> exit_code({"satisfied"}, [never]), exit_code({"violated"}, [never])
+        (3, 1)
+    """
+    if "failed" in words:
+        return 2
+    if "violated" in words:
+        return 1
+    return 3 if "undecided" in words or any(each.fails for each in hollow) else 0
+
+
+def tell(hollow: Collection[Hollow], *, json: bool = False) -> None:
+    """Prints what verdicts leave out, in lines of at most 80 columns below an empty one.
+
+    Args:
+        hollow: What they leave out.
+        json: Whether standard output holds JSON: then it is printed to standard error.
+    """
+    lines = [] if json or not hollow else [""]
+    for each in hollow:
+        lines += wrap(each.text, 80, subsequent_indent="    ", break_on_hyphens=False)
+    if lines:
+        print(*lines, sep="\n", file=sys.stderr if json else sys.stdout, flush=True)
