@@ -36,13 +36,14 @@ from rtamt.language.subscriptions import SubscribedField, Subscription, subscrip
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.machines.protocols import End
-from rtamt.monitors.asked import Asked
+from rtamt.monitors.asked import Asked, Evidence
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.dense_asked import DenseAsked
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor
 from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
 from rtamt.monitors.dense_judgement import judge_dense
 from rtamt.monitors.evaluation import evaluate
+from rtamt.monitors.evidence import DenseImplications, Implications
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.holds import holds
 from rtamt.monitors.judgement import Judgement, judge
@@ -65,12 +66,15 @@ __all__ = [
     "DenseAsked",
     "DenseEpisodeMonitor",
     "DenseExplanation",
+    "DenseImplications",
     "DenseMonitor",
     "End",
     "EpisodeMonitor",
     "Events",
+    "Evidence",
     "Explanation",
     "Formula",
+    "Implications",
     "InputError",
     "InputTypeError",
     "Interval",

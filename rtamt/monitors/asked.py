@@ -41,9 +41,18 @@ __all__ = [
     "evidence_of",
     "found_rows",
     "reads_hidden",
+    "texts_of",
 ]
 
 _A = TypeVar("_A")
+
+
+class _Counted(Protocol):
+    @property
+    def occasions(self) -> int: ...
+
+
+_AnyAsked = TypeVar("_AnyAsked", bound=_Counted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,16 +183,28 @@ class AskedRow:
     vacuous: bool
 
 
-class Evidence(NamedTuple, Generic[_A]):
-    """What a verdict stands on.
+@dataclass(frozen=True, slots=True)
+class Evidence(Generic[_A]):
+    """What a verdict stands on; made by `Implications`, and read in a `Judgement`.
 
     Attributes:
-        asked: For each implication how often it was put to the test.
-        vacuous: Whether the verdict would be SATISFIED with ``false`` as all their right sides.
+        asked: For each implication an `Asked` or a `DenseAsked`, in the order of the text, the
+            outer one first.
+        vacuous: Whether the verdict is SATISFIED and would be so with ``false`` as the right sides
+            of all of them.
+        never_asked: Whether the verdict is SATISFIED, there is an implication, and none was put to
+            the test.
     """
 
     asked: tuple[_A, ...]
     vacuous: bool
+    never_asked: bool
+
+    @staticmethod
+    def of(asked: Sequence[_AnyAsked], *, satisfied: bool, vacuous: bool) -> Evidence[_AnyAsked]:
+        """What a verdict stands on, of which it is known whether it is SATISFIED."""
+        never = satisfied and bool(asked) and not any(each.occasions for each in asked)
+        return Evidence(tuple(asked), vacuous, never)
 
 
 @functools.lru_cache(maxsize=512)
@@ -191,17 +212,26 @@ def _text(formula: Formula) -> str:
     return str(formula)
 
 
-def found_rows(question: Question, *, satisfied: bool) -> Evidence[AskedRow]:
+def texts_of(formula: Formula) -> tuple[str, ...]:
+    """The implications of a formula that count, as text."""
+    return tuple(_text(each) for each in implications(formula))
+
+
+def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], bool]:
     """Where the implications of a formula were put to the test on a trace.
 
     Args:
         question: The trace.
         satisfied: Whether the verdict is SATISFIED.
+
+    Returns:
+        A row for each of them, and whether the verdict is SATISFIED with ``false`` as the right
+        side of all of them.
     """
     formula = question.formula
     counted = implications(formula)
     if not counted:
-        return Evidence((), vacuous=False)
+        return [], False
     where = question.reads()
     rows, idle = [], []
     for each in counted:
@@ -224,7 +254,7 @@ def found_rows(question: Question, *, satisfied: bool) -> Evidence[AskedRow]:
     vacuous = satisfied and all(row.vacuous for row in rows)
     if vacuous and len(rows) > 1 and not all(idle):
         vacuous = question.satisfied_without(counted)
-    return Evidence(tuple(rows), vacuous)
+    return rows, vacuous
 
 
 class SampledQuestion(NamedTuple):
@@ -351,4 +381,4 @@ def evidence_of(question: SampledQuestion, *, satisfied: bool) -> Evidence[Asked
         first = int(spans.begins[0]) if len(spans.begins) else None
         count = int(np.sum(spans.ends - spans.begins + 1))
         asked.append(Asked(text, count, len(spans.begins), first, its))
-    return Evidence(tuple(asked), vacuous)
+    return Evidence.of(asked, satisfied=satisfied, vacuous=vacuous)

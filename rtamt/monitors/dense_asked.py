@@ -155,4 +155,4 @@ def dense_evidence(question: DenseQuestion, *, satisfied: bool) -> Evidence[Dens
         first = question.time(int(begins[0])) if len(begins) else None
         duration = float(ticks * question.resolution)
         asked.append(DenseAsked(row.text, duration, len(begins), first, row.vacuous))
-    return Evidence(tuple(asked), vacuous)
+    return Evidence.of(asked, satisfied=satisfied, vacuous=vacuous)

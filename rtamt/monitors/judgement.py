@@ -168,8 +168,7 @@ class Judgement:
 
         A formula without an implication is never said to be.
         """
-        satisfied = self.verdict is Verdict.SATISFIED and bool(self.asked)
-        return satisfied and not any(each.occasions for each in self.asked)
+        return self._evidence().never_asked
 
     def _robustness_text(self) -> str:
         if self.robustness == 0.0 and self.complete is not Verdict.UNDECIDED:

@@ -1,9 +1,7 @@
 """What a verdict stands on, against its definition and against the golden file."""
 
 import copy
-import functools
 import pickle
-from collections.abc import Callable
 from dataclasses import astuple
 from typing import Literal
 
@@ -14,9 +12,10 @@ from dense_signals import Signals, relevant, signals
 from golden_cases import cases as golden
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from interface_cases import ROLES, Case, read
+from implying import aware, dense_requirements, requirements
+from interface_cases import Case, read
 from interface_oracle import SEMANTICS
-from strategies import INFINITIES, Trace, formulas, length, rooted, traces
+from strategies import INFINITIES, Trace, length, traces
 
 import rtamt
 from rtamt import Asked, Formula, Judgement, Verdict, judge, judge_dense, parse
@@ -24,46 +23,6 @@ from rtamt import Asked, Formula, Judgement, Verdict, judge, judge_dense, parse
 Backend = Literal["native", "python"]
 End = Literal["complete", "cut", "open"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
-
-Wrap = Callable[[Formula, Formula], Formula]
-WRAPS: tuple[Wrap, ...] = (
-    lambda f, _: f.always(),
-    lambda f, _: f.always(1, 3),
-    lambda f, _: f.always(2),
-    lambda f, _: f.eventually(),
-    lambda f, _: f.eventually(0, 2),
-    lambda f, _: f.historically(1, 2),
-    lambda f, _: f.once(),
-    lambda f, _: f.prev(),
-    lambda f, _: f.next(strong=True),
-    lambda f, _: f.rise(),
-    lambda f, _: ~f,
-    lambda f, g: f & g,
-    lambda f, g: g | f,
-    lambda f, g: f.implies(g),
-    lambda f, g: g.implies(f),
-    lambda f, g: f.iff(g),
-    lambda f, g: f.until(g, 1, 2),
-    lambda f, g: f.until(g, 0, 0),
-    lambda f, g: g.until(f, 1),
-    lambda f, g: f.since(g, 0, 2),
-    lambda f, g: g.since(f),
-    lambda f, g: f.unless(g, 1, 2),
-    lambda f, g: f.unless(g),
-    lambda f, _: f & f.next() & (f & f.historically(2, 2)).always(),
-    lambda f, g: (f & g).always().eventually(),
-)
-
-
-@functools.cache
-@st.composite
-def requirements(draw: st.DrawFn, most: int = 3, *, total: bool = True) -> Formula:
-    """A formula with an implication somewhere in it."""
-    formula = draw(rooted("implies", 1, endless=True, total=total))
-    for wrap in draw(st.lists(st.sampled_from(WRAPS), min_size=0, max_size=most)):
-        formula = wrap(formula, draw(formulas(1, total=total)))
-    return formula
-
 
 Rows = tuple[tuple[object, ...], ...]
 
@@ -96,17 +55,6 @@ def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> N
     agrees(formula, trace, backend)
 
 
-@st.composite
-def aware(draw: st.DrawFn, drawn: st.SearchStrategy[Formula]) -> Case:
-    """A requirement that declares inputs and outputs, and a semantics."""
-    semantics = draw(st.sampled_from(SEMANTICS))
-    role = semantics.partition("-")[0]
-    plain = semantics in ("standard", "boolean")
-    roles = draw(ROLES.filter(lambda roles: plain or role in roles.values()))
-    declared = "".join(f"{io} float {name};\n" for name, io in roles.items())
-    return parse(f"{declared}{draw(drawn)}"), semantics
-
-
 @settings(max_examples=120)
 @given(case=aware(requirements(2)), trace=traces(most=6))
 def test_left_sides_are_judged_by_standard_semantics(
@@ -121,18 +69,6 @@ def test_left_sides_are_judged_by_standard_semantics(
 
 
 # Dense time. -------------------------------------------------------------------------------------
-
-DENSE_WRAPS = tuple(wrap for i, wrap in enumerate(WRAPS) if i not in (7, 8, 9, 23))
-
-
-@functools.cache
-@st.composite
-def dense_requirements(draw: st.DrawFn) -> Formula:
-    """A formula over dense time with an implication somewhere in it."""
-    formula = draw(rooted("implies", 1, endless=True, dense=True))
-    for wrap in draw(st.lists(st.sampled_from(DENSE_WRAPS), min_size=0, max_size=2)):
-        formula = wrap(formula, draw(formulas(1, dense=True)))
-    return formula
 
 
 @settings(max_examples=200)
