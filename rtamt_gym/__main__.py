@@ -27,13 +27,15 @@ __all__ = ["main"]
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     given = sys.argv[1:] if argv is None else argv
+    options = None
     try:
         options = _options(given)
         code: int = options.run(options)
         print(end="", flush=True)
     except SystemExit as end:
-        if not end.code:  # --help and --version
+        if options is None and not end.code:  # --help and --version
             return 0
+        # With the code 0 too: what ended it has given no verdict.
         return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
         return 130

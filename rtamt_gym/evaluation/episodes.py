@@ -134,7 +134,7 @@ class Episodes(Runner):
             for index, row in side_by_side(lanes, model, space, list(left.values())):
                 del left[index]
                 yield index, row
-        except Exception:  # noqa: BLE001 - it stands in the row of the episode that has it
+        except (Exception, SystemExit):  # noqa: BLE001 - it stands in the row of the episode that has it
             for index, task in left.items():
                 own = None if task.seed is None else [task.seed]
                 for _, row in super().run([task.case], own, above=above):

@@ -31,6 +31,7 @@ from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import tell_failures
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -234,7 +235,10 @@ def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
     """The environment, or the function that makes it, and what it has made."""
     if isinstance(env, str):
         env = make(env)
-    made = env if isinstance(env, gym.Env | VectorEnv) or not callable(env) else env()
+    made = env
+    if callable(env) and not isinstance(env, gym.Env | VectorEnv):
+        with no_exit("the function that makes the environment"):
+            made = env()
     if isinstance(made, VectorEnv) and n_envs not in (1, made.num_envs):
         raise InputError(
             Argument("n_envs"),

@@ -29,7 +29,7 @@ from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.simulation.crashes import failed
+from rtamt_gym.simulation.crashes import failed, no_exit
 from rtamt_gym.simulation.monitors import with_own_monitor
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -181,10 +181,12 @@ class VectorEpisodes(Runner):
             for number, row, _ in self._play(list(left.values()), stop, above):
                 del left[number]
                 yield number, row
-        except Exception:  # noqa: BLE001 - it stands in the row of the episode that has it
+        except (Exception, SystemExit):  # noqa: BLE001 - it stands in the row of the episode that has it
             for task in left.values():
                 try:
-                    yield from ((number, row) for number, row, _ in self._play([task], stop, above))
+                    with no_exit(self.name):
+                        played = list(self._play([task], stop, above))
+                    yield from ((number, row) for number, row, _ in played)
                 except Exception as error:  # noqa: BLE001
                     yield task.number, failed(error, task.case, task.seed, 0.0)
 

@@ -17,6 +17,7 @@ from rtamt_gym.judging.specs import autoreset_mode
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.columns import SignalColumns
+from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.models import Model, PolicyBatch
 from rtamt_gym.simulation.policies import SeededPolicy
 from rtamt_gym.simulation.run import Run
@@ -119,7 +120,8 @@ class Waves:
     def _step(self, actions: Any, begun: Mask | None, running: Sequence[int]) -> Mask | None:  # noqa: ANN401
         """Makes a step; gives which environments it has ended, None if it raised an error."""
         try:
-            result = self._env.step(actions)
+            with no_exit("an environment"):
+                result = self._env.step(actions)
         except Exception as error:
             if len(running) > 1:
                 raise

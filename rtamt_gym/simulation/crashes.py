@@ -1,16 +1,18 @@
-"""The samples of a simulation that crashed, which its error carries."""
+"""Simulations that crash: the samples that an error carries, and `SystemExit` as an error."""
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
+from rtamt import InputError
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import sample_text
 
-__all__ = ["carry", "failed"]
+__all__ = ["carry", "exited", "failed", "no_exit"]
 
 
 def carry(error: BaseException, run: Run) -> None:
@@ -25,6 +27,28 @@ def carry(error: BaseException, run: Run) -> None:
         if isinstance(before, Run):
             crashed.__notes__.remove(_note(before))
         error.add_note(_note(run))
+
+
+def exited(what: str, end: SystemExit) -> InputError:
+    """The error of a system that calls ``sys.exit``: it would end the program without a verdict."""
+    code = "" if end.code is None else repr(end.code)
+    return InputError(
+        f"{what} called sys.exit({code}), which is no end of a simulation; let it return, or raise "
+        "an error"
+    )
+
+
+@contextmanager
+def no_exit(what: str) -> Iterator[None]:
+    """Raises the error of `exited` where what runs inside calls ``sys.exit``.
+
+    Raises:
+        InputError: If it does.
+    """
+    try:
+        yield
+    except SystemExit as end:
+        raise exited(what, end) from end
 
 
 def failed(error: Exception, case: Case, seed: int | None, wall: float) -> Trial:

@@ -12,6 +12,7 @@ import gymnasium as gym
 
 from rtamt import InputError
 from rtamt_gym.checks.extras import EXTRAS
+from rtamt_gym.simulation.crashes import exited
 
 __all__ = ["PACKAGES", "families", "make", "register"]
 
@@ -55,6 +56,8 @@ def make(
                     for each in missing
                 )
         raise InputError(f"cannot make {env_id}: {error}{hint}") from error
+    except SystemExit as end:
+        raise exited(f"the making of {env_id}", end) from end
     except Exception as error:
         if not options:
             raise

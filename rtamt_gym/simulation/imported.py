@@ -36,7 +36,7 @@ def find_object(module: str, path: str) -> Any:  # noqa: ANN401
     return found
 
 
-def line_in(module: str, error: Exception) -> str:
+def line_in(module: str, error: BaseException) -> str:
     """Where in the file of a module an error was raised, " (drive.py, line 3)"; else empty."""
     own = module.replace(".", os.sep)
     files = f"{os.sep}{own}.py", f"{os.sep}{own}{os.sep}__init__.py"
@@ -57,6 +57,12 @@ def _import(module: str) -> ModuleType:
                 "Python looks for modules"
             ) from error
         raise InputError(f"cannot import {module}: {error}{line_in(module, error)}") from error
+    except SystemExit as end:
+        code = "" if end.code is None else repr(end.code)
+        raise InputError(
+            f"cannot import {module}: it called sys.exit({code}){line_in(module, end)}; put what "
+            'runs below if __name__ == "__main__":'
+        ) from end
     except Exception as error:
         raise InputError(
             f"cannot import {module}: {type(error).__name__}: {error}{line_in(module, error)}"

@@ -9,6 +9,7 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -141,14 +142,15 @@ def simulate(
     """
     given = checked_reading(reading, simulate, RunReading)
     specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
-    simulator = Simulator(
-        system,
-        specs,
-        signals,
-        given,
-        case=case,
-        start=start,
-        policy=policy,
-        duration=duration,
-    )
-    return simulator.begin(seed=seed, stop=stop, above=above, label=label).go()
+    with no_exit("the system"):
+        simulator = Simulator(
+            system,
+            specs,
+            signals,
+            given,
+            case=case,
+            start=start,
+            policy=policy,
+            duration=duration,
+        )
+        return simulator.begin(seed=seed, stop=stop, above=above, label=label).go()

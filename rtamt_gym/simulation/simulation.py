@@ -33,7 +33,7 @@ from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.crashes import carry
+from rtamt_gym.simulation.crashes import carry, exited
 from rtamt_gym.simulation.kinds import as_system, driven, refuse_seed
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 from rtamt_gym.simulation.recorder import Recorder, Tally
@@ -259,6 +259,10 @@ class Simulation:
                 self._play_on(self._system, cast("Tally", self._record))
             while not self.over:
                 self._step()
+        except SystemExit as end:
+            error = exited(self._told["system"], end)
+            self._fail(error)
+            raise error from end
         except BaseException as error:
             self._fail(error)
             raise
@@ -267,6 +271,10 @@ class Simulation:
         """Takes sample 0, or makes a step and takes the sample after it; whether it is over."""
         try:
             self._step()
+        except SystemExit as end:
+            error = exited(self._told["system"], end)
+            self._fail(error)
+            raise error from end
         except BaseException as error:
             self._fail(error)
             raise

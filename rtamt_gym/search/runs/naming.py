@@ -15,6 +15,7 @@ import gymnasium as gym
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
+from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.environments import PACKAGES, make
 from rtamt_gym.simulation.fmi import Fmus
 from rtamt_gym.simulation.imported import find_object
@@ -93,7 +94,8 @@ def named_object(path: str) -> Any:  # noqa: ANN401
         raise InputError(f"expected module:name, got {path!r}")
     found = find_object(module, name)
     if callable(found) and not inspect.isgeneratorfunction(found) and not _takes_arguments(found):
-        return found()
+        with no_exit(path):
+            return found()
     return found
 
 

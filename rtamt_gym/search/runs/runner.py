@@ -32,7 +32,7 @@ from rtamt_gym.search.runs.options import check_system, duration_of
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.crashes import failed
+from rtamt_gym.simulation.crashes import failed, no_exit
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
@@ -288,10 +288,11 @@ class Runner:
             RtamtError: If a signal or a period does not fit, or an option of the reading.
         """
         if self._lanes is None and self._ready is None:
-            try:
-                self._ready = self._simulator(self.reading)
-            except RtamtError:
-                self._simulator(self.reading, Case(case))
+            with no_exit(self.name):
+                try:
+                    self._ready = self._simulator(self.reading)
+                except RtamtError:
+                    self._simulator(self.reading, Case(case))
 
     def _simulator(self, reading: Reading, case: Case | None = None) -> Simulator:
         given, duration = self._of_runs["policy"], self._of_runs["duration"]
@@ -318,21 +319,22 @@ class Runner:
     ) -> Simulation:
         """Begins the simulation of a case."""
         given: Case | None = case
-        if simulator is None:
-            self.check(case)
-            simulator = self._ready
-        if simulator is None:
-            simulator, given = self._simulator(self.reading, case), None
-        if policy is None and self._policies is not None:
-            policy = self._policies(seed or 0)
-        return simulator.begin(
-            given,
-            policy=policy,
-            seed=seed if self.takes_seeds else None,
-            stop=self._of_runs["stop"] if stop is None else stop,
-            above=above,
-            light=light,
-        )
+        with no_exit(self.name):
+            if simulator is None:
+                self.check(case)
+                simulator = self._ready
+            if simulator is None:
+                simulator, given = self._simulator(self.reading, case), None
+            if policy is None and self._policies is not None:
+                policy = self._policies(seed or 0)
+            return simulator.begin(
+                given,
+                policy=policy,
+                seed=seed if self.takes_seeds else None,
+                stop=self._of_runs["stop"] if stop is None else stop,
+                above=above,
+                light=light,
+            )
 
     def judge(self, name: str, trace: SimulatedTrace) -> float:
         """The robustness of a requirement on samples that were kept."""

@@ -45,6 +45,10 @@ def leave_with_a_code(*_: object, **__: object) -> None:
     sys.exit(1)
 
 
+def leave_as_if_all_were_well(*_: object, **__: object) -> None:
+    sys.exit(0)
+
+
 COMMANDS = {
     "monitor": (["monitor", "always(x > 2)", "trace.csv"], judge, "judge"),
     "monitor --dense": (["monitor", "always(x > 2)", "trace.csv", "--dense"], judge, "_parts"),
@@ -62,6 +66,7 @@ COMMANDS = {
         (divide, "unexpected ZeroDivisionError: division by zero"),
         (leave, "the program was ended by what it ran: SystemExit('enough')"),
         (leave_with_a_code, "the program was ended by what it ran: SystemExit(1)"),
+        (leave_as_if_all_were_well, "the program was ended by what it ran: SystemExit(0)"),
     ],
 )
 def test_an_unexpected_error_is_code_2_with_a_message(

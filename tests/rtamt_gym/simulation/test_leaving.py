@@ -1,0 +1,123 @@
+"""A system that calls ``sys.exit`` has failed: it ends neither the program nor a search."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import pytest
+from leaving import LEAVING, Leaving, leaves_while_running, leaving_policy
+
+from rtamt import InputError
+from rtamt_gym import Parameter, Runner, evaluate_policy, falsify, simulate
+from rtamt_gym.__main__ import main
+from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
+
+Output = pytest.CaptureFixture[str]
+NO_END = "which is no end of a simulation; let it return, or raise an error"
+
+
+def test_a_simulation_that_leaves_is_an_error_with_its_samples() -> None:
+    with pytest.raises(InputError) as told:
+        simulate(leaves_while_running, "always(y < 2)", case={"x": 1.0}, period=1)
+    assert str(told.value) == f"leaves_while_running called sys.exit(0), {NO_END}"
+    assert told.value.run.steps == 0  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("n_jobs", [None, 1])
+def test_a_search_counts_it_as_failed_and_goes_on(n_jobs: int | None) -> None:
+    with pytest.warns(FailedSimulationWarning):
+        found = falsify(
+            *(leaves_while_running, "always(y < 2)", [Parameter("x", 0, 1)]),
+            period=1,
+            budget=20,
+            n_jobs=n_jobs,
+        )
+    error = f"InputError: leaves_while_running called sys.exit(0), {NO_END}"
+    assert {row.error: row.case.columns()["x"] >= 0.5 for row in found.record} == {
+        "": False,
+        error: True,
+    }
+
+
+@pytest.mark.parametrize("where", LEAVING)
+@pytest.mark.parametrize("options", [{}, {"n_jobs": 1}, {"n_envs": 2}, {"vector": True}])
+def test_an_episode_that_leaves_is_not_satisfied(where: str, options: dict[str, Any]) -> None:
+    def make() -> Any:  # noqa: ANN401
+        return Leaving(where)
+
+    env = make
+    if options == {"vector": True}:
+        options = {}
+        env = lambda: gym.vector.SyncVectorEnv([make, make])  # noqa: E731
+    policy = leaving_policy if where == "policy" else (lambda _obs: 0)
+    with pytest.warns(FailedSimulationWarning):
+        result = evaluate_policy(
+            *(policy, env, "always(y < 2)", {"y": "obs[0]"}),
+            episodes=6,
+            at_termination="complete",
+            **options,
+        )
+    found = result.requirements["spec"]
+    assert (found.satisfied, found.failed, found.rate) == (3, 3, 0.5)
+    assert all("called sys.exit(" in row.error for row in result.record.failed())
+
+
+def test_an_environment_that_leaves_while_it_is_made_is_an_error() -> None:
+    gym.register("Leaves-v0", lambda **_: Leaving("init"))
+    try:
+        with pytest.raises(InputError) as told:
+            Runner("Leaves-v0", "always(y < 2)", signals={"y": "obs[0]"})
+    finally:
+        del gym.registry["Leaves-v0"]
+    assert str(told.value) == f"the making of Leaves-v0 called sys.exit(0), {NO_END}"
+    with pytest.raises(InputError, match="the function that makes the environment called"):
+        evaluate_policy(lambda _obs: 0, lambda: Leaving("init"), "always(y < 2)", {"y": "obs[0]"})
+
+
+@pytest.fixture
+def leaving_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The working directory with modules, of which one leaves while it is imported."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wry.py").write_text(
+        "def tank(x):\n    yield {'y': x}\n\nimport sys\nsys.exit(0)\n"
+    )
+    (tmp_path / "sly.py").write_text("import sys\n\ndef tank(x):\n    sys.exit()\n    yield {}\n")
+
+
+IMPORTED = (
+    "rtamt: error: cannot import wry: it called sys.exit(0) (wry.py, line 5); put what runs below "
+    'if __name__ == "__main__":\n'
+)
+
+
+@pytest.mark.usefixtures("leaving_module")
+@pytest.mark.parametrize("more", [[], ["-j", "1"]])
+def test_a_module_that_leaves_while_it_is_imported_exits_2(more: list[str], capsys: Output) -> None:
+    search = ["always(y < 2)", "--vary", "x=0:1", "--period", "1", "--budget", "3", *more]
+    assert main(["falsify", "wry:tank", *search]) == 2
+    assert capsys.readouterr().err == IMPORTED
+    assert main(["falsify", "sly:tank", *search]) == 2
+    told = "rtamt: error: all 3 simulations failed, the first with InputError: tank called sys.exit"
+    assert capsys.readouterr().err.startswith(told)
+    run = ["run", "CartPole-v1", "--spec", "always(x < 2)", "--signal", "x=obs[0]"]
+    assert main([*run, "--policy", "wry:tank"]) == 2
+    assert capsys.readouterr().err == IMPORTED
+
+
+@pytest.mark.usefixtures("leaving_module")
+def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
+    found = falsify(leaves_while_running, "always(y < 0.2)", [Parameter("x", 0, 0.4)], period=1)
+    found.save("case.json")
+    kept = json.loads(Path("case.json").read_text())
+    told = {
+        "wry:tank": IMPORTED,
+        "sly:tank": f"rtamt: error: tank called sys.exit(), {NO_END}\n",
+    }
+    for name, message in told.items():
+        Path("case.json").write_text(json.dumps(kept | {"system": {"object": name}}))
+        assert main(["replay", "case.json"]) == 2
+        assert capsys.readouterr().err == message
+        assert main(["report", "case.json", "-o", "page.html"]) == 0
+        capsys.readouterr()
+        assert "The case was not played again: InputError: " in Path("page.html").read_text()
