@@ -27,6 +27,7 @@ from rtamt.inputs.events import Events
 from rtamt.inputs.frames import unit_of_times
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
+from rtamt.language.ids import RequirementId
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
 from rtamt.language.publications import Publication, publications
@@ -85,6 +86,7 @@ __all__ = [
     "ParseError",
     "Period",
     "Publication",
+    "RequirementId",
     "RtamtError",
     "SemanticsName",
     "Specification",

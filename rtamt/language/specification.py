@@ -17,6 +17,7 @@ from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula, make
+from rtamt.language.ids import RequirementId
 from rtamt.language.interval import UNITS, Interval
 from rtamt.language.names import lineage
 from rtamt.language.node import Node
@@ -65,6 +66,8 @@ class Specification:
         constants: Values of the constants, as the text says them or as they were given to `parse`,
             which come first and may add constants.
         topics: Variable to the path of its topic.
+        ids: Name of a formula to its id where requirements are kept; the id of a result without a
+            name is under the name of the whole.
         imports: Imported type to its module.
         types: Imported type to its class, if the module was given and the type is a class.
         unit: Unit of the bounds that have none.
@@ -85,6 +88,7 @@ class Specification:
     declarations: Mapping[str, Declaration] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     topics: Mapping[str, str] = field(default_factory=dict)
+    ids: Mapping[str, RequirementId] = field(default_factory=dict)
     imports: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, type] = field(default_factory=dict)
     unit: str = "s"
@@ -149,13 +153,26 @@ class Specification:
             uses.pop("", None)
         elif named is not None:
             uses[""] = (named,)
-        other = replace(self, formula=formula, positions={}, uses=uses, requirement=None)
+        ids = {each: found for each, found in self.ids.items() if each in self.formulas}
+        other = replace(self, formula=formula, positions={}, uses=uses, ids=ids, requirement=None)
         return replace(other, text=str(other))
 
     @cached_property
     def title(self) -> str | None:
         """The name that the text gives to the whole, else the name of the result, else None."""
         return self.name or self._result_name
+
+    @cached_property
+    def id(self) -> RequirementId | None:
+        """The id of the result where requirements are kept; None if the text gives none.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse('@ id(slow, "SYS-REQ-7", "https://reqs.example/{id}"); slow = v < 5')
+            >>> spec.id
+            RequirementId(id='SYS-REQ-7', link='https://reqs.example/SYS-REQ-7')
+        """
+        return self.ids.get(self._result_name or self.name or "")
 
     @cached_property
     def requirements(self) -> Mapping[str, Specification]:
@@ -297,6 +314,9 @@ class Specification:
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
+        for name, said in self.ids.items():
+            link = f', "{said.link}"' if said.link else ""
+            lines.append(f'@ id({name}, "{said.id}"{link})')
         for name, formula in self.formulas.items():
             names = self._named_in(name)
             lines.append(f"{name} = {node_text(formula, names, names)}")
@@ -315,7 +335,7 @@ class Specification:
 
     @cached_property
     def _content(self) -> tuple[object, ...]:
-        said = (self.declarations, self.constants, self.topics, self.imports)
+        said = (self.declarations, self.constants, self.topics, self.ids, self.imports)
         formulas = tuple(self.formulas.items())
         return (self.formula, self.name, formulas, self.unit, *map(dict, said))
 
@@ -346,14 +366,18 @@ class Specification:
             used = {*self.uses.get(found.pop(), ())} - needed
             needed |= used
             found += used
-        return replace(
+        part = replace(
             self,
             formula=self.formulas.get(root, self.formula),
             name=None if name in self.formulas else name,
             formulas={each: f for each, f in self.formulas.items() if each in needed},
+            ids={each: found for each, found in self.ids.items() if each in {*needed, name}},
             uses={each: names for each, names in self.uses.items() if each in needed},
             requirement=name,
         )
+        known = {*part.declarations, *part.variables, *part.formulas}
+        topics = {each: path for each, path in self.topics.items() if each in known}
+        return replace(part, topics=topics)
 
     def _declared(self, variable: str) -> str:
         names = [*lineage(variable)]

@@ -27,7 +27,9 @@ specification
 
 importing : 'from' module=NAME 'import' name=NAME ;
 
-annotation : '@' kind=NAME '(' variable=NAME ',' location=path ')' ;
+annotation
+    : '@' kind=NAME '(' variable=NAME ',' (location=path | label=STRING (',' link=STRING)?) ')'
+    ;
 
 // A word of the language may be part of a path.
 path : '/'? part ('/' part)* ;
@@ -86,6 +88,7 @@ NAME : WORD ('.' WORD)* ;
 // An element of a list in a message: scan.ranges[0]. After a word of the language, as in always[5], the
 // scanner makes an interval of it.
 ELEMENT : NAME INDEX (INDEX | '.' WORD)* ;
+STRING : '"' ~["\r\n]* '"' ;
 NUMBER : (DIGIT+ ('.' DIGIT*)? | '.' DIGIT+) ([eE] [+-]? DIGIT+)? ;
 
 EQUALS : '=' ;

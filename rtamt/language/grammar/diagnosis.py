@@ -18,6 +18,8 @@ from rtamt.language.specification import PRIMITIVES
 from rtamt.language.table import Notation, Operator
 
 __all__ = [
+    "ID_HINT",
+    "LINK_HINT",
     "Token",
     "diagnose",
     "exact_number",
@@ -25,6 +27,7 @@ __all__ = [
     "misspelt",
     "no_bound",
     "no_formula",
+    "no_id",
     "shown",
     "similar",
     "similar_name",
@@ -72,6 +75,9 @@ _HEADS = {
     StlParser.INPUT: "write input float NAME",
     StlParser.OUTPUT: "write output float NAME",
 }
+ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
+LINK_HINT = 'write @ id(NAME, "SYS-REQ-7", "https://reqs.example/{id}")'
+_BEFORE_ID = 5  # the tokens '@', 'id', '(', its name and ','
 _LONG = 60
 _INDEX = re.compile(r"\[\s*-?\d+\s*\]")
 _ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x >= 3) -> y < 2"
@@ -80,6 +86,7 @@ _SPELT = (">=", "<=", "!=", "not", "and", "or", "->", "->", "<->", "<->", "alway
 _INSTEAD = {
     "#": "a comment begins with //",
     "^": "write pow(x, 2) for a power",
+    '"': "write '\"' where the text ends, on the same line",
     **{c: f"write '{spelling}'" for c, spelling in zip(_PRINTED, _SPELT, strict=True)},
 }
 # Names of operators in other tools, each of which is more like the name of another operator here.
@@ -114,6 +121,8 @@ def diagnose(
         return _at_the_begin(text, token)
     before = tokens[at - 1]
     head = tokens[first]
+    if head.type == StlParser.AT and at > first + 1 and tokens[first + 1].text == "id":
+        return _in_id(text, tokens[first:], token, expected)
     pair = at - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or at == first + 1)):
@@ -137,6 +146,12 @@ def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseEr
     """The error for a text or statement that has something else instead of a formula."""
     hint = hint or "write a formula, such as always(x > 0)"
     return fail(text, token, f"expected a formula, got {instead}", hint)
+
+
+def no_id(text: str, token: Token) -> ParseError:
+    """The error for a token that stands where the id of a requirement belongs."""
+    hint = f'write "{token.text}"' if token.type in _OPERANDS else ID_HINT
+    return fail(text, token, f"expected the id in quotes, got {_got(token)}", hint)
 
 
 def no_bound(text: str, token: Token, hint: str) -> ParseError:
@@ -167,7 +182,7 @@ def shown(text: str) -> str:
 def _got(token: Token) -> str:
     if token.type in (StlParser.END, AntlrToken.EOF) and token.text != ";":
         return "the end of the line" if token.text == "\n" else "the end of the text"
-    return f"'{shown(token.text)}'"
+    return shown(token.text) if token.type == StlParser.STRING else f"'{shown(token.text)}'"
 
 
 def _at_the_begin(text: str, token: Token) -> ParseError:
@@ -196,6 +211,21 @@ def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseEr
         return fail(text, token, reason, "write both bounds: [0:5]")
     hint = f"after a bound comes one of the units {', '.join(UNITS)}"
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
+
+
+def _in_id(
+    text: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
+) -> ParseError:
+    """The error in ``@ id(NAME, "ID")``, whose tokens are given."""
+    given = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else token
+    if token.tokenIndex >= given.tokenIndex and given.type != StlParser.STRING:
+        hint = ID_HINT if token is given else "an id stands in quotes: " + ID_HINT
+        return fail(text, given, f"expected the id in quotes, got {_got(given)}", hint)
+    if StlParser.STRING in expected:
+        reason = f"expected the link in quotes, got {_got(token)}"
+        return fail(text, token, reason, LINK_HINT)
+    reason, hint = _in_declaration(token, expected, named=False)
+    return fail(text, token, reason, hint or ID_HINT)
 
 
 def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) -> tuple[str, str]:

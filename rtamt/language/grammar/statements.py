@@ -6,18 +6,22 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Literal, cast
 
-from rtamt.errors import Advice, Argument, ParseError
+from rtamt.errors import Advice, Argument, ParseError, SpecificationError
 from rtamt.language.formula import Formula, Term, number, variable
 from rtamt.language.grammar.diagnosis import (
+    ID_HINT,
+    LINK_HINT,
     Token,
     exact_number,
     fail,
     no_formula,
+    no_id,
     similar,
     similar_name,
 )
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Span, Statement, Statements, read
+from rtamt.language.ids import RequirementId
 from rtamt.language.names import lineage
 from rtamt.language.node import Node, interned
 from rtamt.language.operators import OPERATORS
@@ -75,6 +79,7 @@ class _Reader:
         self.declared: set[str] = set()
         self.all_declared = False  # whether a variable must be declared
         self.topics: dict[str, str] = {}
+        self.ids: dict[str, RequirementId] = {}
         self.formulas: dict[str, Formula] = {}
         self.used: set[str] = set()  # variables
         self.uses: dict[str, tuple[str, ...]] = {}
@@ -111,7 +116,10 @@ class _Reader:
             hint = f"equality is written '==': {token.text} == {formula}"
             raise self._fail(token, reason, hint)
         for statement in statements.annotations:
-            self._annotate(statement)
+            if statement.kind.text == "id":
+                self._identify(statement, statements)
+            else:
+                self._annotate(statement)
         return Specification(
             text=self.text,
             formula=formula,
@@ -120,6 +128,7 @@ class _Reader:
             declarations=self.declarations,
             constants={name: float(value) for name, value in self.constants.items()},
             topics=self.topics,
+            ids=self.ids,
             imports=self.imports,
             types=self.types,
             unit=unit,
@@ -181,7 +190,12 @@ class _Reader:
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
             reason = f"unknown annotation '{statement.kind.text}'"
-            raise self._fail(statement.kind, reason, "write @ topic(VARIABLE, path)")
+            hint = f"write @ topic(VARIABLE, path) or {ID_HINT.removeprefix('write ')}"
+            raise self._fail(statement.kind, reason, hint)
+        if statement.location is None:
+            token = cast("Token", statement.label)
+            reason = f"expected the path of a topic, got {token.text}"
+            raise self._fail(token, reason, "a path is names with '/' between them")
         name = statement.variable.text
         known = self.declarations.keys() | self.used | self.formulas.keys()
         if name not in known:
@@ -194,6 +208,45 @@ class _Reader:
                 reason = f"expected a name in the path, got '{step.text}'"
                 raise self._fail(step, reason, "a path is names with '/' between them")
         self.topics[name] = "".join(step.text for step in steps)
+
+    def _identify(self, statement: Statement, statements: Statements) -> None:
+        token, label, link = statement.variable, statement.label, statement.link
+        if label is None:
+            raise no_id(self.text, cast("Span", statement.location).start)
+        name, whole = token.text, statements.name
+        if name not in self.formulas and whole is not None and name == whole.text:
+            name = self._whole(token, statements.definitions[-1])
+        elif name not in self.formulas:
+            known = [*self.formulas, *([] if whole is None else [whole.text])]
+            otherwise = f"an id belongs to a formula with a name: {name} = ..."
+            raise self._fail(token, f"unknown formula '{name}'", similar(name, known, otherwise))
+        if name in self.ids:
+            reason = f"'{name}' already has the id {self.ids[name]}"
+            raise self._fail(token, reason, "a requirement has one id")
+        part, hint = label, ID_HINT
+        try:
+            found = RequirementId(label.text[1:-1])
+            if link is not None:
+                part, hint = link, LINK_HINT
+                found = RequirementId(found.id, link.text[1:-1])
+        except SpecificationError as error:
+            raise self._fail(part, str(error), hint) from None
+        for other, its in self.ids.items():
+            if its.id == found.id:
+                reason = f"'{other}' already has the id {found}"
+                raise self._fail(label, reason, "choose another id")
+        self.ids[name] = found
+
+    def _whole(self, token: Token, last: Statement) -> str:
+        """The name under which the id of the whole is kept; it requires one thing."""
+        used = {each for names in self.uses.values() for each in names}
+        roots = [name for name in self.formulas if name not in used]
+        if last.name is None:
+            return token.text
+        if len(roots) > 1:
+            reason = f"'{token.text}' has several requirements"
+            raise self._fail(token, reason, f"give each an id of its own: {', '.join(roots)}")
+        return roots[0]
 
     def _define(self, statement: Statement) -> Formula:
         part, name = statement.formula, statement.name

@@ -41,7 +41,9 @@ class Statement(Protocol):
 
     kind: Token
     variable: Token
-    location: Span
+    location: Span | None
+    label: Token | None
+    link: Token | None
     module: Token
     io: Token | None
     name: Token | None

@@ -1,0 +1,104 @@
+"""Ids of requirements: where they are kept, and that texts, parts and pickles keep them."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from urllib.parse import quote
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import RequirementId, Specification, SpecificationError
+
+TEXT = """specification drive
+@ id(apart, "SYS-REQ-7", "https://reqs.example/{id}?from=ci")
+@ id(drive, "Höhe 3/4 // not a comment")
+gap = abs(x - y)
+apart = always(gap > 1)
+slow = always(v < 5)
+always(x > 0)
+"""
+
+ids = st.text(
+    st.characters(exclude_characters='"\r\n', exclude_categories=["Cs"]), min_size=1, max_size=30
+).filter(lambda text: text.strip() != "")
+
+
+def test_ids_belong_to_formulas_and_to_the_whole() -> None:
+    spec = rtamt.parse(TEXT)
+    link = "https://reqs.example/SYS-REQ-7?from=ci"
+    whole = RequirementId("Höhe 3/4 // not a comment")
+    assert spec.ids == {"apart": RequirementId("SYS-REQ-7", link), "drive": whole}
+    assert spec.id == whole
+    found = {name: each.id for name, each in spec.requirements.items()}
+    assert found == {"apart": spec.ids["apart"], "slow": None, "drive": whole}
+    assert str(found["apart"]) == "SYS-REQ-7"
+
+
+@pytest.mark.parametrize("name", ["drive", "apart"])
+def test_the_name_of_a_whole_with_one_requirement_means_it(name: str) -> None:
+    spec = rtamt.parse(f'specification drive; @ id({name}, "7"); gap = x - y; apart = gap > 1')
+    assert spec.id == RequirementId("7")
+    assert spec.ids == {"apart": RequirementId("7")}
+    assert spec.requirements["drive"].id == RequirementId("7")
+
+
+def test_a_part_has_no_id_and_no_formula_means_no_id() -> None:
+    spec = rtamt.parse('specification drive; @ id(drive, "7"); always(x > 0)')
+    assert spec.id == RequirementId("7")
+    assert spec.always().id is None
+    assert rtamt.parse("always(x > 0)").id is None
+    assert Specification.of(spec.formula).id is None
+
+
+def test_specifications_with_other_ids_are_other_specifications() -> None:
+    one, two, none = (
+        rtamt.parse(f"{said}p = x > 0") for said in ('@ id(p, "1"); ', '@ id(p, "2"); ', "")
+    )
+    assert one != two != none != one
+    assert one == rtamt.parse('p = x > 0\n@ id(p, "1")')
+
+
+@given(label=ids, path=st.none() | ids)
+def test_text_pickle_and_copy_keep_any_id_and_link(label: str, path: str | None) -> None:
+    link = "" if path is None else f"https://reqs.example/{path}/{{id}}"
+    said = f', "{link}"' if link else ""
+    spec = rtamt.parse(f'@ id(b, "{label}"{said}); a = x > 0; b = always(y > 0)')
+    assert spec.id == RequirementId(label, link)
+    for other in (rtamt.parse(str(spec)), pickle.loads(pickle.dumps(spec)), copy.deepcopy(spec)):
+        assert other == spec
+        assert other.ids == spec.ids
+    for name, part in spec.requirements.items():
+        again = rtamt.parse(str(part))
+        assert again.id == part.id == (spec.id if name == "b" else None)
+
+
+@given(label=ids)
+def test_an_id_made_in_python_is_the_one_that_is_read(label: str) -> None:
+    made = RequirementId(label, "http://reqs.example/{id}/{id}")
+    text = f'@ id(p, "{label}", "http://reqs.example/{{id}}/{{id}}"); p = x > 0'
+    assert rtamt.parse(text).id == made
+    assert made.link == f"http://reqs.example/{quote(label, safe='')}/{quote(label, safe='')}"
+
+
+@pytest.mark.parametrize("label", ["", "  ", 'a"b', "a\nb", "a\rb"])
+def test_what_no_text_could_say_is_no_id(label: str) -> None:
+    with pytest.raises(SpecificationError, match="expected"):
+        RequirementId(label)
+
+
+@pytest.mark.parametrize("link", ["javascript:alert(1)", "reqs.example", " https://x", "file:///x"])
+def test_only_addresses_of_the_web_are_links(link: str) -> None:
+    with pytest.raises(SpecificationError, match="begins with https:// or http://"):
+        RequirementId("7", link)
+
+
+def test_parts_leave_out_topics_of_what_they_do_not_have() -> None:
+    spec = rtamt.parse("@ topic(v, a/b); @ topic(x, c); apart = x > 1; slow = v < 5")
+    for name, topics in (("apart", {"x": "c"}), ("slow", {"v": "a/b"})):
+        part = spec.requirements[name]
+        assert part.topics == topics
+        assert rtamt.parse(str(part)).topics == topics
