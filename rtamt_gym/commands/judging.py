@@ -23,6 +23,7 @@ from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 
 __all__ = ["Judged", "failure_lines", "judge_file", "judge_files", "matrix_of", "row_of"]
@@ -209,7 +210,8 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
 
 def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """The rows, with the formulas of the requirements."""
-    return Matrix(rows, {name: str(spec.standalone()) for name, spec in asked.specs.items()})
+    texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
+    return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
 
 
 def failure_lines(matrix: Matrix) -> list[str]:

@@ -118,7 +118,8 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        print(to_json(matrix, _rules(asked), _columns(asked, paths), code))
+        made_of = matrix.of_files([*options.specs, *paths])
+        print(to_json(made_of, _rules(asked), _columns(asked, paths), code))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
@@ -139,9 +140,11 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     if judged.trace is None or not judged.judgements:
         return []
     from rtamt_gym.recorded.report import report
+    from rtamt_gym.results.provenance import ids_lines
 
     (row,) = matrix.rows
-    return [*report(judged.judgements, row.described, judged.trace.notes), ""]
+    lines = report(judged.judgements, row.described, judged.trace.notes)
+    return [*lines, *ids_lines(matrix.provenance), ""]
 
 
 def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:

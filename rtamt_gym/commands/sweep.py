@@ -161,7 +161,7 @@ def run(options: argparse.Namespace) -> int:
                 folder=options.folder,
             )
     for name, formula in done.requirements.items():
-        print(f"{name}: {formula}")
+        print(f"{done.record.provenance.called(name)}: {formula}")
     print("", done, "", *_worst(done), sep="\n")
     if options.sampler in {"morris", "saltelli"}:
         for name in done.requirements:

@@ -28,6 +28,7 @@ from rtamt_gym.results.codec import (
     save,
     trials_of,
 )
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.simulation.run import Run
@@ -251,7 +252,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
     }
     worst = kept["worst_runs"]
     return Evaluation(
-        Record(trials_of(kept), kept["requirements"], kept["system"]),
+        Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
         kept["system"],
         kept["policy"],
         fraction_of(kept["period"]),

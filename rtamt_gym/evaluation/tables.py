@@ -84,7 +84,8 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     yield terminal.cut(f"{of_robustness}: of the robustness{at_stop}")
     yield ""
     for each in evaluation.requirements.values():
-        yield terminal.cut(f"{each.name}: {each.formula}")
+        name = evaluation.record.provenance.called(each.name)
+        yield terminal.cut(f"{name}: {each.formula}")
     yield ""
     unit = "s" if evaluation.period is not None else "steps"
     lines = [line for each in evaluation.requirements.values() for line in _worst(each, unit)]

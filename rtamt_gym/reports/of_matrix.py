@@ -25,6 +25,7 @@ from rtamt_gym.reports.views import Cell, TraceLine, TraceTable
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
@@ -47,7 +48,8 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
     Raises:
         KeyError: If the result lacks something.
     """
-    matrix, reading = Matrix(read_trials(kept), kept["requirements"]), kept["reading"]
+    matrix = Matrix(read_trials(kept), kept["requirements"], provenance=provenance_of(kept))
+    reading = kept["reading"]
     formulas = matrix.requirements
     facts = [Fact("traces", str(len(matrix)))]
     facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]

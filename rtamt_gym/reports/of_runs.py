@@ -11,6 +11,7 @@ from rtamt_gym.reports.model import Fact, Section
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.rows import labelled, requirement_of, trials_of
 from rtamt_gym.results.codec import trials_of as read_trials
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, sample_text
@@ -25,7 +26,7 @@ def of_runs(kept: Mapping[str, Any], room: int) -> Section:
         kept: The result, of the kind ``"runs"``.
         room: How many numbers all episodes together may have.
     """
-    record = Record(read_trials(kept), kept["requirements"], kept["system"])
+    record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
     said = {"period": kept["period"], **kept["reading"]}
     facts = {name: str(value) for name, value in said.items() if value is not None}
     title = f"{counted(len(record), 'episode')} of {record.system}"

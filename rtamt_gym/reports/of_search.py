@@ -17,6 +17,7 @@ from rtamt_gym.reports.series import six
 from rtamt_gym.reports.views import Convergence
 from rtamt_gym.results.codec import trials_of
 from rtamt_gym.results.outcome import WORDS
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.saved_case import SavedCase
@@ -175,7 +176,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
     Raises:
         KeyError: If something is not in it.
     """
-    record = Record(trials_of(kept), kept["requirements"], kept["system"])
+    record = Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept))
     name, falsified = kept["requirement"], kept["falsified"]
     case = case_texts(Case.from_json(json.dumps(kept["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")

@@ -19,6 +19,7 @@ from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_runs import of_run, of_runs
 from rtamt_gym.reports.of_search import of_case, of_search, of_search_json
 from rtamt_gym.results.codec import made, read, trials_of
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record, storage
 from rtamt_gym.search.runs.saved_case import SavedCase
@@ -84,7 +85,11 @@ def _of_table(path: Path, room: int) -> Section:
 
 def _record(kept: Mapping[str, Any], room: int) -> Section:
     facts = {name: str(kept[name]) for name in ("sampler", "seed", "stop") if name in kept}
-    return of_record(Record(trials_of(kept), kept["requirements"], kept["system"]), room, facts)
+    return of_record(
+        Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
+        room,
+        facts,
+    )
 
 
 SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int], Section]]] = {

@@ -22,6 +22,7 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.outcome import Failure, Moment, Outcome
+from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
@@ -140,7 +141,7 @@ def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, 
 
 
 def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
-    """The keys that all results of trials have: system, requirements, results, trials.
+    """The keys that all results of trials have: system, requirements, results, trials and others.
 
     Args:
         results: The trials.
@@ -150,6 +151,7 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
     return {
         "system": results.system,
         "requirements": results.requirements,
+        **plain_provenance(results.provenance),
         "results": {name: plain_result(each, rates=rates) for name, each in found.items()},
         "trials": results.rows,
     }

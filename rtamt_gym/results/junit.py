@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
-from rtamt import Verdict
+from rtamt import RequirementId, Verdict
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
@@ -31,13 +31,18 @@ def to_junit(matrix: Matrix, rules: Mapping[str, str]) -> bytes:
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
     for row in matrix.rows:
-        root.append(_suite(row, matrix.requirements, rules))
+        root.append(_suite(row, matrix.requirements, rules, matrix.provenance.ids))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
-def _suite(row: Trial, formulas: Mapping[str, str], rules: Mapping[str, str]) -> ET.Element:
+def _suite(
+    row: Trial,
+    formulas: Mapping[str, str],
+    rules: Mapping[str, str],
+    ids: Mapping[str, RequirementId],
+) -> ET.Element:
     words = [word(row.cell(name)) for name in formulas]
     counts = _counts({each: words.count(each) for each in words})
     suite = ET.Element("testsuite", {"name": _xml(row.name), **counts})
@@ -46,10 +51,20 @@ def _suite(row: Trial, formulas: Mapping[str, str], rules: Mapping[str, str]) ->
         ET.SubElement(properties, "property", name=name, value=value)
     for name in formulas:
         case = ET.SubElement(suite, "testcase", classname=_xml(row.name), name=_xml(name))
+        if name in ids:
+            _identify(case, ids[name])
         _say(case, row.cell(name), formulas[name])
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
     return suite
+
+
+def _identify(case: ET.Element, found: RequirementId) -> None:
+    """Adds the id of a requirement and the link to it, as properties of its case."""
+    properties = ET.SubElement(case, "properties")
+    for key, value in (("id", found.id), ("link", found.link)):
+        if value:
+            ET.SubElement(properties, "property", name=key, value=_xml(value))
 
 
 def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:

@@ -27,6 +27,9 @@ def to_markdown(matrix: Matrix) -> str:
         cells = [cell_text(row.cell(name)).strip() for name in matrix.requirements]
         lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
     lines += ["", f"{LEGEND}."]
+    for name, each in matrix.provenance.ids.items():
+        shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
+        lines += ["", f"{_escaped(name)}: {shown}"]
     explained = list(_explained(matrix))
     for head, text in explained[:_MOST]:
         fence = "`" * 3

@@ -8,6 +8,7 @@ from typing import get_args
 
 from rtamt import Verdict
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
+from rtamt_gym.results.provenance import ids_lines
 from rtamt_gym.results.table import Results
 from rtamt_gym.tables import counted, number, shorten, table
 
@@ -128,7 +129,7 @@ def matrix_lines(matrix: Matrix) -> list[str]:
         align = "<" * len(head) + ">" * len(part)
         lines += [*table(list(zip(*head, *part, strict=True)), align), ""]
     wrapped = (textwrap.wrap(text, _WIDTH, subsequent_indent="    ") for text in summary(matrix))
-    lines += [LEGEND, *(line for text in wrapped for line in text)]
+    lines += [LEGEND, *(line for text in wrapped for line in text), *ids_lines(matrix.provenance)]
     return lines + [line for name in matrix.requirements for line in _open(matrix, name)]
 
 

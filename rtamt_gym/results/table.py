@@ -11,6 +11,7 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.results.outcome import Outcome, order
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.statistics import STATISTICS, SUCCESS, RequirementResult, result_of
 from rtamt_gym.results.trial import Trial
 
@@ -27,14 +28,20 @@ class Results(Sequence[Trial]):
         rows: The trials.
         requirements: The text of each requirement, by name.
         system: The name of the system; empty of recorded traces.
+        provenance: What they were made of and with; it is not compared.
     """
 
     def __init__(
-        self, rows: Iterable[Trial], requirements: Mapping[str, str], system: str = ""
+        self,
+        rows: Iterable[Trial],
+        requirements: Mapping[str, str],
+        system: str = "",
+        provenance: Provenance = Provenance(),  # noqa: B008 - it cannot be changed
     ) -> None:
         self.rows = tuple(rows)
         self.requirements = MappingProxyType(dict(requirements))
         self.system = system
+        self.provenance = provenance
 
     @overload
     def __getitem__(self, index: int) -> Trial: ...
@@ -61,9 +68,15 @@ class Results(Sequence[Trial]):
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.rows, dict(self.requirements), self.system)
+        return type(self), (self.rows, dict(self.requirements), self.system, self.provenance)
 
     __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
+
+    def of_files(self, paths: Iterable[str]) -> Self:
+        """The same results with the hashes of files that they were made of."""
+        return type(self)(
+            self.rows, self.requirements, self.system, self.provenance.with_files(paths)
+        )
 
     def violated(self, requirement: str | None = None) -> Self:
         """The trials that violate a requirement; None: that violate any.
@@ -152,7 +165,7 @@ class Results(Sequence[Trial]):
         return pd.DataFrame(rows, index=pd.Index(list(self.requirements), name="requirement"))
 
     def _of(self, rows: Iterable[Trial]) -> Self:
-        return type(self)(rows, self.requirements, self.system)
+        return type(self)(rows, self.requirements, self.system, self.provenance)
 
 
 def together(outcomes: Iterable[Outcome]) -> Outcome:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rtamt import Verdict, holds
 from rtamt_gym.results.codec import document, plain_results, plain_trial
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import STOPPED
 from rtamt_gym.simulation.run import Run
@@ -69,7 +70,9 @@ def to_json(runs: Sequence[Run], reading: Mapping[str, Any]) -> str:
     """
     first = runs[0]
     texts = {name: course.formula for name, course in first.courses.items()}
-    results = Results([run.trial() for run in runs], texts, first.system)
+    specs = {name: course.specification for name, course in first.courses.items()}
+    made = Provenance.of(specs)
+    results = Results([run.trial() for run in runs], texts, first.system, made)
     trials = [
         {
             **plain_trial(run.trial()),

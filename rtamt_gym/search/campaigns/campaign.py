@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.chunks import Chunks, NumberedTrials
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
@@ -122,7 +123,12 @@ def run_campaign(
                 if elsewhere is not None:  # else its workers would be waited for
                     elsewhere.close()
                 break
-        record = Record((rows[i] for i in range(order.count)), requirements, runner.name)
+        record = Record(
+            (rows[i] for i in range(order.count)),
+            requirements,
+            runner.name,
+            Provenance.of(runner.requirements),
+        )
         if kept is not None:
             kept.finish(record)
         return record

@@ -21,6 +21,7 @@ from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, lists_reading
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.falsification.coverage import coverage_of
@@ -238,7 +239,7 @@ def falsify(
             requirement=search.closest,
             row=simplest or best,
             found=best.case,
-            record=Record(search.rows, texts, runner.name),
+            record=Record(search.rows, texts, runner.name, Provenance.of(specs)),
             space=varied,
             scales=search.scales or {},
             coverage=coverage_of(np.array(search.points)),

@@ -19,6 +19,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.results.codec import plain_results
 from rtamt_gym.results.outcome import order
+from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Trial
 from rtamt_gym.tables import counted
@@ -38,6 +39,7 @@ class Record(Results):
         rows: The simulations. A waveform has the same times in all of them.
         requirements: The text of each requirement, by name.
         system: The name of the system.
+        provenance: As for `Results`.
 
     Raises:
         InputError: If a case has a name that another column has too, or a waveform has other times
@@ -63,9 +65,13 @@ class Record(Results):
     """
 
     def __init__(
-        self, rows: Iterable[Trial], requirements: Mapping[str, str], system: str = ""
+        self,
+        rows: Iterable[Trial],
+        requirements: Mapping[str, str],
+        system: str = "",
+        provenance: Provenance = Provenance(),  # noqa: B008 - it cannot be changed
     ) -> None:
-        super().__init__(rows, requirements, system)
+        super().__init__(rows, requirements, system, provenance)
         self.shapes = _shapes(self.rows)
         self.case_columns = tuple(
             column
@@ -164,6 +170,7 @@ class Record(Results):
             "timed": self.timed,
             "results": plain_results(self, rates=not self.case_columns)["results"],
             "also": also,
+            **plain_provenance(self.provenance),
         }
         storage(what).save(Path(path), self.columns(), self.kinds(), kept)
 
@@ -180,7 +187,8 @@ class Record(Results):
     def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
         """Reads a record, and what else `write` has kept with it."""
         rows, kept = storage(what).load(Path(path))
-        return Record(rows, kept["requirements"], kept["system"]), kept["also"]
+        record = Record(rows, kept["requirements"], kept["system"], provenance_of(kept))
+        return record, kept["also"]
 
     @property
     def timed(self) -> bool:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import platform
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -22,6 +20,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import ROWS, RunReading
 from rtamt_gym.results.codec import check_name, document, read_as
+from rtamt_gym.results.provenance import versions_in_use
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
 from rtamt_gym.search.runs.runner import Runner
@@ -60,8 +59,6 @@ _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
     "versions": (dict, "an object of JSON"),
 }
 """What else would fail later, in words that name no file."""
-
-_OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +146,7 @@ class SavedCase:
             },
             robustness=outcome.robustness,
             verdict=outcome.verdict,
-            versions=_versions(),
+            versions=versions_in_use(),
             folder=folder,
         )
 
@@ -195,7 +192,7 @@ class SavedCase:
 
     def newer(self) -> dict[str, tuple[str, str]]:
         """The versions then and now, by package, of those that are not the same."""
-        now = _versions()
+        now = versions_in_use()
         return {
             name: (then, now[name])
             for name, then in self.versions.items()
@@ -346,11 +343,3 @@ def _policy_name(policy: object, given: str | None) -> str | None:
             'save(path, policy="module:function"), or policy="sb3:FILE.zip" or "zero"'
         )
     return path
-
-
-def _versions() -> dict[str, str]:
-    """The versions of Python and of the packages that are in use."""
-    used = {name: sys.modules[name] for name in _OF_VERSIONS if name in sys.modules}
-    return {"python": platform.python_version()} | {
-        name: str(getattr(module, "__version__", "")) for name, module in used.items()
-    }

@@ -1,0 +1,103 @@
+"""`Provenance`: ids of requirements, versions and hashes of files that results were made with."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Self
+
+from rtamt import RequirementId, Specification
+
+__all__ = [
+    "Provenance",
+    "file_hash",
+    "ids_lines",
+    "plain_provenance",
+    "provenance_of",
+    "versions_in_use",
+]
+
+_OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What results were made of and with.
+
+    Attributes:
+        ids: The ids of requirements, by name, of those that have one.
+        versions: The versions of Python and of the packages that were in use.
+        files: The SHA-256 of each file that was read, in hexadecimal digits, by its path as it was
+            given: traces, specifications, models.
+    """
+
+    ids: Mapping[str, RequirementId] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, specs: Mapping[str, Specification]) -> Self:
+        """The provenance of results that are made here, without files."""
+        ids = {name: spec.id for name, spec in specs.items() if spec.id is not None}
+        return cls(ids, versions_in_use())
+
+    def called(self, name: str) -> str:
+        """The name of a requirement with its id, if it has one: ``slow (SYS-REQ-7)``."""
+        return f"{name} ({self.ids[name].id})" if name in self.ids else name
+
+    def with_files(self, paths: Iterable[str | os.PathLike[str]]) -> Self:
+        """The same with the hashes of files; a path that is no file has none."""
+        known = ((os.fspath(path), file_hash(path)) for path in paths)
+        return replace(self, files={**self.files, **{path: sha for path, sha in known if sha}})
+
+
+def file_hash(path: str | os.PathLike[str]) -> str:
+    """The SHA-256 of a file in hexadecimal digits; empty if it is no file that can be read."""
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):  # a formula may be no path at all
+        return ""
+
+
+def versions_in_use() -> dict[str, str]:
+    """The versions of Python and of the packages that are in use."""
+    used = {name: sys.modules[name] for name in _OF_VERSIONS if name in sys.modules}
+    return {"python": platform.python_version()} | {
+        name: str(getattr(module, "__version__", "")) for name, module in used.items()
+    }
+
+
+def ids_lines(found: Provenance) -> list[str]:
+    """The ids of requirements in at most 80 columns; no line if there are none.
+
+    Example:
+        >>> ids_lines(Provenance({"slow": RequirementId("SYS-REQ-7")}))
+        ['ids: slow SYS-REQ-7']
+    """
+    said = ", ".join(f"{name} {each.id}" for name, each in found.ids.items())
+    if not said:
+        return []
+    return textwrap.wrap(f"ids: {said}", 80, subsequent_indent="    ", break_on_hyphens=False)
+
+
+def plain_provenance(found: Provenance) -> dict[str, Any]:
+    """The provenance as JSON holds it: what there is nothing of is left out."""
+    ids = {
+        name: {"id": each.id, "link": each.link} if each.link else {"id": each.id}
+        for name, each in found.ids.items()
+    }
+    kept = {"ids": ids, "versions": dict(found.versions), "files": dict(found.files)}
+    return {name: each for name, each in kept.items() if each}
+
+
+def provenance_of(kept: Mapping[str, Any]) -> Provenance:
+    """Reads what `plain_provenance` has made."""
+    ids = {name: RequirementId(**each) for name, each in kept.get("ids", {}).items()}
+    return Provenance(ids, kept.get("versions", {}), kept.get("files", {}))
