@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
+    from rtamt_gym.results.table import Results
 
-__all__ = ["Hollow", "exit_code", "tell"]
+__all__ = ["Hollow", "exit_code", "tell", "unasked"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,20 @@ def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
     if "violated" in words:
         return 1
     return 3 if "undecided" in words or any(each.fails for each in hollow) else 0
+
+
+def unasked(results: Results, what: str, *, fails: bool) -> list[Hollow]:
+    """What nothing has put to the test, and what was satisfied without an answer.
+
+    Args:
+        results: The trials.
+        what: What a trial is, in a word.
+        fails: Whether the command is to fail for requirements that nothing has put to the test.
+    """
+    from rtamt_gym.results.asked import never_asked_lines, partly_asked_lines
+
+    never = [Hollow(text, fails) for text in never_asked_lines(results, what)]
+    return never + [Hollow(text) for text in partly_asked_lines(results, what)]
 
 
 def tell(hollow: Collection[Hollow], *, json: bool = False) -> None:

@@ -7,7 +7,7 @@ import sys
 
 from rtamt import Verdict
 from rtamt_gym.commands.arguments import add_require_asked
-from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.commands.traces import read_arguments, refuse_unknown
 
@@ -28,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Prints an explanation for each requirement of each trace; returns the verdict."""
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
-    from rtamt_gym.results.asked import never_asked_lines
     from rtamt_gym.results.matrix import undecided_lines
 
     refuse_unknown(options, "rtamt explain", "follows one robustness to the sample that decided it")
@@ -46,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     if texts:
         print(*texts, sep="\n\n", flush=True)
     matrix = matrix_of(asked, rows)
-    hollow = [Hollow(text, options.require_asked) for text in never_asked_lines(matrix)]
+    hollow = unasked(matrix, "trace", fails=options.require_asked)
     tell(hollow)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
     return exit_code([matrix.word], hollow)

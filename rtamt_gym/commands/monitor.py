@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
-from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 
@@ -84,7 +84,6 @@ def run(options: argparse.Namespace) -> int:
         matrix_of,
         row_of,
     )
-    from rtamt_gym.results.asked import never_asked_lines
 
     for option in _OVER_TIME:
         if _given(options, option):
@@ -113,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
-    hollow = [Hollow(text, options.require_asked) for text in never_asked_lines(matrix)]
+    hollow = unasked(matrix, "trace", fails=options.require_asked)
     code = exit_code([matrix.word], hollow)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json

@@ -147,6 +147,23 @@ class TraceJudgement:
         return f"if the trace is all there is, --end complete says {self.found.complete.name}"
 
     @property
+    def asked(self) -> list[str]:
+        """How many times each implication was put to the test, in words; empty if none was."""
+        return [
+            f"asked {each.occasions}x, first at {self._instant(each.first)}"
+            + ", satisfied without an answer" * each.vacuous
+            + f": {each.text}" * (len(self.found.asked) > 1)
+            for each in self.found.asked
+            if each.occasions
+        ]
+
+    def _instant(self, at: float) -> str:
+        """A sample, in dense time a time, in words."""
+        if self.dense:
+            return time_text(at, self.step)
+        return sample_text(int(at), self.period, self.start)
+
+    @property
     def robustness_text(self) -> str:
         """The robustness in words; a 0 says whether the specification holds."""
         return robustness_text(self.found.robustness, self.semantics, self.found.complete)

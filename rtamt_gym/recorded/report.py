@@ -44,6 +44,7 @@ def report(
     for name, judgement in judgements.items():
         verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
         verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
+        verdicts += [line for text in judgement.asked for line in indented(text, "    ")]
         if judgement.found.unknown:
             unknown[name] = judgement.found.unknown
     notes = [*notes, *_left_out(unknown, several=several)]

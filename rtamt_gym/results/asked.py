@@ -1,23 +1,21 @@
-"""Which requirements nothing has put to the test, over many runs or traces."""
+"""What nothing has put to the test, and what needed no answer, over many runs or traces."""
 
 from __future__ import annotations
 
+from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.table import Results
-from rtamt_gym.tables import counted
+from rtamt_gym.tables import counted, shorten
 
-__all__ = ["asked_in", "never_asked", "never_asked_lines"]
+__all__ = ["asked_in", "asked_line", "never_asked", "never_asked_lines", "partly_asked_lines"]
 
 
 def asked_in(results: Results, name: str) -> tuple[int, int] | None:
-    """How many trials have put a requirement to the test, and how many have judged it.
+    """How many trials have put a requirement to the test, and of how many that is known.
 
-    None if it has no implication that could be, or no trial has judged it.
+    None if it has no implication that could be, or nobody has counted.
     """
-    judged = [row.outcomes[name] for row in results.rows if name in row.outcomes]
-    if not any(outcome.asked for outcome in judged):
-        return None
-    asked = sum(any(each.occasions for each in outcome.asked) for outcome in judged)
-    return asked, len(judged)
+    found = _counted(results, name)
+    return (sum(bool(each.occasions) for each in found), len(found)) if found else None
 
 
 def never_asked(results: Results) -> list[str]:
@@ -33,8 +31,52 @@ def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
         results: The trials.
         what: What a trial is, in a word.
     """
+    return [
+        f"never asked: {name} was put to the test in 0 of "
+        f"{counted(len(_counted(results, name)), what)}"
+        for name in never_asked(results)
+    ]
+
+
+def partly_asked_lines(results: Results, what: str = "trace") -> list[str]:
+    """A text for what is hollow in requirements that were put to the test.
+
+    These are implications of several that nothing has put to the test, and requirements that were
+    satisfied without an answer although they were put to the test.
+
+    Args:
+        results: The trials.
+        what: What a trial is, in a word.
+    """
     lines = []
-    for name in never_asked(results):
-        _, judged = asked_in(results, name) or (0, 0)
-        lines.append(f"never asked: {name} was put to the test in 0 of {counted(judged, what)}")
+    for name in results.requirements:
+        found = _counted(results, name)
+        every = f"of {counted(len(found), what)}"
+        if not any(each.occasions for each in found):
+            continue
+        asked: dict[str, int] = {}
+        for outcome in found:
+            for each in outcome.asked or ():
+                asked[each.text] = asked.get(each.text, 0) + each.occasions
+        lines += [
+            f"never asked in {name}: {shorten(text, 60)} in 0 {every}"
+            for text, times in asked.items()
+            if not times
+        ]
+        unanswered = sum(each.vacuous and not each.never_asked for each in found)
+        if unanswered:
+            lines.append(f"satisfied without an answer: {name} in {unanswered} {every}")
     return lines
+
+
+def asked_line(results: Results, what: str = "trace") -> str:
+    """How many trials have put each requirement with an implication to the test; may be empty."""
+    counts = {name: asked_in(results, name) for name in results.requirements}
+    said = [f"{name} in {of[0]} of {counted(of[1], what)}" for name, of in counts.items() if of]
+    return f"asked: {', '.join(said)}" if said else ""
+
+
+def _counted(results: Results, name: str) -> list[Outcome]:
+    """The outcomes of a requirement with implications for which somebody has counted."""
+    judged = (row.judged(name) for row in results.rows)
+    return [each for each in judged if each is not None and each.asked]

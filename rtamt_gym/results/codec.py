@@ -11,7 +11,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -21,7 +20,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.results.outcome import Failure, Moment, Outcome
+from rtamt_gym.results.outcome import Failure, Moment, Outcome, asked_of
 from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
@@ -105,9 +104,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         "decided_at": found.decided,
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
-    if found.asked:
-        kept["asked"] = [asdict(each) for each in found.asked]
-        kept |= {"vacuous": found.vacuous, "never_asked": found.never_asked}
+    kept |= found.evidence or {}
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -193,13 +190,9 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         not_recorded=tuple(kept.get("not_recorded", ())),
         way_out=kept.get("way_out", ""),
         explanation=kept.get("explanation", ""),
-        asked=tuple(_asked_of(each) for each in kept.get("asked", ())),
+        asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
     )
-
-
-def _asked_of(kept: Mapping[str, Any]) -> rtamt.Asked | rtamt.DenseAsked:
-    return rtamt.Asked(**kept) if "samples" in kept else rtamt.DenseAsked(**kept)
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:

@@ -51,20 +51,30 @@ def _suite(
         ET.SubElement(properties, "property", name=name, value=value)
     for name in formulas:
         case = ET.SubElement(suite, "testcase", classname=_xml(row.name), name=_xml(name))
-        if name in ids:
-            _identify(case, ids[name])
-        _say(case, row.cell(name), formulas[name])
+        cell = row.cell(name)
+        own = _properties(cell, ids.get(name))
+        if own:
+            properties = ET.SubElement(case, "properties")
+            for key, value in own.items():
+                ET.SubElement(properties, "property", name=key, value=_xml(value))
+        _say(case, cell, formulas[name])
+        if isinstance(cell, Outcome) and cell.asked:
+            rows = (f"{each}: {each.text}" for each in cell.asked)
+            ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
     return suite
 
 
-def _identify(case: ET.Element, found: RequirementId) -> None:
-    """Adds the id of a requirement and the link to it, as properties of its case."""
-    properties = ET.SubElement(case, "properties")
-    for key, value in (("id", found.id), ("link", found.link)):
-        if value:
-            ET.SubElement(properties, "property", name=key, value=_xml(value))
+def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict[str, str]:
+    """The id of a requirement, the link to it, and what the verdict on it stands on."""
+    found = {}
+    if identity is not None:
+        found = {"id": identity.id, "link": identity.link}
+    if isinstance(cell, Outcome) and cell.occasions is not None:
+        found["asked"] = str(cell.occasions)
+        found |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
+    return {key: value for key, value in found.items() if value}
 
 
 def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:

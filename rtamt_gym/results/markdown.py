@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rtamt_gym.results.matrix import LEGEND, Matrix, cell_text, label, summary
+from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
+from rtamt_gym.results.matrix import LEGEND, Matrix, cell_text, label, summary, times_text
 from rtamt_gym.results.outcome import Failure, Outcome
 
 __all__ = ["to_markdown"]
@@ -18,18 +19,24 @@ def to_markdown(matrix: Matrix) -> str:
 
     The first 50 are explained.
     """
-    names = [_escaped(name) for name in matrix.requirements]
+    asked = {name for name in matrix.requirements if asked_in(matrix, name) is not None}
+    names = [_escaped(name) + " | asked" * (name in asked) for name in matrix.requirements]
     lines = [f"# {label(matrix.word)}", ""]
     lines += [f"{_escaped(text)}  " for text in summary(matrix)]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
-    lines.append(f"|---|---|{'---:|' * len(names)}")
+    lines.append(f"|---|---|{'---:|' * (len(names) + len(asked))}")
     for row in matrix.rows:
-        cells = [cell_text(row.cell(name)).strip() for name in matrix.requirements]
+        cells = []
+        for name in matrix.requirements:
+            cells.append(cell_text(row.cell(name)).strip())
+            cells += [times_text(row.cell(name))] * (name in asked)
         lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
     lines += ["", f"{LEGEND}."]
     for name, each in matrix.provenance.ids.items():
         shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
         lines += ["", f"{_escaped(name)}: {shown}"]
+    said = [*never_asked_lines(matrix), *partly_asked_lines(matrix)]
+    lines += [""] * bool(said) + [f"{_escaped(text)}  " for text in said]
     explained = list(_explained(matrix))
     for head, text in explained[:_MOST]:
         fence = "`" * 3

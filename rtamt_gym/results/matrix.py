@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import get_args
 
 from rtamt import Verdict
+from rtamt_gym.results.asked import asked_in, asked_line
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
 from rtamt_gym.results.provenance import ids_lines
 from rtamt_gym.results.table import Results
@@ -20,6 +21,7 @@ __all__ = [
     "label",
     "matrix_lines",
     "summary",
+    "times_text",
     "undecided_lines",
 ]
 
@@ -120,10 +122,7 @@ def matrix_lines(matrix: Matrix) -> list[str]:
     """
     names = ["trace", *(_cut(row.name, 36) for row in matrix.rows)]
     words = ["verdict", *(label(row.word) for row in matrix.rows)]
-    columns = [
-        [f"{shorten(name, 16)}  ", *(cell_text(row.cell(name)) for row in matrix.rows)]
-        for name in matrix.requirements
-    ]
+    columns = [_column(matrix, name) for name in matrix.requirements]
     lines = []
     for head, part in _blocks(names, words, columns):
         align = "<" * len(head) + ">" * len(part)
@@ -131,6 +130,16 @@ def matrix_lines(matrix: Matrix) -> list[str]:
     wrapped = (textwrap.wrap(text, _WIDTH, subsequent_indent="    ") for text in summary(matrix))
     lines += [LEGEND, *(line for text in wrapped for line in text), *ids_lines(matrix.provenance)]
     return lines + [line for name in matrix.requirements for line in _open(matrix, name)]
+
+
+def _column(matrix: Matrix, name: str) -> list[str]:
+    """The head and the cells of a requirement, with a second column if it could be asked."""
+    column = [f"{shorten(name, 16)}  ", *(cell_text(row.cell(name)) for row in matrix.rows)]
+    if asked_in(matrix, name) is None:
+        return column
+    asked = ["asked", *(times_text(row.cell(name)) for row in matrix.rows)]
+    width, other = max(map(len, column)), max(map(len, asked))
+    return [f"{a:>{width}}{b:>{other}}" for a, b in zip(column, asked, strict=True)]
 
 
 def summary(matrix: Matrix) -> Iterator[str]:
@@ -148,6 +157,8 @@ def summary(matrix: Matrix) -> Iterator[str]:
     ):
         if worst:
             yield f"worst {what}: {worst[0]}, {worst[1]}"
+    if asked := asked_line(matrix):
+        yield asked
     noted = [row for row in matrix.rows if row.notes]
     if noted:
         yield f"note on {noted[0].name}{_more(len(noted))}: {'; '.join(noted[0].notes)}"
@@ -159,6 +170,12 @@ def cell_text(cell: Outcome | Failure) -> str:
         return "E"
     letter = {Verdict.VIOLATED: "V", Verdict.UNDECIDED: "U"}.get(cell.verdict, " ")
     return f"{cell.robustness + 0.0:.4g} {letter}"
+
+
+def times_text(cell: Outcome | Failure) -> str:
+    """How many times a requirement was put to the test, as in ``12x``; empty if it cannot be."""
+    times = None if isinstance(cell, Failure) else cell.occasions
+    return "" if times is None else f"{times}x"
 
 
 def _blocks(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
-from typing import Final, Literal, Self
+from typing import Any, Final, Literal, Self
 
 from rtamt import Asked, DenseAsked, Verdict
 
-__all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "order", "word"]
+__all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "asked_of", "order", "word"]
 
 Word = Literal["failed", "violated", "undecided", "satisfied"]
 """What became of a requirement; failed: an error ended the run, or it could not be judged."""
@@ -60,8 +60,8 @@ class Outcome:
         not_recorded: What an open verdict needs and the trace does not have.
         way_out: What would decide an open verdict; else empty.
         explanation: Which samples decided; empty if it was not asked for.
-        asked: For each implication of the requirement how often it was put to the test; empty if
-            it has none, or nobody counted.
+        asked: For each implication of the requirement how often it was put to the test, as
+            `rtamt.Judgement.asked` counts it; empty if it has none, None if nobody has counted.
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
     """
 
@@ -74,7 +74,7 @@ class Outcome:
     not_recorded: tuple[str, ...] = ()
     way_out: str = ""
     explanation: str = ""
-    asked: tuple[Asked | DenseAsked, ...] = ()
+    asked: tuple[Asked | DenseAsked, ...] | None = None
     vacuous: bool = False
 
     @classmethod
@@ -111,8 +111,25 @@ class Outcome:
     @property
     def never_asked(self) -> bool:
         """Whether it is satisfied, and none of its implications was put to the test."""
-        satisfied = self.verdict is Verdict.SATISFIED and bool(self.asked)
-        return satisfied and not any(each.occasions for each in self.asked)
+        return self.verdict is Verdict.SATISFIED and self.occasions == 0
+
+    @property
+    def occasions(self) -> int | None:
+        """How many times its implications were put to the test.
+
+        None if it has none, or nobody has counted.
+        """
+        return sum(each.occasions for each in self.asked) if self.asked else None
+
+    @property
+    def evidence(self) -> Mapping[str, Any] | None:
+        """``asked``, ``vacuous`` and ``never_asked`` as JSON holds them; None: not counted."""
+        if self.asked is None:
+            return None
+        kept: dict[str, Any] = {"asked": [asdict(each) for each in self.asked]}
+        if self.asked:
+            kept |= {"vacuous": self.vacuous, "never_asked": self.never_asked}
+        return kept
 
     @property
     def by_end(self) -> bool:
@@ -136,6 +153,14 @@ class Failure:
 
     message: str
     traceback: str = ""
+
+
+def asked_of(kept: Mapping[str, Any]) -> tuple[Asked | DenseAsked, ...] | None:
+    """The rows that `Outcome.evidence` has written; None where nobody had counted."""
+    rows = kept.get("asked")
+    if rows is None:
+        return None
+    return tuple(Asked(**each) if "samples" in each else DenseAsked(**each) for each in rows)
 
 
 WORDS: Final[Mapping[Verdict, Word]] = {

@@ -61,6 +61,8 @@ class RequirementResult:
         worst: Seed and robustness of the ten worst episodes: first episodes that violate the
             requirement, then episodes that leave it open, each with the least robustness first. A
             fall that ``at_termination="failure"`` makes a violation may have any robustness.
+        asked: How many of those that did not fail have put it to the test: of an implication of it
+            the left side held. None if it has no implication, or nobody has counted.
     """
 
     name: str
@@ -74,6 +76,12 @@ class RequirementResult:
     first_violations: Floats
     saved: float
     worst: tuple[tuple[int, float], ...]
+    asked: int | None = None
+
+    @property
+    def judged(self) -> int:
+        """The number of episodes that did not fail."""
+        return self.episodes - self.failed
 
     @property
     def rate(self) -> float:
@@ -150,6 +158,7 @@ class Statistic(NamedTuple):
         style: The colour of its cell on a terminal where the value is not 0.
         shown: Whether a result is worth the column; it stands where one is.
         robustness: Whether it is a number of the robustness, which a note below tables says.
+        judged: Whether it counts among the trials that did not fail, whose number is written too.
     """
 
     key: str
@@ -160,11 +169,15 @@ class Statistic(NamedTuple):
     style: str = ""
     shown: Callable[[RequirementResult], bool] = lambda _: True
     robustness: bool = False
+    judged: bool = False
 
     def cell(self, result: RequirementResult) -> str:
         """The value as text, in its colour; ``-`` if there is none."""
         value = self.of(result)
-        return "-" if value is None else Coloured(self.text(value), self.style if value else "")
+        if value is None:
+            return "-"
+        among = f" of {result.judged}" if self.judged else ""
+        return Coloured(self.text(value) + among, self.style if value else "")
 
 
 def _height(key: str, heading: str, of: Callable[[Floats], float], **more: Any) -> Statistic:  # noqa: ANN401 - fields
@@ -193,6 +206,11 @@ STATISTICS: Final = (
     ),
     Statistic(
         "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
+    ),
+    Statistic(
+        *("asked", "asked in", lambda of: of.asked),
+        shown=lambda of: of.asked is not None,
+        judged=True,
     ),
     _height("least", "least", lambda heights: float(heights[0])),
     # Of fewer than 20 it is the least.
@@ -252,6 +270,9 @@ def result_of(
         first_violations=np.array(violations, np.float64),
         saved=math.fsum(_saved(*each, limit) for each in found),
         worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
+        asked=sum(bool(each.occasions) for _, each in found)
+        if any(each.asked for _, each in found)
+        else None,
     )
 
 

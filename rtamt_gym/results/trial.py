@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple, Self, get_args
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.results.outcome import Failure, Moment, Outcome, Word, word
+from rtamt_gym.results.outcome import Failure, Moment, Outcome, Word, asked_of, word
 
-__all__ = ["MEASURES", "OF_TRIAL", "STOPPED", "RunEnd", "Trial", "open_at_stop"]
+__all__ = ["MEASURES", "OF_TRIAL", "STOPPED", "Measure", "RunEnd", "Trial", "open_at_stop"]
 
 RunEnd = Literal[
     "violation",
@@ -37,11 +38,17 @@ class Measure(NamedTuple):
         name: Its name; a column of a requirement has the requirement in brackets behind it.
         of: Its cell, from an outcome or a trial.
         kind: What its cells are.
+        optional: Whether it stands only where some row has a cell.
     """
 
     name: str
     of: Callable[[Any], Any]
     kind: Literal["number", "whole", "text"] = "number"
+    optional: bool = False
+
+
+def _evidence(outcome: Outcome) -> str | None:
+    return json.dumps(outcome.evidence) if outcome.asked else None
 
 
 MEASURES: Final = (
@@ -51,6 +58,8 @@ MEASURES: Final = (
     Measure("verdict", lambda outcome: outcome.verdict.name, "text"),
     Measure("decided_at", lambda outcome: outcome.decided_at),
     Measure("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
+    Measure("asked", lambda outcome: outcome.occasions, "whole", optional=True),
+    Measure("evidence", _evidence, "text", optional=True),
 )
 """The columns of a requirement, written ``robustness(NAME)``."""
 
@@ -129,6 +138,7 @@ class Trial:
         requirements: Iterable[str],
         *,
         timed: bool = True,
+        unconditional: Collection[str] = (),
     ) -> Self:
         """Makes a trial from the cells of its columns; the case is given by itself.
 
@@ -137,15 +147,25 @@ class Trial:
             case: What the simulation was given.
             requirements: The names of the requirements.
             timed: Whether there is a period, so that times are seconds.
+            unconditional: The requirements that were known to have no implication.
         """
         outcomes = {}
         for name in requirements:
             measured: dict[str, Any] = {c.name: cells.get(f"{c.name}({name})") for c in MEASURES}
-            if measured["verdict"] is not None:
-                at, sample = measured.pop("decided_at"), measured.pop("decided_sample")
-                decided = None if at is None else Moment(sample, at if timed else None)
-                measured |= {"verdict": Verdict[measured["verdict"]], "decided": decided}
-                outcomes[name] = Outcome(**measured)
+            if measured["verdict"] is None:
+                continue
+            at, sample = measured["decided_at"], measured["decided_sample"]
+            evidence = json.loads(measured["evidence"] or "{}")
+            asked = asked_of(evidence)
+            outcomes[name] = Outcome(
+                measured["robustness"],
+                measured["lower"],
+                measured["upper"],
+                Verdict[measured["verdict"]],
+                None if at is None else Moment(sample, at if timed else None),
+                asked=() if asked is None and name in unconditional else asked,
+                vacuous=evidence.get("vacuous", False),
+            )
         # Files of before have no returns.
         own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}
         return cls(case=case, outcomes=outcomes, reward=own.pop("return"), **own)

@@ -21,7 +21,7 @@ from rtamt_gym.results.codec import plain_results
 from rtamt_gym.results.outcome import order
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.table import Results
-from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Trial
+from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Measure, Trial
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -106,7 +106,9 @@ class Record(Results):
         These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
         ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
         of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
-        ``error``. What a row does not have is None.
+        ``error``. What a row does not have is None. Where a requirement has an implication,
+        ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
+        JSON has of that (docs/results.md).
         """
         cells = [row.columns() for row in self.rows]
         return {name: [row.get(name) for row in cells] for name in self.kinds()}
@@ -115,9 +117,17 @@ class Record(Results):
         """What the cells of each column are: ``"number"``, ``"whole"`` or ``"text"``."""
         seed, *others = ((each.name, each.kind) for each in OF_TRIAL)
         measured = [
-            (f"{each.name}({name})", each.kind) for name in self.requirements for each in MEASURES
+            (f"{each.name}({name})", each.kind)
+            for name in self.requirements
+            for each in MEASURES
+            if not each.optional or self._has(each, name)
         ]
         return dict([*((name, "number") for name in self.case_columns), seed, *measured, *others])
+
+    def _has(self, measure: Measure, name: str) -> bool:
+        """Whether some row has a cell of a measure of a requirement."""
+        outcomes = (row.outcomes[name] for row in self.rows if name in row.outcomes)
+        return any(measure.of(each) is not None for each in outcomes)
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """A column of numbers, nan where a row has none.
@@ -168,6 +178,7 @@ class Record(Results):
             "requirements": dict(self.requirements),
             "shapes": self.shapes,
             "timed": self.timed,
+            "unconditional": self.unconditional,
             "results": plain_results(self, rates=not self.case_columns)["results"],
             "also": also,
             **plain_provenance(self.provenance),
@@ -189,6 +200,15 @@ class Record(Results):
         rows, kept = storage(what).load(Path(path))
         record = Record(rows, kept["requirements"], kept["system"], provenance_of(kept))
         return record, kept["also"]
+
+    @property
+    def unconditional(self) -> list[str]:
+        """The requirements that are known to have no implication, which could be asked."""
+        return [
+            name
+            for name in self.requirements
+            if any(row.outcomes[name].asked == () for row in self.rows if name in row.outcomes)
+        ]
 
     @property
     def timed(self) -> bool:

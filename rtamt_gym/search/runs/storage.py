@@ -116,4 +116,10 @@ def _row(cells: Mapping[str, Any], kept: Mapping[str, Any]) -> Trial:
         if values[0] is not None:
             case[name] = Waveform(shape["times"], values, shape["interpolation"])
     timed = kept.get("timed", True)  # version 1 does not say it
-    return Trial.read(cells, Case(case), kept["requirements"], timed=timed)
+    return Trial.read(
+        cells,
+        Case(case),
+        kept["requirements"],
+        timed=timed,
+        unconditional=kept.get("unconditional", ()),
+    )

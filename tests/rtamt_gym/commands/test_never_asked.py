@@ -77,7 +77,8 @@ def test_json_has_it_and_standard_error_says_it(capsys: Output) -> None:
         }
     ]
     assert (outcomes["answered"]["vacuous"], outcomes["answered"]["never_asked"]) == (True, True)
-    assert "asked" not in outcomes["calm"]
+    assert outcomes["calm"]["asked"] == []
+    assert "vacuous" not in outcomes["calm"]
 
 
 @pytest.mark.parametrize(
@@ -88,3 +89,33 @@ def test_an_outcome_keeps_it_in_json(asked: Asked | DenseAsked) -> None:
     outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, asked=(asked,), vacuous=asked.vacuous)
     assert outcome_of(json.loads(json.dumps(plain_outcome(outcome)))) == outcome
     assert not outcome.never_asked
+
+
+@pytest.mark.parametrize("asked", [None, ()])
+def test_json_tells_what_nobody_counted_from_what_has_no_implication(
+    asked: tuple[()] | None,
+) -> None:
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, asked=asked)
+    kept = plain_outcome(outcome)
+    assert ("asked" in kept) == (asked is not None)
+    read = outcome_of(kept)
+    assert isinstance(read, Outcome)
+    assert (read.asked, read.never_asked, read.occasions) == (asked, False, None)
+
+
+def test_an_implication_of_several_that_nothing_asked_is_said_and_fails_nothing(
+    capsys: Output,
+) -> None:
+    both = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
+    assert main(["monitor", both, "--require-asked", "--", "idle.csv", "busy.csv"]) == 0
+    said = capsys.readouterr().out.splitlines()[-2:]
+    assert said == ["", "never asked in both: req >= 9 implies gnt > 1 in 0 of 2 traces"]
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_a_trace_that_needed_no_answer_is_said(dense: list[str], capsys: Output) -> None:
+    either = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
+    assert main(["monitor", either, "busy.csv", *dense]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[1] == "    asked 1x, first at 1 s, satisfied without an answer"
+    assert out[-2:] == ["", "satisfied without an answer: either in 1 of 1 trace"]

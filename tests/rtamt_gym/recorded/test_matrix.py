@@ -44,16 +44,17 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
     assert main(["monitor", "req.stl", "--", "runs"]) == 1
     out, err = capsys.readouterr()
     assert out == (
-        "trace       verdict    near    slow    answered\n"
-        "runs/a.csv  SATISFIED     2      16           2\n"
-        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3\n"
-        "runs/c.csv  VIOLATED      0 V    16          -1 U\n"
-        "runs/d.csv  UNDECIDED     2       1          -1 U\n"
+        "trace       verdict    near    slow    answered  asked\n"
+        "runs/a.csv  SATISFIED     2      16           2     1x\n"
+        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3     0x\n"
+        "runs/c.csv  VIOLATED      0 V    16          -1 U   1x\n"
+        "runs/d.csv  UNDECIDED     2       1          -1 U   1x\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "4 traces, 3 requirements: 3 violated, 2 undecided, 7 satisfied\n"
         "worst requirement: near, violated in 2 of 4 traces, least -0.5 in runs/b.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
+        "asked: answered in 3 of 4 traces\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
@@ -112,19 +113,20 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     assert main(["monitor", "req.stl", "--", *traces, "-j", workers]) == 2
     out, err = capsys.readouterr()
     assert out == (
-        "trace        verdict    near    slow    answered\n"
-        "runs/a.csv   SATISFIED     2      16           2\n"
+        "trace        verdict    near    slow    answered  asked\n"
+        "runs/a.csv   SATISFIED     2      16           2     1x\n"
         "runs/aa.csv  ERROR        -1 V    28             E\n"
-        "runs/b.csv   VIOLATED   -0.5 V    -1 V         3\n"
+        "runs/b.csv   VIOLATED   -0.5 V    -1 V         3     0x\n"
         "runs/bb.csv  ERROR        -1 V       E           E\n"
-        "runs/c.csv   VIOLATED      0 V    16          -1 U\n"
-        "runs/d.csv   UNDECIDED     2       1          -1 U\n"
+        "runs/c.csv   VIOLATED      0 V    16          -1 U   1x\n"
+        "runs/d.csv   UNDECIDED     2       1          -1 U   1x\n"
         "no.csv       ERROR           E       E           E\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "7 traces, 3 requirements: 6 errors, 5 violated, 2 undecided, 8 satisfied\n"
         "worst requirement: near, violated in 4 of 6 traces, least -1 in runs/aa.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
+        "asked: answered in 3 of 4 traces\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
@@ -276,7 +278,7 @@ def test_an_error_of_ours_is_code_2_and_keeps_no_other_trace_from_being_judged(
     out, err = capsys.readouterr()
     assert out.splitlines()[1:3] == [
         "runs/a.csv  ERROR           E       E           E",
-        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3",
+        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3     0x",
     ]
     assert err.startswith("Traceback (most recent call last):\n")
     assert err.count("ZeroDivisionError: division by zero") == 2

@@ -24,6 +24,8 @@ near = always(gap > 2)
 answered = always(req >= 3 implies eventually[0:1](gnt >= 3))
 """
 HEAD = "time,gap,req,gnt\n"
+OTHERS = ("traces", "trials", "versions", "files")
+"""The keys of the JSON that have tests of their own."""
 
 
 @pytest.fixture(autouse=True)
@@ -78,7 +80,8 @@ def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
     said = {}
     for case in root.iter("testcase"):
         for found in case:
-            said[case.get("classname"), case.get("name")] = (found.tag, found.attrib, found.text)
+            if found.tag not in {"properties", "system-out"}:
+                said[case.get("classname"), case.get("name")] = found.tag, found.attrib, found.text
     assert said == {
         ("near.csv", "near"): (
             "failure",
@@ -95,6 +98,25 @@ def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
             for name in ("near", "answered")
         },
     }
+
+
+def test_junit_says_how_often_a_requirement_was_put_to_the_test(folder: Path) -> None:
+    main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES])
+    root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
+    found = {
+        (case.get("classname"), case.get("name")): (
+            {each.get("name"): each.get("value") for each in case.iter("property")},
+            case.findtext("system-out"),
+        )
+        for case in root.iter("testcase")
+    }
+    text = "req >= 3 implies eventually[0:1](gnt >= 3)"
+    asked = {"asked": "1"}, f"asked 1x, first at sample 1: {text}"
+    never = {"asked": "0", "vacuous": "true", "never_asked": "true"}, f"never asked: {text}"
+    said = {("good.csv", "answered"): asked, ("open.csv", "answered"): asked}
+    said |= {("near.csv", "answered"): never}
+    assert {name: each for name, each in found.items() if each[0]} == said
+    assert [each.tag for each in root[2][2]] == ["properties", "skipped", "system-out"]
 
 
 def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
@@ -133,13 +155,14 @@ def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Outp
 4 traces, 2 requirements: 2 errors, 1 violated, 1 undecided, 4 satisfied{"  "}
 worst requirement: near, violated in 1 of 3 traces, least -1 in near.csv{"  "}
 worst trace: near.csv, 1 of 2 requirements violated, least -1 of near{"  "}
+asked: answered in 2 of 3 traces{"  "}
 
-| trace | verdict | near | answered |
-|---|---|---:|---:|
-| good.csv | SATISFIED | 2 | 2 |
-| near.csv | VIOLATED | -1 V | 3 |
-| open.csv | UNDECIDED | 2 | -1 U |
-| bad.csv | ERROR | E | E |
+| trace | verdict | near | answered | asked |
+|---|---|---:|---:|---:|
+| good.csv | SATISFIED | 2 | 2 | 1x |
+| near.csv | VIOLATED | -1 V | 3 | 0x |
+| open.csv | UNDECIDED | 2 | -1 U | 1x |
+| bad.csv | ERROR | E | E |  |
 
 numbers are robustness; V: violated, U: undecided, E: error, else satisfied.
 
@@ -211,10 +234,10 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     options = ["--json", "--junit", "out.xml"]
     assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
     out, err = capsys.readouterr()
-    said = "outcomes: out.xml\nnever asked: answered in 1 trace\n"
+    said = "outcomes: out.xml\nnever asked: answered was put to the test in 0 of 1 trace\n"
     assert err == f"{said}rtamt: error: {BAD}\n"
     kept = strict(out)
-    assert {name: each for name, each in kept.items() if name not in {"traces", "trials"}} == {
+    assert {name: each for name, each in kept.items() if name not in OTHERS} == {
         "format": "rtamt result",
         "version": 2,
         "kind": "traces",
@@ -238,7 +261,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
         },
         "results": {
             "near": results(-1.0, violated=1, first_violations=[0.5], worst=[[0, -1.0]]),
-            "answered": results(3.0, satisfied=1, worst=[[0, 3.0]]),
+            "answered": results(3.0, satisfied=1, worst=[[0, 3.0]], asked=0),
         },
     }
     near, bad = kept["trials"]
@@ -255,6 +278,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
                 "decided_at": {"sample": 1, "seconds": 0.5},
                 "text": "VIOLATED, robustness -1, certain from 0.5 s on",
                 "explanation": EXPLAINED,
+                "asked": [],
             },
             "answered": {
                 "verdict": "SATISFIED",
@@ -294,6 +318,7 @@ def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
         "violated": 0,
         "undecided": 0,
         "failed": 1,
+        "asked": None,
     }
     found |= {"quantiles": shares, "first_violations": [], "saved": 0.0, "worst": []}
     return {**found, **numbers, **counts}
