@@ -29,7 +29,7 @@ from rtamt.inputs.events import (
 )
 from rtamt.inputs.messages import Messages
 from rtamt.inputs.samples import listed, refuse_term, unknown_variable
-from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
 __all__ = ["Dated", "EventReader", "TimedColumn"]
 
@@ -189,17 +189,38 @@ class EventReader:
             StateError: If a variable has no event yet.
             InputError: If there is no time at which all variables are known.
         """
-        latest, earliest = max(first), min(last)
-        ends = self.variables[list(last).index(earliest)]
+        defaults = self.program.specification.defaults
+        spans = list(zip(self.variables, first, last, strict=True))
+        awaited = [span for span in spans if not (span[0] in defaults and math.isinf(span[2]))]
+        ends, _, earliest = min(awaited or spans, key=lambda span: span[2])
         if math.isinf(earliest):
             raise StateError(
                 f"finish() needs an event of every variable, got none of '{ends}' since reset"
             )
-        begins = self.variables[list(first).index(latest)]
+        others = [span for span in spans if span[0] not in defaults]
+        begins, latest, _ = max(others, key=lambda span: span[1])
         raise InputError(
             f"expected signals that overlap in time, got '{ends}', which ends at "
             f"{shown(self.time(earliest, dated))}, and '{begins}', which begins at "
             f"{shown(self.time(latest, dated))}"
+        )
+
+    def refuse_length(self, length: int) -> NoReturn:
+        """Raise the error of a trace whose positions with the formula's bounds are too many.
+
+        Args:
+            length: Its ticks, with the bounds of the formula.
+
+        Raises:
+            InputError: Naming a resolution that would do.
+        """
+        resolution = coarser = self.clock.resolution
+        while length * resolution >= MAX_TICKS * coarser:
+            coarser *= 10
+        raise InputError(
+            "expected a trace that lasts less than 2**62 ticks of "
+            f"{duration_text(resolution)} with the bounds of the formula, got {length}; "
+            f"resolution={duration_text(coarser)!r} would do"
         )
 
     def refuse_update(self) -> NoReturn:

@@ -12,7 +12,13 @@ from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, RegionRows
+from rtamt.machines.dense.declared import declared_of
+from rtamt.machines.dense.episode import (
+    PythonDenseEpisodeMachine,
+    RegionRows,
+    dense_of,
+    readings_of,
+)
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
@@ -24,11 +30,12 @@ from rtamt.program.encoding import (
     encoded_regions,
     encoded_terms,
 )
-from rtamt.program.placement import Placement
+from rtamt.program.placement import Placement, place
 from rtamt.program.program import Program
 
 __all__ = [
     "dense_episode_machine",
+    "dense_episode_on_regions",
     "dense_machine",
     "discrete_bank",
     "discrete_machine",
@@ -60,7 +67,8 @@ def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMa
 def dense_machine(
     program: DenseProgram, reader: EventReader, observed: Sequence[int]
 ) -> _native.DenseMachine:
-    return _native.DenseMachine(*encoded_dense(program), observed, reader)
+    declared = declared_of(program.program).before
+    return _native.DenseMachine(*encoded_dense(program), declared, observed, reader)
 
 
 class _Regions(StateFields):
@@ -107,9 +115,23 @@ class _Clock(Clock):
         return super().nearest_ones(times, name) if ticks is None else ticks
 
 
-def dense_episode_machine(program: RegionProgram, reader: EventReader) -> PythonDenseEpisodeMachine:
+def dense_episode_on_regions(
+    program: RegionProgram, reader: EventReader
+) -> PythonDenseEpisodeMachine:
+    """The machine in Python on registers in C++."""
     counting = reader.with_clock(_Clock(DenseProgram(program.program, program.resolution)))
     return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns)
+
+
+def dense_episode_machine(
+    program: RegionProgram, reader: EventReader
+) -> _native.DenseEpisodeMachine:
+    readings = [
+        (encoded_terms(each), encoded_regions(place(each))) for each in readings_of(program.program)
+    ]
+    variables, clock = program.program.variables, clock_of(dense_of(program).tick)
+    declared = declared_of(program.program).before
+    return _native.DenseEpisodeMachine(readings, variables, clock, declared, program.reach, reader)
 
 
 def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:

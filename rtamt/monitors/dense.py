@@ -49,7 +49,8 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
     Signals are right-continuous step functions: a value lasts until the variable's next event.
     The robustness is one too, and exact: nothing is sampled. The trace begins when the last
-    variable has its first event. The robustness of a time is given, once and for all, when every
+    variable has its first event; a variable with a declared value has it until then, and nothing
+    waits for it. The robustness of a time is given, once and for all, when every
     variable has an event later than that by `horizon`, whatever the chunks in which events come.
     Memory holds the events inside the longest windows, and events of variables that run ahead.
 

@@ -12,7 +12,7 @@ from dense_oracle import STEP
 from hypothesis import strategies as st
 from strategies import QUARTERS, VARIABLES
 
-from rtamt import DenseMonitor
+from rtamt import DenseEpisodeMonitor, DenseMonitor
 
 Breakpoints = list[tuple[float, float]]
 Bits = list[tuple[float, float, float]]
@@ -61,7 +61,7 @@ def chunked(whole: Signals, shares: list[list[float]]) -> Chunks:
     return calls
 
 
-def of(monitor: DenseMonitor, chunk: Signals) -> Signals:
+def of(monitor: DenseMonitor | DenseEpisodeMonitor, chunk: Signals) -> Signals:
     """The events of the variables that the monitor has."""
     return {name: events for name, events in chunk.items() if name in monitor.variables}
 

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple, NoReturn, Protocol, assert_never
 
 import numpy as np
 
-from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given
+from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.regions import (
     CUT,
     WORLDS,
@@ -37,7 +37,7 @@ from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindTerms, Registers, term_columns
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
+from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import Placement, place
@@ -77,25 +77,6 @@ def readings_of(program: Program) -> tuple[Program, ...]:
     """The program without negations; if it has neutral predicates, with -0.0 and with 0.0."""
     known = positive(program)
     return (known.reading(-0.0), known.reading(0.0)) if program.neutral else (known,)
-
-
-def _check_reach(program: RegionProgram, ticks: int) -> None:
-    """Refuse a trace of so many ticks if its positions with the formula's bounds are too many.
-
-    Raises:
-        InputError: Naming a resolution that would do.
-    """
-    total = ticks + program.reach
-    if total < MAX_TICKS:
-        return
-    resolution = coarser = program.resolution
-    while total * resolution >= MAX_TICKS * coarser:
-        coarser *= 10
-    raise InputError(
-        "expected a trace that lasts less than 2**62 ticks of "
-        f"{duration_text(resolution)} with the bounds of the formula, got {total}; "
-        f"resolution={duration_text(coarser)!r} would do"
-    )
 
 
 class Regions(StateFields):
@@ -248,7 +229,6 @@ class PythonDenseEpisodeMachine(StateFields):
         "lower",
         "upper",
         "_decided",
-        "_heard",
         "_dated",
         "_first",
         "_last",
@@ -277,9 +257,8 @@ class PythonDenseEpisodeMachine(StateFields):
         self._find = find
         self._programs = readings_of(regions.program)
         self._readings = [make(place(program)) for program in self._programs]
-        self._waiting = [Waiting() for _ in reader.variables]
-        defaults = regions.program.specification.defaults
-        self._defaults = [defaults.get(name) for name in reader.variables]
+        self._declared = declared_of(regions.program)
+        self._waiting = [Waiting(value) for value in self._declared.before]
         self.reset()
 
     @property
@@ -290,53 +269,21 @@ class PythonDenseEpisodeMachine(StateFields):
     def decided_at(self) -> float | None:
         if self._decided is None:
             return None
-        return self.reader.time(max(self._first) + self._decided, self._dated)
+        return self.reader.time(self._declared.begin(self._first) + self._decided, self._dated)
 
     @property
     def _end(self) -> float:
         """The last tick at which all variables are known."""
-        end = min(self._last)
-        return end if end >= max(self._first) else -math.inf
+        end = self._declared.end(self._last)
+        return end if end >= self._declared.begin(self._first) else -math.inf
 
     def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> float:
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
-        columns, dated = self.reader.read(given, self._last, self._dated)
-        heard = [old or len(t) > 0 for old, (t, _) in zip(self._heard, columns, strict=True)]
-        self._take(self._with_defaults(columns, heard), dated)
-        self._heard = heard
+        after = self._declared.after(self._first, self._last)
+        self._take(*self.reader.read(given, after, self._dated))
         return self.robustness
-
-    def _with_defaults(
-        self, columns: Sequence[TimedColumn], heard: Sequence[bool]
-    ) -> Sequence[TimedColumn]:
-        """The events, with declared values before them, which last until a variable's first event.
-
-        Args:
-            columns: The new events.
-            heard: For each variable whether it has events of its own.
-        """
-        known = [here or value is None for here, value in zip(heard, self._defaults, strict=True)]
-        if all(known) and self._heard == list(heard):
-            return columns
-        others = [v for v, here in enumerate(known) if here]
-        first = min((min((self._first[v], *columns[v][0][:1].tolist())) for v in others), default=0)
-        last = min((max((self._last[v], *columns[v][0][-1:].tolist())) for v in others), default=0)
-        found = []
-        for v, (times, values) in enumerate(columns):
-            value = self._defaults[v]
-            if value is None or self._heard[v] or math.isinf(last) or not others:
-                found.append((times, values))
-                continue
-            before = [] if self._last[v] >= first else [first]
-            if not heard[v] and last > max(self._last[v], first):
-                before.append(last)
-            if heard[v]:
-                before = [time for time in before if time < times[0]]
-            given = np.array(before, np.int64)
-            found.append((np.append(given, times), np.append(np.full(len(given), value), values)))
-        return found
 
     def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
         """Take in a whole trace, with times as they were given.
@@ -359,7 +306,7 @@ class PythonDenseEpisodeMachine(StateFields):
         times = [t for t, _ in columns]
         first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
-        begin, end = max(first), min(last)
+        begin, end = self._declared.begin(first), self._declared.end(last)
         before = self._end
         rows: list[RegionRows] = []
         for waiting, column in zip(self._waiting, columns, strict=True):
@@ -386,7 +333,9 @@ class PythonDenseEpisodeMachine(StateFields):
         """For each reading the terms at all new times of the trace; changes nothing."""
         trace = (*together(self._waiting, begin, end), dated)
         terms = _terms(self._programs, self._find, self.reader, trace)
-        _check_reach(self._program, end - begin)
+        length = end - begin + self._program.reach
+        if length >= MAX_TICKS:
+            self.reader.refuse_length(length)
         positions = 2 * (trace[0] - begin)
         return [RegionRows(positions, each) for each in terms]
 
@@ -446,7 +395,6 @@ class PythonDenseEpisodeMachine(StateFields):
         width = len(self.reader.variables)
         self.finished = False
         self._decided = None
-        self._heard = [False] * width
         self._dated = None
         self._first, self._last = [math.inf] * width, [-math.inf] * width
         for waiting in self._waiting:

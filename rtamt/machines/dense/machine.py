@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given
+from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.streams import (
     Breakpoint,
     Joint,
@@ -61,7 +62,8 @@ class PythonDenseMachine(StateFields):
         self._terms = Terms(program, reader.refuse)
         self._streams = [StepStream() for _ in program.instructions]
         self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
-        self._inputs = Joint(len(program.variables))
+        self._declared = declared_of(program)
+        self._inputs = Joint(len(program.variables), self._declared.before)
         self._parts = [self._inputs, *self._streams, *self._nodes]
         self.reset()
 
@@ -94,7 +96,8 @@ class PythonDenseMachine(StateFields):
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
-        return self._with_times(self._take(*self.reader.read(given, self._last, self._dated)))
+        after = self._declared.after(self._first, self._last)
+        return self._with_times(self._take(*self.reader.read(given, after, self._dated)))
 
     def _with_times(self, steps: Sequence[Breakpoint]) -> list[tuple[float, float]]:
         return [(self.reader.time(tick, self._dated), value) for tick, value in steps]
@@ -103,7 +106,7 @@ class PythonDenseMachine(StateFields):
         times = [t for t, _ in columns]
         first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
-        begin, end = max(first), min(last)
+        begin, end = self._declared.begin(first), self._declared.end(last)
         self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
         try:
             rows = self._rows(begin, end, dated)

@@ -60,19 +60,25 @@ class StepStream(StateFields):
 
 
 class Joint(StateFields):
-    """Queues of breakpoints of several streams, which are read in the order of time."""
+    """Queues of breakpoints of several streams, which are read in the order of time.
 
-    __slots__ = ("_now", "_waiting")
+    Args:
+        width: The number of streams.
+        before: The value of each before its first breakpoint; none if it is not given.
+    """
+
+    __slots__ = ("_before", "_now", "_waiting")
     STATE = ("_now", "_waiting")
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, before: Sequence[float] | None = None) -> None:
+        self._before = [math.nan] * width if before is None else before
         self._waiting: list[deque[Breakpoint]] = [deque() for _ in range(width)]
         self.reset()
 
     def reset(self) -> None:
         for waiting in self._waiting:
             waiting.clear()
-        self._now = [math.nan] * len(self._waiting)
+        self._now = list(self._before)
 
     def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
         """Take in new breakpoints of every stream."""

@@ -21,17 +21,21 @@ class Waiting(StateFields):
 
     They stay in the arrays in which they came, so that a call costs what it takes in and reads,
     however many events of a variable that runs ahead wait.
+
+    Args:
+        before: The value before the first event; nan if there is none.
     """
 
-    __slots__ = ("_before", "_chunks")
+    __slots__ = ("_before", "_chunks", "_declared")
     STATE = ("_chunks", "_before")
 
-    def __init__(self) -> None:
+    def __init__(self, before: float = math.nan) -> None:
+        self._declared = before
         self.reset()
 
     def reset(self) -> None:
         self._chunks: deque[TimedColumn] = deque()
-        self._before = math.nan
+        self._before = self._declared
 
     def extend(self, new: TimedColumn) -> None:
         """Take in a copy of new events."""

@@ -23,14 +23,6 @@ public:
         return least;
     }
 
-    // The time at which the last stream begins; kAfter if one has no steps. Called before any is
-    // read.
-    Time first() const {
-        Time latest = kBefore;
-        for (const Source& s : sources_) latest = std::max(latest, s.times()[0]);
-        return latest;
-    }
-
     // Reads the steps at the first times, those that are `within`, none beyond the frontier.
     // Pointers to them hold until a stream is written.
     template <class Within>

@@ -36,10 +36,11 @@ const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::siz
     return rows;
 }
 
-std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t variables,
+std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, const std::vector<double>& declared,
                              std::size_t result, const std::vector<std::size_t>& observed) {
     Fingerprint print;
-    print.add(std::string("dense"), variables, result);
+    print.add(std::string("dense"), declared.size(), result);
+    for (const double value : declared) print.add(value);
     for (const std::size_t i : observed) print.add(i);
     for (const DenseRow& row : rows)
         print.add(row.kind, row.name, row.a, row.b, row.value, row.lo.value_or(kBefore),
@@ -50,13 +51,13 @@ std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t vari
 }  // namespace
 
 DenseMachine::DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms,
-                           std::size_t variables, std::size_t result,
+                           const std::vector<double>& declared, std::size_t result,
                            const std::vector<std::size_t>& observed)
-    : sampler_(checked(rows, variables, result, observed), terms, variables),
-      pending_(variables),
-      events_(variables),
+    : sampler_(checked(rows, declared.size(), result, observed), terms, declared),
+      pending_(declared.size()),
+      events_(declared.size()),
       streams_(rows.size()),
-      fingerprint_(fingerprint_of(rows, variables, result, observed)) {
+      fingerprint_(fingerprint_of(rows, declared, result, observed)) {
     std::vector<bool> read(rows.size());
     read[result] = true;
     for (const std::size_t i : observed) read[i] = true;
@@ -116,7 +117,7 @@ bool DenseMachine::take() {
 void DenseMachine::trim() {
     bool any = false;
     for (Pending& pending : pending_) {
-        if (pending.times.size() <= Sampler::kBlock) continue;
+        if (pending.times.size() <= kBlock) continue;
         pending = {};
         any = true;
     }

@@ -25,8 +25,10 @@ namespace rtamt {
 class DenseMachine {
 public:
     // Rows are checked as far as memory needs it, as the program was verified in Python.
-    DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables,
-                 std::size_t result, const std::vector<std::size_t>& observed);
+    // The variables have these declared values, nan where none is.
+    DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms,
+                 const std::vector<double>& declared, std::size_t result,
+                 const std::vector<std::size_t>& observed);
     DenseMachine(const DenseMachine&) = delete;
     DenseMachine& operator=(const DenseMachine&) = delete;
 
@@ -102,26 +104,9 @@ void DenseMachine::drain(Emit emit) {
 
 template <class Emit>
 bool DenseMachine::run(const dense::Events* events, Emit emit) {
-    using dense::Events;
-    using dense::Sampler;
-    const std::size_t variables = sampler_.variables();
-    std::vector<Events> rest(events, events + variables);
-    std::vector<Events> part(variables);
-    for (bool more = true; more;) {
-        more = false;
-        dense::Time upto = dense::kAfter;
-        for (const Events& e : rest)
-            if (e.size > Sampler::kBlock) upto = std::min(upto, e.times[Sampler::kBlock - 1]);
-        for (std::size_t v = 0; v < variables; ++v) {
-            Events& e = rest[v];
-            const std::size_t most = std::min(e.size, Sampler::kBlock);
-            const auto n = static_cast<std::size_t>(
-                std::upper_bound(e.times, e.times + most, upto) - e.times);
-            part[v] = {e.times, e.values, n};
-            e = {e.times + n, e.values + n, e.size - n};
-            more |= e.size > 0;
-        }
-        sampler_.extend(part.data());
+    dense::Parts parts(events, sampler_.variables());
+    while (const dense::Events* part = parts.next()) {
+        sampler_.extend(part);
         while (sampler_.read()) {
             if (!sampler_.evaluate()) return false;
             proceed();

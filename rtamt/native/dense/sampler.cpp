@@ -13,8 +13,12 @@ Function function_named(const std::string& name) {
     return nullptr;
 }
 
-Sampler::Sampler(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables)
-    : inputs_(variables), sampled_(rows.size()), columns_(rows.size()) {
+Sampler::Sampler(const std::vector<DenseRow>& rows, std::size_t terms,
+                 const std::vector<double>& declared)
+    : inputs_(declared.begin(), declared.end()),
+      sampled_(rows.size()),
+      columns_(rows.size()) {
+    for (const double value : declared) declared_.push_back(value == value);
     for (Stream& input : inputs_) joint_.add(input);
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const DenseRow& row = rows[i];
@@ -51,8 +55,21 @@ void Sampler::retract(const Events* events) {
 
 Time Sampler::known() const {
     Time least = kAfter;
-    for (const Stream& input : inputs_) least = std::min(least, input.last_time());
-    return least;
+    for (std::size_t v = 0; v < inputs_.size(); ++v) {
+        const Time last = inputs_[v].last_time();
+        if (last > kBefore || !declared_[v]) least = std::min(least, last);
+    }
+    return least == kAfter ? kBefore : least;
+}
+
+Time Sampler::begin() const {
+    Time latest = kBefore, earliest = kAfter;
+    for (std::size_t v = 0; v < inputs_.size(); ++v) {
+        const Time first = first_time(v);
+        earliest = std::min(earliest, first);
+        if (!declared_[v]) latest = std::max(latest, first);
+    }
+    return latest == kBefore ? earliest : latest;
 }
 
 bool Sampler::read() {
@@ -62,8 +79,7 @@ bool Sampler::read() {
         joint_.read([upto = upto_](Time time) { return time <= upto; });
         return joint_.size() > 0;
     }
-    // The trace begins when the last variable does, with the values that the others have then.
-    const Time first = joint_.first();
+    const Time first = begin();
     if (!(first <= known)) return false;
     joint_.read_at(first);
     upto_ = first;
@@ -128,8 +144,8 @@ void Sampler::fields(Snapshot& s) {
     s(started_);
     for (Stream& input : inputs_) {
         input.fields(s);
-        s.require(!started_ || input.last_time() > kBefore);
     }
+    s.require(!started_ || known() > kBefore);
 }
 
 }  // namespace rtamt::dense

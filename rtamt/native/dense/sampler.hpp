@@ -2,6 +2,7 @@
 // times at which a variable steps.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -33,11 +34,46 @@ struct Events {
     std::size_t size;
 };
 
+constexpr std::size_t kBlock = 512;  // events of a variable that stay in the cache
+
+// Very many events of some variables in parts: of none are there more than a block, and those of the
+// next part come later.
+class Parts {
+public:
+    Parts(const Events* events, std::size_t variables)
+        : rest_(events, events + variables), part_(variables) {}
+
+    // Null if nothing is left.
+    const Events* next() {
+        Time upto = kAfter;
+        bool any = false;
+        for (const Events& e : rest_) {
+            any |= e.size > 0;
+            if (e.size > kBlock) upto = std::min(upto, e.times[kBlock - 1]);
+        }
+        if (!any) return nullptr;
+        for (std::size_t v = 0; v < rest_.size(); ++v) {
+            Events& e = rest_[v];
+            const std::size_t most = std::min(e.size, kBlock);
+            const auto n = static_cast<std::size_t>(
+                std::upper_bound(e.times, e.times + most, upto) - e.times);
+            part_[v] = {e.times, e.values, n};
+            e = {e.times + n, e.values + n, e.size - n};
+        }
+        return part_.data();
+    }
+
+private:
+    std::vector<Events> rest_;
+    std::vector<Events> part_;
+};
+
 class Sampler {
 public:
-    static constexpr std::size_t kBlock = 512;  // events of a variable that stay in the cache
-
-    Sampler(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables);
+    // Takes the value of each variable before its first event; nan where none is declared. Nothing
+    // waits for a variable that has one: rtamt/machines/dense/declared.py.
+    Sampler(const std::vector<DenseRow>& rows, std::size_t terms,
+            const std::vector<double>& declared);
     Sampler(const Sampler&) = delete;
     Sampler& operator=(const Sampler&) = delete;
 
@@ -47,7 +83,7 @@ public:
 
     // Whether these events may follow the variable's last ones: times rise, no value is nan.
     bool fits(std::size_t variable, Events events) const {
-        return fit(inputs_[variable].last_time(), events);
+        return fit(after(variable), events);
     }
     static bool fit(Time last, Events events);
     // Adds new events of every variable; removes them again.
@@ -61,6 +97,14 @@ public:
     Time first_time(std::size_t variable) const { return inputs_[variable].times(0)[0]; }
     // The time of the last event of a variable, kBefore if there is none.
     Time last_time(std::size_t variable) const { return inputs_[variable].last_time(); }
+    // The time that the next event of a variable has to be later than. One that has its declared
+    // value still has it at all times that are known.
+    Time after(std::size_t variable) const {
+        const Time last = last_time(variable);
+        return last == kBefore && declared_[variable] && started_ ? known() : last;
+    }
+    // The begin of the trace, kAfter if there is none yet. Called before the trace begins.
+    Time begin() const;
     // The time up to which all variables are known.
     Time known() const;
     bool started() const { return started_; }
@@ -109,6 +153,7 @@ private:
     void enlarge(std::size_t n);
 
     std::vector<Stream> inputs_;
+    std::vector<bool> declared_;
     Joint joint_;
     std::vector<bool> sampled_;
     std::vector<Load> loads_;

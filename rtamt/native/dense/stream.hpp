@@ -24,7 +24,8 @@ inline bool same(Pair x, Pair y) { return same(x.p, y.p) && same(x.q, y.q); }
 // Steps that all readers have read are dropped, except the last, whose value still counts.
 class Stream {
 public:
-    Stream() { clear(); }
+    // Takes the value before all steps; nan if there is none.
+    explicit Stream(double before = std::nan("")) : before_(before) { clear(); }
 
     std::size_t add_reader() {
         next_.push_back(1);
@@ -39,7 +40,7 @@ public:
     Time last_time() const { return times_[end_ - 1]; }
 
     // The steps that a reader has not read yet. times[unread] is kAfter or a later time; values[-1] is
-    // the value before these steps, nan if there is none.
+    // the value before these steps.
     std::size_t unread(std::size_t reader) const { return end_ - next_[reader]; }
     const Time* times(std::size_t reader) const { return times_.data() + next_[reader]; }
     const double* values(std::size_t reader) const { return values_.data() + next_[reader]; }
@@ -102,7 +103,7 @@ public:
         times_.resize(std::max<std::size_t>(times_.size(), 2));
         values_.resize(times_.size());
         times_[0] = kBefore;
-        values_[0] = std::nan("");
+        values_[0] = before_;
         times_[1] = kAfter;
         end_ = 1;
         frontier_ = kBefore;
@@ -135,7 +136,8 @@ public:
 
 private:
     void require_steps(const Snapshot& s) const {
-        const bool whole = times_[0] == kBefore && values_[0] != values_[0];
+        const bool none = values_[0] != values_[0] && before_ != before_;
+        const bool whole = times_[0] == kBefore && (none || same(values_[0], before_));
         s.require(rises(times_.data() + whole, end_ - whole));
         for (std::size_t i = whole; i < end_; ++i) s.require(values_[i] == values_[i]);
         s.require(frontier_ <= kTicks);
@@ -178,12 +180,13 @@ private:
 
     static constexpr std::size_t kLeast = 64;
 
-    // Before all steps is (kBefore, nan), after them the time kAfter.
+    // Before all steps is (kBefore, before_), after them the time kAfter.
     std::vector<Time> times_;
     std::vector<double> values_;
     std::size_t end_;
     std::vector<std::size_t> next_;  // of each reader
     Time frontier_;
+    double before_;
 };
 
 }  // namespace rtamt::dense

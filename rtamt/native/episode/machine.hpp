@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "core/end.hpp"
 #include "discrete/machine.hpp"
 #include "episode/streams.hpp"
 
@@ -40,19 +41,6 @@ struct FormulaRow {
 };
 
 }  // namespace episode
-
-// How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning.
-enum class End { complete, cut, open };
-
-// 1 if bounds say that a specification is satisfied, -1 if violated, else 0.
-inline int verdict_of(double lower, double upper) {
-    return negative(upper) ? -1 : !negative(lower);
-}
-
-// The robustness, or the bound that is nearest to it.
-inline double moved(double robustness, double lower, double upper) {
-    return alone::greater(lower, alone::lesser(robustness, upper));
-}
 
 class EpisodeMachine {
 public:

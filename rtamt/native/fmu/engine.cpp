@@ -102,7 +102,8 @@ public:
     DenseEngine(const Program& program, const std::vector<double>& numbers)
         : program_(program),
           dense_(*program.dense),
-          machine_(dense_.rows.with(numbers), dense_.terms, program.inputs.size(), dense_.result,
+          machine_(dense_.rows.with(numbers), dense_.terms,
+                   std::vector<double>(program.inputs.size(), kNan), dense_.result,
                    dense_.observed),
           formulas_(dense_.observed.size(), kNan) {}
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "dense/episode.hpp"
 #include "dense/machine.hpp"
 #include "dense/regions.hpp"
 #include "discrete/machine.hpp"
@@ -64,6 +65,20 @@ inline std::vector<std::size_t> registers_of(const nb::sequence& numbers) {
     std::vector<std::size_t> registers;
     for (nb::handle number : numbers) registers.push_back(nb::cast<std::size_t>(number));
     return registers;
+}
+
+// Terms on samples as rows over dense time.
+inline std::vector<DenseRow> dense_terms(const nb::sequence& encoded) {
+    std::vector<DenseRow> rows;
+    for (DiscreteRow& row : discrete_rows(encoded))
+        rows.push_back({row.kind, row.name, row.a, row.b, row.value, {}, {}});
+    return rows;
+}
+
+inline std::vector<double> numbers_of(const nb::sequence& given) {
+    std::vector<double> numbers;
+    for (nb::handle number : given) numbers.push_back(nb::cast<double>(number));
+    return numbers;
 }
 
 inline End end_of(const std::string& name) {

@@ -10,6 +10,7 @@ NB_MODULE(_native, m) {
     bind_discrete(m);
     bind_episode(m);
     bind_dense(m);
+    bind_dense_episode(m);
     bind_banks(m);
     bind_ranges(m);
     bind_regions(m);

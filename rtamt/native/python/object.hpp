@@ -197,6 +197,7 @@ inline PyMethodDef update_method(Update* update, const char* doc) {
 void bind_discrete(nb::module_& m);
 void bind_episode(nb::module_& m);
 void bind_dense(nb::module_& m);
+void bind_dense_episode(nb::module_& m);
 void bind_banks(nb::module_& m);
 void bind_ranges(nb::module_& m);
 void bind_regions(nb::module_& m);

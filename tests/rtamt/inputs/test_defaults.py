@@ -131,3 +131,56 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
         assert str(caught.value) == message
     assert rtamt.evaluate(alone, {}, n=2, backend=backend).tolist() == [0.5, 0.5]
     assert monitor.update(x=0.25) == 0.25
+
+
+values = st.sampled_from((-1.0, -0.0, 0.0, 0.5, 2.0))
+signal = st.lists(st.tuples(st.integers(1, 3), values), min_size=1, max_size=5)
+"""The distances of events, in half seconds, and their values."""
+
+
+def timed(steps: list[tuple[int, float]], begin: float) -> list[tuple[float, float]]:
+    times = begin + np.cumsum([step for step, _ in steps]) / 2
+    return list(zip(times.tolist(), [value for _, value in steps], strict=True))
+
+
+@backends
+@given(x=signal, limit=st.just([]) | signal, early=st.booleans())
+def test_in_dense_time_a_default_lasts_until_the_first_event(
+    backend: BackendName, x: list[tuple[int, float]], limit: list[tuple[int, float]], *, early: bool
+) -> None:
+    text = TEXT.replace("once[0:2](x < limit)", "once[0:2](x < limit) and eventually[0:1](x > 0)")
+    whole = {"x": timed(x, 0.0), "limit": timed(limit, 0.25)}
+    ends = [events[-1][0] for events in whole.values() if events]
+    if min(ends) < whole["x"][0][0]:
+        return
+    if early:  # all events of the one, then those of the other
+        chunks = [{"limit": whole["limit"]}, {"x": whole["x"]}]
+    else:
+        order = sorted((time, name, value) for name, its in whole.items() for time, value in its)
+        chunks = [{name: [(time, value)]} for time, name, value in order]
+    monitor = rtamt.DenseMonitor(text, backend=backend)
+    episode = rtamt.DenseEpisodeMonitor(text, backend=backend)
+    seen = []
+    for chunk in chunks:
+        seen += monitor.update(chunk)
+        episode.update(chunk)
+        assert early or monitor.settled >= episode.settled - monitor.horizon
+    assert seen + monitor.finish() == list(rtamt.evaluate_dense(text, whole, backend=backend))
+    judged = rtamt.judge_dense(text, whole, "open", backend=backend)
+    assert episode.bounds() == (judged.lower, judged.upper)
+    assert (episode.robustness, episode.decided_at) == (judged.robustness, judged.decided_at)
+
+
+@backends
+def test_in_dense_time_nothing_waits_for_a_default(backend: BackendName) -> None:
+    monitor = rtamt.DenseMonitor("input float64 x; input float64 k = 2; x < k", backend=backend)
+    assert monitor.update(x=[(0, 1), (3, 4), (5, 0)]) == [(0.0, 1.0), (3.0, -2.0)]
+    with pytest.raises(rtamt.InputError, match=r"a time after 5\.0 at event 0 of 'k', got 4\.0"):
+        monitor.update(k=[(4, 9)])
+    assert monitor.update(k=[(6, 9)]) == []
+    assert monitor.update(x=[(8, 9)]) == [(5.0, 2.0)]
+    assert monitor.finish() == [(6.0, 9.0)]
+    alone = rtamt.DenseMonitor("input float64 x = 1; input float64 k = 2; x < k", backend=backend)
+    with pytest.raises(rtamt.StateError, match="needs an event of every variable"):
+        alone.finish()
+    assert alone.update(k=[(1, 3), (2, 0)]) == [(1.0, 2.0)]

@@ -84,29 +84,10 @@ CHANGED: dict[str, Callable[[], Any]] = {
     "episode bank of machines": lambda: VectorEpisodeMonitor(
         "always((x > 0) until[3:9] (once[2:8](x > 1)))", LANES
     ),
+    "dense episode": lambda: DenseEpisodeMonitor(
+        "always((x > 0) until[1:3] (once[0:2](x > 1)) or eventually(x > 3))", backend="native"
+    ),
 }
-
-
-class Regions:
-    """A monitor whose registers alone are damaged."""
-
-    def __init__(self) -> None:
-        self.monitor = DenseEpisodeMonitor(
-            "always((x > 0) until[1:3] (once[0:2](x > 1)) or eventually(x > 3))", backend="native"
-        )
-        machine: Any = self.monitor._machine
-        self._machine = machine._readings[0]._machine
-
-    @property
-    def settled(self) -> float:
-        settled: float = self.monitor.settled
-        return settled
-
-    def update(self, events: Any) -> None:  # noqa: ANN401 - as the monitor takes them
-        self.monitor.update(events)
-
-
-CHANGED["dense regions"] = Regions
 
 
 def play(kind: str, monitor: Any, rng: random.Random, n: int) -> None:  # noqa: ANN401 - as feed

@@ -32,6 +32,9 @@ MAKERS: dict[str, Maker] = {
     "DenseMachine": lambda text, reader: native.dense_machine(
         compile_dense(as_specification(text), online=True), reader, ()
     ),
+    "DenseEpisodeMachine": lambda text, reader: native.dense_episode_machine(
+        compile_regions(as_specification(text), NANOSECOND), reader
+    ),
     "DenseRegions": lambda text, _: module.DenseRegions(
         *encoded_regions(place(compile_regions(as_specification(text), NANOSECOND).program))
     ),

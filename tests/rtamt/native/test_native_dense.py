@@ -19,7 +19,14 @@ from hypothesis import strategies as st
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
-from rtamt import DenseEpisodeMonitor, DenseMonitor, Events, Formula, evaluate_dense
+from rtamt import (
+    DenseEpisodeMonitor,
+    DenseMonitor,
+    Events,
+    Formula,
+    StateError,
+    evaluate_dense,
+)
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -30,8 +37,12 @@ scales = st.sampled_from((1.0, 0.1, 1 / 3, 1e3))
 """What times are multiplied with: where bounds are no multiples of a step, differences round."""
 
 
-def both(formula: Formula | str) -> tuple[DenseMonitor, DenseMonitor]:
-    return DenseMonitor(formula, backend="native"), DenseMonitor(formula, backend="python")
+Kind = type[DenseMonitor] | type[DenseEpisodeMonitor]
+AnyMonitor = DenseMonitor | DenseEpisodeMonitor
+
+
+def both(formula: Formula | str, kind: Kind = DenseMonitor) -> tuple[Any, Any]:
+    return kind(formula, backend="native"), kind(formula, backend="python")
 
 
 def scaled(whole: Signals, scale: float) -> Signals:
@@ -42,21 +53,29 @@ def outcome(call: Callable[[], object]) -> Outcome:
     """What a call gives, or which error it raises; values with all their digits and signs."""
     try:
         return repr(call())
-    except (ValueError, TypeError, OSError) as error:
+    except (ValueError, TypeError, OSError, StateError) as error:
         return type(error), str(error)
 
 
-def state(monitor: DenseMonitor) -> object:
+def state(monitor: AnyMonitor) -> object:
     """What can be seen of a monitor; nan is text, to be equal to itself."""
-    return monitor.settled, monitor.finished, str(monitor.values)
+    if isinstance(monitor, DenseMonitor):
+        return monitor.settled, monitor.finished, str(monitor.values)
+    said = repr((monitor.robustness, *monitor.bounds(), monitor.decided_at))
+    return monitor.settled, monitor.finished, said
 
 
 # Generated formulas, signals and chunks. ---------------------------------------------------------
 
 
-def check(formula: Formula, whole: Signals, shares: list[list[float]]) -> None:
+def check(
+    formula: Formula | str,
+    whole: Signals,
+    shares: list[list[float]],
+    kind: Kind = DenseMonitor,
+) -> None:
     """Both machines give the same in every call; the one in C++ is another one each time."""
-    native, python = both(formula)
+    native, python = both(formula, kind)
     for chunk in chunked(whole, shares):
         part = of(native, chunk)
         before = native._machine.state()
@@ -66,7 +85,7 @@ def check(formula: Formula, whole: Signals, shares: list[list[float]]) -> None:
         if isinstance(given_now, tuple):
             assert native._machine.state() == before
             return
-        twin = DenseMonitor(formula, backend="native")
+        twin = kind(formula, backend="native")
         twin._machine.restore(native._machine.state())
         assert twin._machine.state() == native._machine.state()
         native = twin
@@ -82,6 +101,37 @@ def test_every_call_gives_what_the_definition_gives(
     formula: Formula, whole: Signals, shares: list[list[float]], scale: float
 ) -> None:
     check(formula, scaled(whole, scale), shares)
+
+
+@given(
+    formula=formulas(endless=True, total=True, dense=True).filter(lambda f: f.variables),
+    whole=signals() | signals(INTEGERS) | signals(st.sampled_from(INFINITIES)),
+    shares=chunks(),
+    scale=scales,
+)
+def test_every_call_of_an_episode_gives_what_the_definition_gives(
+    formula: Formula, whole: Signals, shares: list[list[float]], scale: float
+) -> None:
+    check(formula, scaled(whole, scale), shares, DenseEpisodeMonitor)
+
+
+DECLARED = st.sampled_from(
+    (
+        "input float64 a = 0.5\ninput float64 b\nb > 0 implies once[0:1](a > b)",
+        "input float64 a = 0.5\ninput float64 b = -1\na > 0 and eventually[0:2](b > a)",
+        "input float64 a = 1\ninput float64 b\ninput float64 c\n(a > b) until[0:2] (c > 0)",
+    )
+)
+
+
+@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@settings(max_examples=40)
+@given(text=DECLARED, whole=signals(), shares=chunks(), silent=st.sets(st.sampled_from("abc")))
+def test_so_it_does_with_declared_values(
+    kind: Kind, text: str, whole: Signals, shares: list[list[float]], silent: set[str]
+) -> None:
+    heard = {name: [] if name in silent else events for name, events in whole.items()}
+    check(text, heard, shares, kind)
 
 
 @pytest.mark.parametrize("name", DENSE)
@@ -261,8 +311,13 @@ FORMS: Mapping[str, Callable[[], object]] = {
 
 @pytest.mark.parametrize("name", FORMS)
 @pytest.mark.parametrize("begun", [False, True])
-def test_every_form_means_what_it_means_in_python(name: str, begun: bool) -> None:  # noqa: FBT001
-    native, python = both("always[0:0.5](a + b > 1)")
+@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+def test_every_form_means_what_it_means_in_python(
+    name: str,
+    begun: bool,  # noqa: FBT001 - a parameter
+    kind: Kind,
+) -> None:
+    native, python = both("always[0:0.5](a + b > 1)", kind)
     for monitor in (native, python):
         if begun:
             monitor.update({"a": [(-2.0, 1.0)], "b": [(-2.0, 1.0), (-1.0, 3.0)]})
@@ -296,10 +351,11 @@ def test_the_events_of_an_episode_are_counted_alike(times: list[float], resoluti
 
     def counted(backend: Backend) -> object:
         monitor = DenseEpisodeMonitor("x > 0", resolution=resolution, backend=backend)
-        reader = cast("Any", monitor)._machine.reader
-        return reader.counted([(ordered, np.ones(len(ordered)))], [-math.inf], None)[0][0][
-            0
-        ].tolist()
+        found = []
+        for time in ordered.tolist():
+            monitor.update(x=[(time, 1)])
+            found.append(monitor.settled)
+        return found
 
     assert outcome(lambda: counted("native")) == outcome(lambda: counted("python"))
 

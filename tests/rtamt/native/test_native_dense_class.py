@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import random
 import sys
 import threading
@@ -46,6 +47,7 @@ def arguments(**changes: object) -> dict[str, object]:
         "clock": encoded_dense(program).clock,
         "terms": program.program.terms,
         "variables": program.program.variables,
+        "declared": (math.nan,) * len(program.program.variables),
         "result": program.program.result,
         "observed": (program.program.result,),
         "reader": object(),
@@ -74,7 +76,8 @@ ROW = ("LOAD", "x", 0, 0, 0.0, None, None)
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"variables": ()}, "expected a variable"),
+        ({"variables": (), "declared": ()}, "expected a variable"),
+        ({"declared": ()}, "expected a declared value, or nan, for every variable"),
         ({"result": 99}, "the result is out of range"),
         ({"observed": (99,)}, "an observed register is out of range"),
         ({"rows": [ROW, ("JUMP", "", 0, 0, 0.0, None, None)]}, "unknown kind 'JUMP'"),
