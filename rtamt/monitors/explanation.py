@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
@@ -29,10 +29,19 @@ from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_outputs
+from rtamt.monitors.circumstances import Role, Share, beside
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
-from rtamt.monitors.provenance import Origin, origin_of, visits
+from rtamt.monitors.provenance import (
+    FIRST_BEST,
+    Origin,
+    Visit,
+    holds_by_sign,
+    named,
+    visits,
+)
+from rtamt.monitors.sample_provenance import origin_of
 from rtamt.program.instructions import Map, operands
 from rtamt.program.interface import PredicateValue
 from rtamt.program.program import Program
@@ -40,6 +49,7 @@ from rtamt.program.timing import Align, Period, alignment, samples
 
 __all__ = [
     "Cause",
+    "Circumstance",
     "Explanation",
     "ExplanationStep",
     "explain",
@@ -89,6 +99,37 @@ class ExplanationStep:
     aligned: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Circumstance:
+    """A formula that has a share in a violation, beside those that decided its robustness.
+
+    Of a response that was violated the request has one, and so has the answer that was missing;
+    of an ``until`` the left side that broke, and the right side that was not reached before.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text; named formulas inside it are shown by their names.
+        role: ``"held"``: it holds at all samples of ``window``. ``"missing"``: it fails at all of
+            them, and one could have prevented the violation. ``"broken"``: it fails, and had to
+            hold on a stretch of samples.
+        window: First and last of the samples.
+        sample: The one of them at which it comes nearest to the other sign, the first of these.
+        value: Its robustness there.
+        outside: First and last sample of the formula's window if that lies outside the trace; see
+            `ExplanationStep`.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    role: Role
+    window: tuple[int, int]
+    sample: int
+    value: float
+    outside: tuple[int | None, int | None] | None = None
+
+
 @dataclass(frozen=True)
 class Explanation:
     """The formulas and samples that decided a robustness.
@@ -103,12 +144,15 @@ class Explanation:
             empty if a window outside the trace decided.
         period: Seconds between samples, or None.
         start: Time of the first sample in seconds.
+        circumstances: What else a violation stands on; empty if the robustness is not of one. The
+            violation stays as long as the last step and these keep their signs.
     """
 
     steps: tuple[ExplanationStep, ...]
     causes: tuple[Cause, ...]
     period: float | None = None
     start: float = 0.0
+    circumstances: tuple[Circumstance, ...] = ()
 
     @property
     def robustness(self) -> float:
@@ -129,7 +173,11 @@ class Explanation:
     def __str__(self) -> str:
         samples = [step.sample for step in self.steps]
         aligned = [step.aligned for step in self.steps]
-        return as_text(self.steps, samples, self.causes, self._at, aligned=aligned)
+        return as_text(
+            *(self.steps, samples, self.causes, self._at),
+            [(each, each.sample, each.window) for each in self.circumstances],
+            aligned=aligned,
+        )
 
     def _at(self, sample: int) -> str:
         if self.period is None:
@@ -196,6 +244,8 @@ def explain(
         sample 1     -1  req >= 3 implies eventually[0:2](gnt >= 3)
         sample 1      1  req >= 3
         sample 1      4  req
+        sample 3     -2  missing: gnt >= 3
+                           nowhere from sample 1 to sample 3; this is the nearest
         >>> e.predicate, e.causes
         (<Formula req >= 3>, (Cause(variable='req', sample=1, value=4.0),))
 
@@ -219,6 +269,7 @@ def explain(
     values = run_outputs(program, reader, machine, columns, length)
     robustness: dict[Node, Floats] = {f: values.get(name, unknown) for name, f in names.items()}
     course = _Course(specification, robustness, seconds, options.get("align"))
+    way = list(visits(specification, interface, at, course.origin))
     steps = tuple(
         ExplanationStep(
             *(visit.formula, visit.name, visit.text, visit.place),
@@ -229,14 +280,17 @@ def explain(
             visit.reading,
             course.aligned(visit.formula),
         )
-        for visit in visits(specification, interface, at, course.origin)
+        for visit in way
     )
+    violated = not holds_by_sign(steps[0].value)
+    circumstances = tuple(map(course.circumstance, course.beside(way) if violated else ()))
     formula, at = steps[-1].formula, steps[-1].sample
     causes: tuple[Cause, ...] = ()
     if steps[-1].outside is None:
         columns_of = dict(zip(program.variables, columns, strict=True))
         causes = tuple(Cause(v, at, float(columns_of[v][at])) for v in formula.variables)
-    return Explanation(steps, causes, None if seconds is None else float(seconds), start)
+    period = None if seconds is None else float(seconds)
+    return Explanation(steps, causes, period, start, circumstances)
 
 
 def with_all_named(specification: Specification) -> tuple[dict[str, Formula], Specification]:
@@ -303,6 +357,22 @@ class _Course(NamedTuple):
         unit = self.specification.unit
         return alignment(formula.interval, self.period, unit, self.bounds(formula))
 
-    def origin(self, formula: Formula, row: Operator, sample: int) -> Origin:
+    def origin(
+        self, formula: Formula, row: Operator, sample: int, *, earliest: bool = False
+    ) -> Origin:
         bounds = self.bounds(formula) if row.timed else None
-        return origin_of(row, bounds, [self.robustness[arg] for arg in formula.args], sample)
+        operands = [self.robustness[arg] for arg in formula.args]
+        return origin_of(row, bounds, operands, sample, earliest=earliest)
+
+    def beside(self, way: Sequence[Visit]) -> Iterator[Share]:
+        """What else the violation of a way stands on."""
+        origin = functools.partial(self.origin, earliest=True)
+        return beside(way, origin, lambda formula, i: float(self.robustness[formula][i]))
+
+    def circumstance(self, share: Share) -> Circumstance:
+        values = self.robustness[share.formula][share.first : share.last + 1]
+        place = FIRST_BEST["min" if share.role == "held" else "max"](values)
+        name, text = named(self.specification, share.formula)
+        window, sample = (share.first, share.last), share.first + place
+        its = (share.formula, name, text, share.role, window, sample, float(values[place]))
+        return Circumstance(*its, share.outside)

@@ -6,13 +6,32 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
+from rtamt.monitors.circumstances import Role
 from rtamt.monitors.holds import holds, zero_text
 from rtamt.program.interface import PredicateValue
 
 __all__ = ["as_text"]
 
+_MOST = 20
+"""As many circumstances are shown."""
+
 _P = TypeVar("_P")
 _P_co = TypeVar("_P_co", covariant=True)
+
+
+class _Circumstance(Protocol[_P_co]):
+    """What the table shows of a circumstance."""
+
+    @property
+    def name(self) -> str | None: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def role(self) -> Role: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def outside(self) -> tuple[_P_co | None, _P_co | None] | None: ...
 
 
 class _Step(Protocol[_P_co]):
@@ -37,6 +56,7 @@ def as_text(
     places: Sequence[_P],
     causes: Sequence[tuple[str, _P, float]],
     at: Callable[[_P], str],
+    circumstances: Sequence[tuple[_Circumstance[_P], _P, tuple[_P, _P]]] = (),
     *,
     aligned: Sequence[str | None] | None = None,
     end: _P | None = None,
@@ -48,6 +68,8 @@ def as_text(
         places: Where each of them was evaluated.
         causes: The variables that decided, with place and value.
         at: The text of a place.
+        circumstances: What else a violation stands on, the place of its value, and its first and
+            last place.
         aligned: What the interval of each step became, if bounds were rounded.
         end: Where the trace ends, if a window that begins there counts as one outside.
     """
@@ -63,11 +85,20 @@ def as_text(
     head = f"robustness {robustness(steps[0].value, ',')} at {at(places[0])}, decided by "
     rows = [("at", "value", "formula")]
     for step, place, note in zip(steps, places, aligned or [None] * len(steps), strict=True):
-        shown = step.text if step.name is None else f"{step.name} = {step.text}"
-        rows.append((at(place), robustness(step.value), shown))
+        rows.append((at(place), robustness(step.value), _shown(step)))
         notes = [*filter(None, [note]), *_notes(step, at, end)]
         rows += [("", "", f"  {note}") for note in notes]
     rows += [(at(place), _number(value), variable) for variable, place, value in causes]
+    for part, place, window in circumstances[:_MOST]:
+        rows.append((at(place), _number(part.value), f"{part.role}: {_shown(part)}"))
+        if window[0] != window[1]:
+            where, this = ("nowhere", "nearest") if part.role == "missing" else ("always", "least")
+            span = f"from {at(window[0])} to {at(window[1])}"
+            rows.append(("", "", f"  {where} {span}; this is the {this}"))
+        if part.outside is not None:
+            rows.append(("", "", f"  {_outside(part.outside, at, end)}"))
+    if len(circumstances) > _MOST:
+        rows.append(("", "", f"and {len(circumstances) - _MOST} more"))
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [*_wrapped("", f"{head}{cause} at {at(places[-1])}"), ""]
     for where, value, shown in rows:
@@ -79,18 +110,26 @@ def _notes(step: _Step[_P], at: Callable[[_P], str], end: _P | None) -> Iterator
     if step.witness is not None:
         yield f"witness: the right side at {at(step.witness)}"
     if step.outside is not None:
-        first, last = (None if place is None else at(place) for place in step.outside)
-        window = f"{first} to {last}" if first != last else first
-        if first is None:
-            window = f"up to {last}"
-        elif last is None:
-            window = f"from {first} on"
-        after = "right after that time, " if end is not None and step.outside[0] == end else ""
-        yield f"{after}its window lies outside the trace: {window}"
+        yield _outside(step.outside, at, end)
     if step.reading == "sign":
         yield "counts only whether it holds"
     elif step.reading == "zero":
         yield "of no concern: counts 0"
+
+
+def _outside(outside: tuple[_P | None, _P | None], at: Callable[[_P], str], end: _P | None) -> str:
+    first, last = (None if place is None else at(place) for place in outside)
+    window = f"{first} to {last}" if first != last else first
+    if first is None:
+        window = f"up to {last}"
+    elif last is None:
+        window = f"from {first} on"
+    after = "right after that time, " if end is not None and outside[0] == end else ""
+    return f"{after}its window lies outside the trace: {window}"
+
+
+def _shown(step: _Step[_P] | _Circumstance[_P]) -> str:
+    return step.text if step.name is None else f"{step.name} = {step.text}"
 
 
 def _number(value: float) -> str:

@@ -3,17 +3,16 @@
 The meaning of an operator in `rtamt.language.operators` only chooses among the values of its
 operands, by min and max, and changes their sign. Run on values that carry the operand and the
 place from which they were taken, it shows which one it chose: no other code explains an operator.
-A place is a sample here; `rtamt.monitors.dense_provenance` has ticks of dense time in place of it.
+A place is a sample in `rtamt.monitors.sample_provenance`, and a tick of dense time in
+`rtamt.monitors.dense_provenance`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self, TypeVar, cast
-
-import numpy as np
 
 from rtamt.inputs.arrays import Floats
 from rtamt.language.formula import Formula
@@ -21,13 +20,59 @@ from rtamt.language.node import Node
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
-from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
+from rtamt.program.algebra import FUNCTIONS, ordered
 from rtamt.program.interface import Interface, PredicateValue
 
-__all__ = ["FIRST_BEST", "Definition", "Finding", "Origin", "Value", "Visit", "origin_of", "visits"]
+__all__ = [
+    "FIRST_BEST",
+    "Definition",
+    "Finding",
+    "Origin",
+    "Part",
+    "Parts",
+    "Value",
+    "Visit",
+    "as_broken",
+    "flat",
+    "holds_by_sign",
+    "named",
+    "visits",
+]
 
 INF = math.inf
 _T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An operand at some places, whose sign there has a part in the sign of a value.
+
+    Attributes:
+        operand: The number of the operand.
+        first: The first one of the places.
+        last: The last one; the places between them belong to it.
+        broken: Whether the operand had to hold on a stretch of places and fails at this one.
+    """
+
+    operand: int
+    first: int
+    last: int
+    broken: bool = False
+
+
+Parts = Part | tuple["Parts", ...]
+"""Some parts, nested as they came together, so that many operands need no copies."""
+
+
+def flat(parts: Parts) -> Iterator[Part]:
+    """The parts one by one, in their order."""
+    stack = [parts]
+    while stack:
+        found = stack.pop()
+        if isinstance(found, Part):
+            yield found
+        else:
+            stack += reversed(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +85,15 @@ class Origin:
         witness: The place at which an ``until`` or ``since`` reached its right side.
         outside: First and last place of a window outside the trace; the first is None if the
             window has no beginning, the last if it has no end.
+        parts: The operands at places that make the sign of the value: as long as the sign of each
+            of them stays, so does the sign of the value, whatever else changes.
     """
 
     operand: int | None = None
     place: int = 0
     witness: int | None = None
     outside: tuple[int | None, int | None] | None = None
+    parts: Parts = ()
 
 
 class Visit(NamedTuple):
@@ -82,35 +130,24 @@ def visits(
         place: The place at which the specification is evaluated.
         origin_at: The origin of the value of a formula of formulas at a place.
     """
-    names: dict[Node, str] = {}
-    for name, named in specification.formulas.items():
-        names.setdefault(named, name)
     formula = specification.formula
     while True:
         row = cast("Operator", formula.op)
-        inner = {f: n for f, n in names.items() if f is not formula}
         origin = origin_at(formula, row, place) if row.operands == "formula" else Origin()
         reading = "value" if row.holds is None else interface.reading(formula)
-        yield Visit(formula, names.get(formula), node_text(formula, inner), place, origin, reading)
+        yield Visit(formula, *named(specification, formula), place, origin, reading)
         if origin.operand is None:
             return
         formula, place = cast("Formula", formula.args[origin.operand]), origin.place
 
 
-def origin_of(
-    row: Operator, bounds: Bounds | None, operands: Sequence[Floats], sample: int
-) -> Origin:
-    """The origin of the value of a formula at a sample.
-
-    Where values are equal, the first operand counts, and of its samples the first.
-
-    Args:
-        row: The operator at the root of the formula.
-        bounds: Its bounds in samples, if it has any.
-        operands: The robustness of each operand at every sample.
-        sample: The sample at which the formula is evaluated.
-    """
-    return _SampleDefinition(operands).origin(row, bounds, sample)
+def named(specification: Specification, formula: Formula) -> tuple[str | None, str]:
+    """The name of a formula, or None, and its text with the names of the formulas inside it."""
+    names: dict[Node, str] = {}
+    for name, its in specification.formulas.items():
+        names.setdefault(its, name)
+    own = names.pop(formula, None)
+    return own, node_text(formula, names)
 
 
 class Value(float):
@@ -125,6 +162,10 @@ class Value(float):
         new = cls(value)
         new.origin = origin
         return new
+
+    def having(self, parts: Parts) -> Value:
+        """The number with other parts of its sign."""
+        return Value.of(self, replace(self.origin, parts=parts))
 
     def __neg__(self) -> Value:
         return Value.of(-float(self), self.origin)
@@ -163,7 +204,8 @@ class Definition:
         while True:
             if register < self._operands:
                 number = self._operand(register, place)
-                value = Value.of(number, Origin(register, place))
+                part = Part(register, place, place)
+                value = Value.of(number, Origin(register, place, parts=part))
             else:
                 asked.append(self._findings[register - self._operands](place))
                 value = None
@@ -194,7 +236,10 @@ class Definition:
             values = []
             for a in args:
                 values.append((yield a, i))  # noqa: PERF401 - no comprehension may yield
-            return apply(*values)
+            found = apply(*values)
+            if function in FIRST_BEST and (function == "min") == holds_by_sign(found):
+                return found.having(tuple(value.origin.parts for value in values))
+            return found
 
         return self._new(finding)
 
@@ -219,99 +264,17 @@ class Definition:
         raise NotImplementedError
 
 
-class _SampleDefinition(Definition):
-    """Builds a meaning of the table on samples."""
-
-    def __init__(self, operands: Sequence[Floats]) -> None:
-        super().__init__(len(operands), lambda register, i: operands[register][i])
-        self._samples = len(operands[0])
-        self._columns = operands
-
-    def _values(self, register: int, span: range) -> Finding[Floats]:
-        if register < len(self._columns):
-            return self._columns[register][span.start : span.stop : span.step]
-        values: list[float] = []
-        for i in span:
-            values.append((yield register, i))  # noqa: PERF401 - no comprehension may yield
-        return np.array(values, dtype=np.float64)
-
-    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
-        (p,) = args
-        first_best = FIRST_BEST[fold]
-        (empty,) = FOLDS[fold].identity
-
-        def finding(i: int) -> Finding[Value]:
-            window = self._inside(i, lo, hi)
-            if not window:
-                return self._outside(empty, i, lo, hi)
-            values = yield from self._values(p, window)
-            return cast("Value", (yield p, window[first_best(values)]))
-
-        return self._new(finding)
-
-    def until(self, bounds: Bounds, p: int, q: int) -> int:
-        begin, end = bounds
-
-        def way(i: int, reached: range) -> tuple[range, slice]:
-            return range(i, reached[-1]), slice(begin, None)
-
-        return self._reaching((begin, end), p, q, way, range)
-
-    def since(self, bounds: Bounds, p: int, q: int) -> int:
-        begin, end = bounds
-        past = None if end is None else -end, -begin
-
-        def way(i: int, reached: range) -> tuple[range, slice]:
-            return range(i, reached[0], -1), slice(None, begin - 1 if begin else None, -1)
-
-        return self._reaching(past, p, q, way, lambda i, j: range(j + 1, i + 1))
-
-    def _reaching(
-        self,
-        offsets: tuple[int | None, int | None],
-        p: int,
-        q: int,
-        way: Callable[[int, range], tuple[range, slice]],
-        between: Callable[[int, int], range],
-    ) -> int:
-        """The greatest q of a window, each q cut to the least p between now and there.
-
-        Args:
-            offsets: The window.
-            p: What must hold on the way.
-            q: What must be reached.
-            way: The samples on the way to the farthest of the window, outwards from now; which of
-                the least p of the first 0, 1, 2, ... of them belong to the samples of the window.
-            between: The samples between two.
-        """
-
-        def finding(i: int) -> Finding[Value]:
-            window = self._inside(i, *offsets)
-            if not window:
-                return self._outside(-INF, i, *offsets)
-            stretch, inside = way(i, window)
-            passed = yield from self._values(p, stretch)
-            held = np.minimum.accumulate(ordered(np.concatenate(([INF], passed))))[inside]
-            goals = yield from self._values(q, window)
-            reached = np.minimum(held, ordered(goals))
-            place = int(reached.argmax())
-            witness = window[place]
-            value: Value = yield q, witness
-            stretch = between(i, witness)
-            if stretch and held[place] == reached[place]:
-                least = yield from self._values(p, stretch)
-                value = yield p, stretch[FIRST_BEST["min"](least)]
-            return Value.of(value, replace(value.origin, witness=witness))
-
-        return self._new(finding)
-
-    def _inside(self, i: int, lo: int | None, hi: int | None) -> range:
-        first = 0 if lo is None else max(0, i + lo)
-        last = self._samples - 1 if hi is None else min(self._samples - 1, i + hi)
-        return range(first, last + 1)
-
-
 FIRST_BEST: Mapping[str, Callable[[Floats], int]] = {
     "min": lambda values: int(ordered(values).argmin()),
     "max": lambda values: int(ordered(values).argmax()),
 }
+
+
+def holds_by_sign(value: float) -> bool:
+    """Whether a formula of this value holds: the sign bit is clear."""
+    return math.copysign(1.0, value) > 0.0
+
+
+def as_broken(parts: Parts) -> Parts:
+    """The parts of a value that had to hold on a stretch, and fails at this place of it."""
+    return tuple(replace(part, broken=True) for part in flat(parts))

@@ -51,6 +51,8 @@ def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Out
         "0.5 s     -2  req >= 3 implies granted\n"
         "0.5 s      2  req >= 3\n"
         "0.5 s      5  req\n"
+        "  1 s     -2  missing: gnt >= 3\n"
+        "                nowhere from 0.5 s to 1 s; this is the nearest\n"
     )
 
 

@@ -313,6 +313,7 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
     assert main(["explain", "req.stl", "--only", "answered", "runs/d.csv"]) == 3
     assert capsys.readouterr().out.endswith(
         "1.5 s      4  req\n"
+        "1.5 s     -3  missing: gnt >= 3\n"
         "\n"
         "UNDECIDED, robustness -1\n"
         "    eventually[0:1](gnt >= 3) at 1.5 s: not recorded: 2 s to 2.5 s\n"

@@ -1,0 +1,216 @@
+"""What else a violation stands on: the request and the answer, the left side and the right."""
+
+import math
+import pickle
+import random
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from implying import requirements
+from oracle import robustness
+from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
+
+import rtamt
+from rtamt import Explanation, Formula, explain, variable
+
+Backend = Literal["native", "python"]
+Case = tuple[Formula, Trace, int]
+
+
+def holds(value: float) -> bool:
+    return math.copysign(1.0, value) > 0.0
+
+
+@st.composite
+def violated(draw: st.DrawFn, name: str | None = None) -> Case:
+    """A formula, a trace, and a sample at which it is violated."""
+    if name is not None:
+        formula = draw(rooted(name, depth=2, endless=True))
+    elif draw(st.booleans()):
+        formula = draw(requirements(2))
+    else:
+        formula = draw(formulas(endless=True))
+    trace = draw(traces(most=8))
+    n = length(trace)
+    if all(map(holds, robustness(formula, trace, n))):
+        formula = ~formula
+    failing = [i for i, value in enumerate(robustness(formula, trace, n)) if not holds(value)]
+    return formula, trace, draw(st.sampled_from(failing))
+
+
+def named(why: Explanation) -> list[tuple[Formula, range]]:
+    """The formulas, and the samples, whose signs an explanation names."""
+    found = [
+        (each.formula, range(each.window[0], each.window[1] + 1))
+        for each in why.circumstances
+        if each.outside is None
+    ]
+    last = why.steps[-1]
+    if last.outside is None:
+        found.append((last.formula, range(last.sample, last.sample + 1)))
+    return found
+
+
+@pytest.mark.parametrize("name", [None, *FORMULAS])
+@settings(max_examples=20)
+@given(data=st.data())
+def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
+    name: str | None, data: st.DataObject
+) -> None:
+    formula, trace, sample = data.draw(violated(name))
+    n = length(trace)
+    why = explain(formula, trace, sample=sample, n=n)
+    rng = random.Random(data.draw(st.integers(0, 2**32)))
+    signs = [(f, i, holds(robustness(f, trace, n)[i])) for f, span in named(why) for i in span]
+    for share in (0.1, 0.3, 0.5, 0.9) * 6:
+        other = {
+            name: [rng.choice(QUARTERS) if rng.random() < share else x for x in column]
+            for name, column in trace.items()
+        }
+        if all(holds(robustness(f, other, n)[i]) == sign for f, i, sign in signs):
+            assert not holds(robustness(formula, other, n)[sample])
+
+
+@settings(max_examples=150)
+@given(case=violated())
+def test_each_is_what_it_says(case: Case, backend: Backend) -> None:
+    formula, trace, sample = case
+    n = length(trace)
+    why = explain(formula, trace, sample=sample, n=n, backend=backend)
+    for each in why.circumstances:
+        first, last = each.window
+        values = robustness(each.formula, trace, n)[first : last + 1]
+        assert 0 <= first <= each.sample <= last < n
+        assert {holds(value) for value in values} == {each.role == "held"}
+        best = min(values) if each.role == "held" else max(values)
+        assert each.value == best
+        assert values.index(best) == each.sample - first
+        assert each.role != "broken" or first == last
+        assert each.outside is None or abs(each.value) == math.inf
+        assert each.formula.variables
+    assert all(len(line) <= 80 for line in str(why).splitlines())
+    assert pickle.loads(pickle.dumps(why)) == why
+
+
+@settings(max_examples=60)
+@given(case=violated())
+def test_what_is_satisfied_has_none(case: Case) -> None:
+    formula, trace, sample = case
+    n = length(trace)
+    assert explain(~formula, trace, sample=sample, n=n).circumstances == ()
+
+
+REQ, GNT = variable("req") >= 3, variable("gnt") >= 3
+RESPONSES = st.sampled_from(
+    (
+        (REQ.implies(GNT.eventually(0, 2))).always(),
+        (REQ.implies(GNT.eventually(1, 3))).always(0, 4),
+        (REQ.rise() & REQ).implies(GNT.eventually()).always(),
+        (REQ.once(0, 1).implies(GNT.eventually(0, 2).always(0, 1))).always(),
+        REQ.implies(REQ.implies(GNT.eventually(0, 2))).always(),
+        (REQ.implies(REQ.until(GNT, 0, 3))).always(),
+        (REQ.implies(GNT)).always(),
+    )
+)
+
+
+@settings(max_examples=150)
+@given(
+    formula=RESPONSES,
+    req=st.lists(st.sampled_from((0.0, 2.0, 3.0, 5.0)), min_size=8, max_size=8),
+    gnt=st.lists(st.sampled_from((0.0, 2.0, 3.0)), min_size=8, max_size=8),
+)
+def test_of_a_violated_response_the_request_and_the_answer_are_named(
+    formula: Formula, req: list[float], gnt: list[float], backend: Backend
+) -> None:
+    trace = {"req": req, "gnt": gnt}
+    assume(not holds(robustness(formula, trace, 8)[0]))
+    why = explain(formula, trace, backend=backend)
+    variables = {name for f, _ in named(why) for name in f.variables}
+    assert variables == {"req", "gnt"}
+    roles = {each.role for each in why.circumstances}
+    assert roles
+    assert "missing" in roles or why.causes[0].variable == "gnt"
+
+
+def test_a_window_is_cut_to_the_trace() -> None:
+    trace = {"req": [0, 0, 0, 4, 0], "gnt": [5, 0, 0, 1, 2]}
+    why = explain("always(req >= 3 implies eventually[0:4](gnt >= 3))", trace)
+    assert [(e.role, e.text, e.window, e.sample) for e in why.circumstances] == [
+        ("missing", "gnt >= 3", (3, 4), 4),
+    ]
+
+
+def test_the_text_names_both_sides() -> None:
+    spec = "always(req >= 3 implies eventually[0:0.2](gnt >= 3))"
+    trace = {"req": [0, 9, 0, 0, 0], "gnt": [5, 0, 0, 1, 4]}
+    assert str(explain(spec, trace, period=0.1)).splitlines() == [
+        "robustness -2 at 0 s, decided by gnt >= 3 at 0.3 s",
+        "",
+        "   at  value  formula",
+        "  0 s     -2  always(req >= 3 implies eventually[0:0.2](gnt >= 3))",
+        "0.1 s     -2  req >= 3 implies eventually[0:0.2](gnt >= 3)",
+        "0.1 s     -2  eventually[0:0.2](gnt >= 3)",
+        "0.3 s     -2  gnt >= 3",
+        "0.3 s      1  gnt",
+        "0.1 s      6  held: req >= 3",
+        "0.3 s     -2  missing: gnt >= 3",
+        "                nowhere from 0.1 s to 0.3 s; this is the nearest",
+    ]
+
+
+def test_a_broken_until_says_which_side_broke() -> None:
+    why = explain("a > 0 until[0:4] b > 0", {"a": [1, 1, -1, 2, 3], "b": [-1, -4, -3, 5, 6]})
+    assert [(e.role, e.text, e.window, e.sample, e.value) for e in why.circumstances] == [
+        ("broken", "a > 0", (2, 2), 2, -1.0),
+        ("missing", "b > 0", (0, 2), 0, -1.0),
+    ]
+    # Nothing broke: the right side was not reached in the window.
+    why = explain("a > 0 until[0:3] b > 0", {"a": [1] * 5, "b": [-1, -4, -3, -5, 6]})
+    assert [(e.role, e.text, e.window) for e in why.circumstances] == [("missing", "b > 0", (0, 3))]
+    # It broke before the window began: the right side does not matter.
+    why = explain("a > 0 until[2:3] b > 0", {"a": [1, -1, 1, 1, 1], "b": [1] * 5})
+    assert (str(why.predicate), why.circumstances) == ("a > 0", ())
+
+
+def test_past_and_weak_operators_say_it_too() -> None:
+    why = explain("a > 0 since[0:3] b > 0", {"a": [1, 1, -6, 2], "b": [1, 1, -3, -5]}, sample=3)
+    assert [(e.role, e.text, e.window) for e in why.circumstances] == [
+        ("broken", "a > 0", (2, 2)),
+        ("missing", "b > 0", (2, 3)),
+    ]
+    why = explain("a > 0 unless[0:4] b > 0", {"a": [1, 1, -1, -2, 3], "b": [-1, -4, -3, 5, 6]})
+    assert [(e.role, e.text, e.window) for e in why.circumstances] == [
+        ("broken", "a > 0", (2, 2)),
+        ("missing", "b > 0", (0, 2)),
+    ]
+
+
+def test_a_nested_response_names_each_condition() -> None:
+    trace = {"req": [4, 0, 0], "on": [2, 2, 2], "gnt": [0, 0, 1]}
+    spec = "ready = on > 1; always(req > 3 implies (ready implies eventually[0:1](gnt > 3)))"
+    why = explain(spec, trace)
+    assert [(e.role, e.name, e.text) for e in why.circumstances] == [
+        ("held", "ready", "on > 1"),
+        ("missing", None, "gnt > 3"),
+    ]
+    assert "held: ready = on > 1" in str(why)
+
+
+def test_a_window_outside_the_trace_is_said() -> None:
+    why = explain("always(a > 0 implies eventually[3:4](b > 0))", {"a": [-1, -1, 2], "b": [1] * 3})
+    assert str(why).splitlines()[-2:] == [
+        "sample 2   -inf  missing: eventually[3:4](b > 0)",
+        "                   its window lies outside the trace: sample 5 to sample 6",
+    ]
+
+
+def test_of_many_the_text_shows_some() -> None:
+    names = [f"x{i}" for i in range(3000)]
+    formula = rtamt.disjunction(variable(name) > 0 for name in names)
+    why = explain(formula, {name: np.array([-1.0]) for name in names})
+    assert len(why.circumstances) == 2999
+    assert str(why).splitlines()[-1].endswith("and 2979 more")
