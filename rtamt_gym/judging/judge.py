@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import rtamt
 from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.signals.signals import SignalLike
 
@@ -36,6 +37,7 @@ class Judge:
         reading: How samples are judged.
         variables: The names that the specifications read, each once.
         period: Seconds between samples; None where bounds count samples.
+        questions: Counts how often runs put the specifications to the test.
 
     Args:
         specs: The specifications by name.
@@ -62,6 +64,7 @@ class Judge:
         )
         self._free = [Panel(specs, reading)]
         self.period: Fraction | None = self._free[0].period
+        self.questions = Questions(specs, reading)
 
     def begin(self) -> Panel:
         """The monitors for a run that begins: taken from a run that is over, or new ones."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
-from rtamt import Asked, DenseAsked, Verdict
+from rtamt import Asked, DenseAsked, Evidence, Verdict
 
 __all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "asked_of", "order", "word"]
 
@@ -84,6 +84,7 @@ class Outcome:
         verdict: Verdict,
         sample: int | None,
         period: Fraction | None,
+        stands_on: Evidence[Asked] | None = None,
     ) -> Self:
         """The outcome of a run of samples.
 
@@ -92,10 +93,14 @@ class Outcome:
             verdict: The verdict.
             sample: The sample that made it certain, or None.
             period: Seconds between samples, or None.
+            stands_on: How often it was put to the test; None: nobody has counted.
         """
         robustness, lower, upper = bounds
         decided = None if sample is None else Moment.of(sample, period)
-        return cls(robustness, lower, upper, verdict, decided)
+        found = cls(robustness, lower, upper, verdict, decided)
+        if stands_on is None:
+            return found
+        return replace(found, asked=stands_on.asked, vacuous=stands_on.vacuous)
 
     @classmethod
     def of_height(cls, robustness: float) -> Self:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import Align, SemanticsName, Specification, Verdict, parse
+from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdict, parse
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import robustness_text
 from rtamt_gym.judging.reading import PredicateReading, View
@@ -90,6 +90,8 @@ class Course(_ComparesArrays):
         semantics: How predicates count, as for `rtamt.Monitor`.
         inputs: Variables that the system reads.
         outputs: Variables that the system sets.
+        asked: How often it was put to the test, as `Outcome.asked` has it.
+        vacuous: Whether it was satisfied without an answer.
     """
 
     formula: str
@@ -103,6 +105,8 @@ class Course(_ComparesArrays):
     semantics: SemanticsName = "standard"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    asked: tuple[Asked | DenseAsked, ...] | None = None
+    vacuous: bool = False
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -126,7 +130,8 @@ class Course(_ComparesArrays):
     def outcome(self, period: Fraction | None) -> Outcome:
         """What the specification has become, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
-        return Outcome.at(bounds, self.verdict, self.decided_at, period)
+        found = Outcome.at(bounds, self.verdict, self.decided_at, period)
+        return replace(found, asked=self.asked, vacuous=self.vacuous)
 
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 import rtamt
-from rtamt import End, InputTypeError, NanPolicy
+from rtamt import Asked, End, Evidence, InputTypeError, NanPolicy
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.panel import Assessment, Feed, Panel
@@ -113,8 +113,21 @@ class Recorder:
         table = np.array(self._samples, dtype=np.float64).reshape(shape)
         return dict(zip(self._names, np.ascontiguousarray(table.T), strict=True))
 
-    def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
-        """The course of every specification."""
+    def columns(self) -> dict[str, Floats]:
+        """The values of every variable."""
+        return self.signals()
+
+    def courses(
+        self,
+        specs: Mapping[str, rtamt.Specification],
+        stands_on: Mapping[str, Evidence[Asked]],
+    ) -> dict[str, Course]:
+        """The course of every specification.
+
+        Args:
+            specs: The specifications.
+            stands_on: How often each was put to the test; empty if nobody has counted.
+        """
         outcomes = self._panel.outcomes()
         courses = {}
         for name, (_, judge) in self._panel.monitors.items():
@@ -131,6 +144,8 @@ class Recorder:
                 judge.interface.semantics,
                 _of_role("input", judge),
                 _of_role("output", judge),
+                None if name not in stands_on else stands_on[name].asked,
+                name in stands_on and stands_on[name].vacuous,
             )
         return courses
 
@@ -141,13 +156,15 @@ class Tally:
     Args:
         panel: The monitors.
         variables: The names that the specifications read.
+        keeps: Whether the samples are asked for at the end.
     """
 
-    def __init__(self, panel: Panel, variables: Sequence[str]) -> None:
+    def __init__(self, panel: Panel, variables: Sequence[str], *, keeps: bool) -> None:
         self._panel, self._variables = panel, variables
         self._feed = panel.feeder(variables)
         # One monitor takes a sample as a whole or not at all.
-        self._samples: list[Sequence[float]] | None = None if len(panel.monitors) == 1 else []
+        alone = len(panel.monitors) == 1 and not keeps
+        self._samples: list[Sequence[float]] | None = None if alone else []
 
     def __len__(self) -> int:
         """The number of samples."""
@@ -163,6 +180,13 @@ class Tally:
         """The function that feeds a step of an environment."""
         keep = None if self._samples is None else self._samples.append
         return self._panel.feeder(self._variables, system.reads, keep=keep)
+
+    def columns(self) -> dict[str, Floats]:
+        """The values of every variable, if samples are kept; else none."""
+        if not self._samples:
+            return {}
+        table = np.array(self._samples, dtype=np.float64)
+        return dict(zip(self._variables, np.ascontiguousarray(table.T), strict=True))
 
     def rewind(self) -> None:
         """Sets the monitors to the last sample that all of them have taken."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 import gymnasium as gym
 
 import rtamt
-from rtamt import End, InputError, InputTypeError
+from rtamt import Asked, End, Evidence, InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
@@ -21,6 +21,7 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import (
     SpecsLike,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
-__all__ = ["Simulation", "Simulator", "outcomes_of"]
+__all__ = ["Simulation", "Simulator"]
 
 
 class _Bound(NamedTuple):
@@ -55,12 +56,14 @@ class _Bound(NamedTuple):
         judge: Its monitors; None of a `StepMonitor`, which has its own.
         period: Seconds between samples.
         most: The number of steps after which a run is cut short, or None.
+        questions: Counts how often a run puts the specifications to the test.
     """
 
     system: System
     judge: Judge | None
     period: Fraction | None
     most: int | None
+    questions: Questions
 
 
 class Simulator:
@@ -106,6 +109,7 @@ class Simulator:
             self.specs = _loaded(specs, system, ran.name)
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
+        self._questions: Questions | None = None  # of a `StepMonitor`
         self._bound = self._bind(ran)
 
     def begin(
@@ -166,7 +170,9 @@ class Simulator:
             variables = _variables(self.specs)
             ran.bind(variables, self.signals, self.monitor.period)
             most = _most(self._duration, exact(ran.period or 1), ran)
-            return _Bound(ran, None, self.monitor.period, most)
+            if self._questions is None:
+                self._questions = Questions(self.specs, self.monitor.reading)
+            return _Bound(ran, None, self.monitor.period, most, self._questions)
         reading = self.reading
         if reading.period is None:
             reading = reading.having(period=ran.period)
@@ -181,7 +187,7 @@ class Simulator:
             judge = self._judge = Judge(self.specs, reading)
         most = _most(self._duration, judge.period, ran)
         ran.bind(judge.variables, self.signals, judge.period)
-        return _Bound(ran, judge, judge.period, most)
+        return _Bound(ran, judge, judge.period, most, judge.questions)
 
 
 class Simulation:
@@ -206,7 +212,7 @@ class Simulation:
         label: str,
         light: bool,  # noqa: FBT001 - `Simulator.begin` names it
     ) -> None:
-        ran, self._judge, period, self._most = bound
+        ran, self._judge, period, self._most, questions = bound
         monitor, reading = simulator.monitor, simulator.reading
         panel = monitor.panel if monitor is not None else cast("Judge", self._judge).begin()
         goes_on = monitor is not None and simulator.start is None
@@ -214,12 +220,13 @@ class Simulation:
             reading.at_termination, reading.at_truncation, isinstance(ran, Environment), goes_on
         )
         self._system, self._panel, self._loaded = ran, panel, simulator.specs
+        self._questions = questions
         self._stop, self._above = stop, above
         variables = _variables(simulator.specs)
         signals = simulator.signals or {}
         self._light = light and monitor is None and set(signals) <= set(variables)
         self._record: Recorder | Tally = (
-            Tally(panel, variables)
+            Tally(panel, variables, keeps=bool(self._questions))
             if self._light
             else Recorder(panel, variables, signals, reading.nan, fed=monitor is not None)
         )
@@ -356,8 +363,8 @@ class Simulation:
                 record.rewind()
             self._samples = len(record)
             if isinstance(record, Tally):
+                self._outcomes = self._found(record) if len(record) else {}
                 self._wall = time.perf_counter() - self._begin
-                self._outcomes = outcomes_of(self._panel) if len(record) else {}
             else:
                 self.run = self._made(record) if len(record) else None
         finally:
@@ -365,10 +372,27 @@ class Simulation:
         if self._judge is not None:  # what came of it is copied, and an error has left it whole
             self._judge.end(self._panel)
 
+    def _found(self, record: Tally) -> dict[str, Outcome]:
+        """What the specifications have become."""
+        stands_on = self._stands_on(record)
+        return {
+            name: Outcome.at(bounds, verdict, decided, self._panel.period, stands_on[name])
+            for name, bounds, verdict, decided in self._panel.results()
+        }
+
+    def _stands_on(self, record: Tally | Recorder) -> dict[str, Evidence[Asked]]:
+        """How often the samples of a whole run have put the specifications to the test."""
+        verdicts = {name: verdict for name, _, verdict, _ in self._panel.results()}
+        samples = record.columns() if self._questions else {}
+        end = _reading_of(self._ended, self._ends)
+        return self._questions.answers(samples, len(record), end, verdicts)
+
     def _made(self, record: Recorder) -> Run:
+        # One that goes on lacks the samples before it.
+        stands_on = {} if record.first_sample else self._stands_on(record)
         return Run(
             signals=record.signals(),
-            courses=record.courses(self._loaded),
+            courses=record.courses(self._loaded, stands_on),
             ended=self._ended,
             violated_by=self._panel.violated_by,
             wall_time=time.perf_counter() - self._begin,
@@ -383,14 +407,6 @@ class Simulation:
             self._close()
         if self.run is not None:
             carry(error, self.run)
-
-
-def outcomes_of(panel: Panel) -> dict[str, Outcome]:
-    """What the specifications of monitors have become."""
-    return {
-        name: Outcome.at(bounds, verdict, decided, panel.period)
-        for name, bounds, verdict, decided in panel.results()
-    }
 
 
 def _variables(specs: Mapping[str, rtamt.Specification]) -> tuple[str, ...]:
@@ -417,14 +433,20 @@ class _Ends(NamedTuple):
     goes_on: bool
 
 
+def _reading_of(ended: RunEnd, ends: _Ends) -> AtTermination | End | None:
+    """How the end of a run is read; None of a run that was stopped or goes on, which has none."""
+    if ended == "truncated" or (ended == "duration" and not ends.goes_on):
+        return ends.at_truncation
+    return (ends.at_termination or "complete") if ended == "terminated" else None
+
+
 def _finish(record: Recorder | Tally, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
     """Reads the end of a run; a run that was stopped has none."""
-    if ended == "truncated" or (ended == "duration" and not ends.goes_on):
-        record.finish(ends.at_truncation)
+    undecided, end = panel.undecided, _reading_of(ended, ends)
+    if end is not None:
+        record.finish(end)
     if ended != "terminated":
         return
-    undecided = panel.undecided
-    record.finish(ends.at_termination or "complete")
     settled = next((name for name in undecided if panel.satisfies(name)), None)
     if ends.environment and ends.at_termination is None and settled is not None:
         warn_of_open_end(settled)

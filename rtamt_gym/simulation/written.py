@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.codec import fraction_of, number_of, plain
+from rtamt_gym.results.outcome import asked_of
 from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
 
 __all__ = ["plain_run", "run_fields"]
+
+
+_OF_OUTCOME: Final = ("decided_at", "asked", "vacuous")
+"""What is written of a course as outcomes have it."""
 
 
 def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
@@ -25,9 +30,10 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
         name: {
             each.name: getattr(course, each.name)
             for each in fields(course)
-            if arrays or each.name not in CURVES
+            if each.name not in _OF_OUTCOME and (arrays or each.name not in CURVES)
         }
         | {"decided_at": course.outcome(run.period).decided}
+        | dict(course.outcome(run.period).evidence or {})
         for name, course in run.courses.items()
     }
     found: dict[str, Any] = plain(kept)
@@ -78,6 +84,8 @@ def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
         semantics=kept.get("semantics", "standard"),
         inputs=tuple(kept.get("inputs", ())),
         outputs=tuple(kept.get("outputs", ())),
+        asked=asked_of(kept),
+        vacuous=kept.get("vacuous", False),
     )
 
 

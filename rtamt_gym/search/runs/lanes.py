@@ -18,9 +18,10 @@ from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.results.outcome import Outcome
-from rtamt_gym.results.trial import RunEnd, Trial
+from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 
@@ -68,6 +69,7 @@ class NativeLanes:
         self._spec = cast("EnvSpec", env.spec)
         self._elements = elements
         self.judging, self.stop = judging, stop
+        self.questions = Questions(judging.specs, judging.reading)
         simulation: Any = env.unwrapped
         self._actions: tuple[str, ...] = tuple(simulation.action_names)
         self._parameters = frozenset(simulation.parameters)
@@ -126,18 +128,24 @@ class NativeLanes:
         made = self._reset(env, cases, seeds)[None]
         actions = self._driven(cases, env.num_envs, panel.period)
         kept: list[Floats] = []
+
+        def signals_of(lane: int) -> dict[str, Floats]:
+            if not kept:
+                return {}
+            samples = np.concatenate([each[:, :, lane] for each in kept])
+            values = np.ascontiguousarray(samples[: int(batch.last[lane]) + 1].T)
+            return dict(zip(self._elements, values, strict=True))
+
         while True:
             # By samples, variables and lanes, which monitors read fastest.
             tables = np.ascontiguousarray(made.transpose(0, 2, 1)[:, list(self._elements.values())])
             over = batch.feed(tables, begin)
-            if keep is not None:
+            if keep is not None or self.questions:
                 kept.append(tables)
+            if keep is not None:
                 for lane in over.tolist():
-                    samples = np.concatenate([each[:, :, lane] for each in kept])
-                    values = samples[: int(batch.last[lane]) + 1].T
-                    signals = dict(zip(self._elements, values, strict=True))
-                    keep(lane, SimulatedTrace(signals, panel.period))
-            for lane, outcomes in batch.outcomes(over):
+                    keep(lane, SimulatedTrace(signals_of(lane), panel.period))
+            for lane, outcomes in batch.outcomes(over, signals_of):
                 yield (
                     lane,
                     Trial(
@@ -261,6 +269,7 @@ class _Batch:
         self._panel = panel
         self._above = above
         self._stops, self._at_end = lanes.stop, lanes.judging.reading.at_truncation
+        self._questions = lanes.questions
         self._steps = lanes.steps
         self._end = lanes.end
         self._all = np.arange(num)
@@ -289,8 +298,15 @@ class _Batch:
         over: NDArray[np.int64] = (running & ~self.active).nonzero()[0]
         return over
 
-    def outcomes(self, over: NDArray[np.int64]) -> Iterator[tuple[int, dict[str, Outcome]]]:
-        """What the requirements have become in these lanes, whose runs are over."""
+    def outcomes(
+        self, over: NDArray[np.int64], signals_of: Callable[[int], Mapping[str, Floats]]
+    ) -> Iterator[tuple[int, dict[str, Outcome]]]:
+        """What the requirements have become in these lanes, whose runs are over.
+
+        Args:
+            over: The lanes.
+            signals_of: Gives the samples of a lane, if they were kept.
+        """
         if not len(over):
             return
         panel = self._panel
@@ -302,12 +318,23 @@ class _Batch:
             name: np.array(each["decided_at"].value) for name, each in panel.outcomes(over).items()
         }
         for place, lane in enumerate(over.tolist()):
+            verdicts = {name: Verdict(columns[-1][lane].item()) for name, columns in found.items()}
+            stopped = self.ends[lane] in STOPPED
+            stands_on = self._questions.answers(
+                signals_of(lane),
+                int(self.last[lane]) + 1,
+                None if stopped else self._at_end,
+                verdicts,
+            )
             outcomes = {}
-            for name, columns in found.items():
-                *bounds, verdict = (column[lane].item() for column in columns)
+            for name, (*bounds, _) in found.items():
                 at = int(decided[name][place])
                 outcomes[name] = Outcome.at(
-                    bounds, Verdict(verdict), at if at >= 0 else None, panel.period
+                    [column[lane].item() for column in bounds],
+                    verdicts[name],
+                    at if at >= 0 else None,
+                    panel.period,
+                    stands_on[name],
                 )
             yield lane, outcomes
 

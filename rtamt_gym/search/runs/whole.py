@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
+from rtamt_gym.judging.questions import Questions
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.runner import CaseLike, Runner
@@ -54,6 +55,7 @@ class Whole:
     def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
         self._runner = make(specs, "known")
         self._names = list(specs)
+        self._questions: dict[Fraction | None, Questions] = {}
         self._horizon = max(spec.horizon for spec in specs.values())
 
     def __enter__(self) -> Self:
@@ -91,7 +93,7 @@ class Whole:
             with suppress(RtamtError):  # of samples that cannot be judged
                 heights = {name: self.judge(name, trace) for name in self._names}
                 if not np.signbit(list(heights.values())).any():
-                    satisfied[index] = _satisfied(row, heights, trace.period)
+                    satisfied[index] = self._satisfied(row, heights, trace)
         yield from satisfied.items()
         for index in range(len(listed)):
             if index not in satisfied:
@@ -99,15 +101,22 @@ class Whole:
                 for _, row in self._runner.run([listed[index]], own, above=above):
                     yield index, row
 
-
-def _satisfied(row: Trial, heights: Mapping[str, float], period: Fraction | None) -> Trial:
-    """The row of a run that satisfies all requirements, by their robustness."""
-    last = round(row.simulated / (period or 1))
-    outcomes = {
-        name: Outcome.at([height] * 3, Verdict.SATISFIED, last, period)
-        for name, height in heights.items()
-    }
-    return replace(row, outcomes=outcomes)
+    def _satisfied(self, row: Trial, heights: Mapping[str, float], trace: SimulatedTrace) -> Trial:
+        """The row of a run that satisfies all requirements, by their robustness."""
+        period, reading = trace.period, self._runner.reading
+        if period not in self._questions:
+            specs = self._runner.requirements
+            self._questions[period] = Questions(specs, reading.having(period=period))
+        verdicts = dict.fromkeys(heights, Verdict.SATISFIED)
+        terminated = row.ended == "terminated"
+        end = (reading.at_termination or "complete") if terminated else reading.at_truncation
+        stands_on = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
+        last = round(row.simulated / (period or 1))
+        outcomes = {
+            name: Outcome.at([height] * 3, Verdict.SATISFIED, last, period, stands_on[name])
+            for name, height in heights.items()
+        }
+        return replace(row, outcomes=outcomes)
 
 
 def _nests(formula: Formula) -> bool:
