@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from rtamt_gym.reports.model import Section, ShownEpisode, ShownRequirement, plain
 from rtamt_gym.reports.texts import aligned, number, time
 from rtamt_gym.reports.views import Cases, ComparedRequirement, Convergence, HeatMap
+from rtamt_gym.results.outcome import Word
 from rtamt_gym.tables import counted
 
 __all__ = ["Chart", "Table", "bins", "charts_of", "episode_chart", "pairs_chart"]
@@ -48,6 +49,7 @@ class Chart:
         data: What the script needs.
         table: Its numbers; None if the page has them elsewhere, or the script makes the table.
         wide: Whether it takes the whole width.
+        words: The verdicts that it shows by colour and sign, for its legend.
     """
 
     kind: str
@@ -57,6 +59,7 @@ class Chart:
     data: Mapping[str, Any]
     table: Table | None = None
     wide: bool = False
+    words: tuple[Word, ...] = ()
 
 
 @dataclass(slots=True)
@@ -79,6 +82,9 @@ class Bins:
 
 
 _LARGEST = 1e100
+
+WORDS: Final[tuple[Word, ...]] = ("violated", "undecided", "satisfied", "failed")
+"""What became of requirements, in the order in which charts stack and name them."""
 
 
 def bins(values: Sequence[float]) -> Bins:
@@ -109,17 +115,16 @@ def bins(values: Sequence[float]) -> Bins:
     return found
 
 
-def _ended(requirement: ShownRequirement, found: Bins) -> list[int]:
-    """How many of each interval are violated by how they ended; empty if none is."""
-    if not requirement.by_end:
-        return []
-    heights = [
-        trial.robustness
-        for trial in requirement.trials
-        if trial.verdict == "violated" and trial.robustness is not None
-    ]
-    places = Counter(_place(value, found.width) for value in heights if 0 < value <= _LARGEST)
-    return [min(places[found.first + i], count) for i, count in enumerate(found.counts)]
+def _by_verdict(requirement: ShownRequirement, found: Bins) -> dict[Word, list[int]]:
+    """How many of each interval have each verdict, by word; words that none has are left out."""
+    places = Counter(
+        (verdict, _place(value, found.width))
+        for value, verdict in zip(requirement.robustness, requirement.verdicts, strict=True)
+        if abs(value) <= _LARGEST
+    )
+    numbers = range(found.first, found.first + len(found.counts))
+    counts = {word: [places[word, i] for i in numbers] for word in WORDS}
+    return {word: each for word, each in counts.items() if any(each)}
 
 
 def _place(value: float, width: float) -> int:
@@ -146,22 +151,27 @@ def charts_of(section: Section, requirement: ShownRequirement) -> list[Chart]:
 def _histogram(requirement: ShownRequirement, noun: str) -> Chart:
     values = requirement.robustness
     found = bins(values)
+    verdicts = _by_verdict(requirement, found)
     edges = aligned([found.width * (found.first + i) for i in range(len(found.counts) + 1)])
     rows = [
-        (f"{low} to {high}", str(count))
-        for (low, high), count in zip(itertools.pairwise(edges), found.counts, strict=True)
+        (f"{low} to {high}", str(count), *(str(each[i]) for each in verdicts.values()))
+        for i, ((low, high), count) in enumerate(
+            zip(itertools.pairwise(edges), found.counts, strict=True)
+        )
         if count
     ]
     if found.below:
-        rows.insert(0, (number(-math.inf), str(found.below)))
+        rows.insert(0, (number(-math.inf), str(found.below), *_beyond(requirement, verdicts, -1)))
     if found.above:
-        rows.append((number(math.inf), str(found.above)))
+        rows.append((number(math.inf), str(found.above), *_beyond(requirement, verdicts, 1)))
     negative = sum(math.copysign(1.0, value) < 0 for value in values)
+    undecided = requirement.verdicts.count("undecided")
+    open_ = f", {undecided} undecided" if undecided else ""
     low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
     they = "it" if requirement.by_end == 1 else "they"
     by_end = f", {requirement.by_end} violated by how {they} ended" if requirement.by_end else ""
     parts = [
-        f"{negative} of {counted(len(values), noun)} below zero{by_end}.",
+        f"{negative} of {counted(len(values), noun)} below zero{by_end}{open_}.",
         f"Median {middle}, middle half {low} to {high}.",
         f"Least {number(values[0])}, greatest {number(values[-1])}.",
     ]
@@ -177,9 +187,20 @@ def _histogram(requirement: ShownRequirement, noun: str) -> Chart:
         "Robustness",
         " ".join(parts),
         240,
-        {**plain(found), "noun": noun, "ended": _ended(requirement, found)},
-        Table(("robustness", f"{noun}s"), tuple(rows)),
+        {**plain(found), "noun": noun, "by_verdict": verdicts},
+        Table(("robustness", f"{noun}s", *verdicts), tuple(rows)),
+        words=tuple(verdicts),
     )
+
+
+def _beyond(requirement: ShownRequirement, words: Iterable[Word], sign: int) -> list[str]:
+    """How many of the infinite robustness of a sign have each of the verdicts."""
+    found = [
+        verdict
+        for value, verdict in zip(requirement.robustness, requirement.verdicts, strict=True)
+        if value * sign > _LARGEST
+    ]
+    return [str(found.count(word)) for word in words]
 
 
 def _violations(requirement: ShownRequirement, noun: str, unit: str) -> Chart:
@@ -224,7 +245,8 @@ def _convergence(convergence: Convergence) -> Chart:
         summary,
         260,
         plain(convergence),
-        Table(
+        words=_present(convergence.verdicts),
+        table=Table(
             ("simulation", "least robustness so far"),
             tuple(
                 zip((str(n) for n, _ in steps), aligned([value for _, value in steps]), strict=True)
@@ -233,11 +255,18 @@ def _convergence(convergence: Convergence) -> Chart:
     )
 
 
+def _present(words: Sequence[Word]) -> tuple[Word, ...]:
+    return tuple(word for word in WORDS if word in words)
+
+
 def _map(heat: HeatMap) -> Chart:
     cells = [value for row in heat.cells for value in row]
+    words = [word for row in heat.verdicts for word in row]
     known = [value for value in cells if value is not None]
-    negative = sum(math.copysign(1.0, value) < 0 for value in known)
-    summary = f"{negative} of {counted(len(known), 'cell')} below zero, marked with a cross."
+    summary = f"{words.count('violated')} of {counted(len(known), 'cell')} violated"
+    if "undecided" in words:
+        summary += f", {words.count('undecided')} undecided"
+    summary += "."
     if known:
         where = cells.index(min(known))
         row, column = divmod(where, len(heat.xs))
@@ -257,7 +286,8 @@ def _map(heat: HeatMap) -> Chart:
         summary,
         min(max(260, 26 * len(heat.ys) + 100), 560),
         plain(heat),
-        Table((f"{heat.y} \\ {heat.x}", *aligned(heat.xs)), tuple(reversed(rows))),
+        words=_present(words),
+        table=Table((f"{heat.y} \\ {heat.x}", *aligned(heat.xs)), tuple(reversed(rows))),
     )
 
 
@@ -276,6 +306,7 @@ def _cases(cases: Cases, name: str) -> Chart:
         f"{summary}. The table of simulations has their numbers.",
         240,
         {"requirement": name},
+        words=_present(cases.verdicts[name]),
         wide=len(cases.columns) > 1,
     )
 

@@ -20,6 +20,10 @@ from rtamt_gym.reports.model import (
     ShownTrial,
     plain,
 )
+from rtamt_gym.reports.rows import DIGITS
+from rtamt_gym.reports.standing import key_of, standing_of
+from rtamt_gym.reports.views import ComparedRequirement
+from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.tables import counted, p_text
 
 __all__ = ["render"]
@@ -74,6 +78,7 @@ def render(report: Report) -> str:
             "time": texts.time,
             "p_text": p_text,
             "counted": counted,
+            "digits": lambda sha: sha[:DIGITS],
         }
     )
     view = _View()
@@ -81,6 +86,7 @@ def render(report: Report) -> str:
     return environment.get_template("page.html").render(
         report=report,
         sections=sections,
+        standing=standing_of(report.sections),
         requirements=_requirements(report),
         symbols=_SYMBOLS,
         style="\n".join(map(_read, _STYLES)),
@@ -105,6 +111,7 @@ class _View:
     def __init__(self) -> None:
         self.charts: dict[str, Any] = {}
         self.cases: dict[str, Any] = {}
+        self._keys: dict[tuple[str, str], int] = {}
         self._names = texts.PageIds(("top", "summary", "filter", "data", "main"))
 
     def section(self, section: Section) -> _Placed:
@@ -127,7 +134,10 @@ class _View:
                     _Placed(
                         own := self._names.add(name, each.name),
                         each,
-                        {"charts": self._place(own, name, _some(pairs_chart(each)))},
+                        {
+                            "charts": self._place(own, name, _some(pairs_chart(each))),
+                            "key": "" if each.name == SUCCESS else self._key(each),
+                        },
                     )
                     for each in compared
                 ],
@@ -147,6 +157,7 @@ class _View:
         trials = requirement.trials
         columns = {
             "robustness": texts.aligned([trial.robustness for trial in trials]),
+            "asked": ["" if t.asked is None else f"{t.asked}x" for t in trials],
             "decided_at": texts.aligned(
                 [None if t.decided_at is None else t.decided_at.time for t in trials]
             ),
@@ -167,6 +178,7 @@ class _View:
                     )
                     for i, trial in enumerate(trials)
                 ],
+                "key": "" if requirement.together else self._key(requirement),
                 "columns": {column for column, cells in columns.items() if any(cells)},
                 "cases": any(trial.case for trial in trials),
                 "texts": any(trial.text for trial in trials),
@@ -174,6 +186,10 @@ class _View:
                 "example": _first_seed(trials),
             },
         )
+
+    def _key(self, requirement: ShownRequirement | ComparedRequirement) -> int:
+        """A number that a requirement has in every section."""
+        return self._keys.setdefault(key_of(requirement), len(self._keys))
 
     def _episode(self, name: str, section: str, of: Section, episode: ShownEpisode) -> _Placed:
         own = self._names.add(name, "worst", episode.label)

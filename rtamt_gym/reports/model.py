@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from rtamt import RequirementId
 from rtamt_gym.reports.views import (
     Cases,
     ComparisonView,
@@ -33,6 +34,7 @@ __all__ = [
     "Section",
     "SectionKind",
     "ShownEpisode",
+    "ShownFile",
     "ShownRequirement",
     "ShownTrial",
     "plain",
@@ -66,6 +68,19 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
+class ShownFile:
+    """A file that a result stands on.
+
+    Attributes:
+        path: Its path as it was given.
+        sha256: Its SHA-256 in hexadecimal digits; empty if it is not known.
+    """
+
+    path: str
+    sha256: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class ShownTrial:
     """What became of one requirement in one episode, simulation or trace.
 
@@ -79,6 +94,8 @@ class ShownTrial:
         seed: The seed of the reset; None for a system without.
         case: What the simulation was given, a text for each entry.
         text: The error that ended it, or what else there is to say; may be empty.
+        asked: How often it put the implications of the requirement to the test; None if nobody
+            counted, or there are none.
     """
 
     label: str
@@ -90,6 +107,7 @@ class ShownTrial:
     seed: int | None = None
     case: tuple[str, ...] = ()
     text: str = ""
+    asked: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +206,7 @@ class ShownRequirement:
         interval: The 95 % interval of the rate (Wilson); None without a rate.
         robustness: The robustness of every episode that has one, least first; where there are more
             than 1000, only evenly spaced ranks.
+        verdicts: What became of the requirement where it has each of these.
         quantiles: The robustness below which 5, 25, 50, 75 and 95 % of the episodes lie, by the
             text of the share (``"0.05"``); empty if no episode has one.
         first_violations: When violations became certain, earliest first.
@@ -198,6 +217,10 @@ class ShownRequirement:
         worst: The worst episodes in full, worst first.
         note: A sentence, such as what the early end of episodes saved; may be empty.
         by_end: How many episodes are violated by how they ended, at a robustness above zero.
+        id: Its id where requirements are kept, with a link; None if its text gives none.
+        asked: How many episodes put it to the test, and of how many; None without implications.
+        answer: What sequential stopping has said of its rate; None without a target.
+        together: Whether it stands for all requirements of its section at once.
     """
 
     name: str
@@ -207,6 +230,7 @@ class ShownRequirement:
     rate: float | None
     interval: tuple[float, float] | None
     robustness: ShownSeries
+    verdicts: tuple[Word, ...]
     quantiles: Mapping[str, float]
     first_violations: ShownSeries
     trials: tuple[ShownTrial, ...]
@@ -215,6 +239,10 @@ class ShownRequirement:
     worst: tuple[ShownEpisode, ...] = ()
     note: str = ""
     by_end: int = 0
+    id: RequirementId | None = None
+    asked: tuple[int, int] | None = None
+    answer: Word | None = None
+    together: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +267,9 @@ class Section:
         convergence: The course of a search, for each requirement.
         comparison: The comparison, if the section is about one.
         matrix: The recorded traces, if the section is about some.
+        source: The file of the result; None if it was an object.
+        files: The files that it was made of: specifications, models, traces.
+        versions: The versions of Python and packages that made it.
     """
 
     kind: SectionKind
@@ -257,6 +288,9 @@ class Section:
     convergence: tuple[Convergence, ...] = ()
     comparison: ComparisonView | None = None
     matrix: TraceTable | None = None
+    source: ShownFile | None = None
+    files: tuple[ShownFile, ...] = ()
+    versions: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,11 +301,13 @@ class Report:
         title: Its title.
         made_with: What made it, such as ``rtamt 0.5.0``.
         sections: The results.
+        made_on: When it was made; may be empty.
     """
 
     title: str
     made_with: str
     sections: tuple[Section, ...]
+    made_on: str = ""
 
     def plain(self) -> dict[str, Any]:
         """The report as dicts, lists, numbers and texts; infinities are ``"inf"`` and ``"-inf"``.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -18,8 +18,9 @@ from rtamt_gym.reports.model import (
     ShownEpisode,
     ShownRequirement,
 )
-from rtamt_gym.reports.rows import at_stop, judged, requirement_of, trials_of
+from rtamt_gym.reports.rows import at_stop, judged, made_of, requirement_of, trials_of
 from rtamt_gym.reports.series import six
+from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
@@ -29,6 +30,14 @@ __all__ = ["of_evaluation"]
 _LETTERS: Final = 8
 """The letters of pictures that a page has room for where it has room for a number: so pictures
 take as much of it as numbers at most."""
+
+
+_ANSWERS: Final[Mapping[str, Word]] = {
+    "meets": "satisfied",
+    "falls short": "violated",
+    "undecided": "undecided",
+}
+"""What answers of sequential stopping to a target begin with, and what they say."""
 
 
 def of_evaluation(evaluation: Evaluation, room: int) -> Section:
@@ -71,6 +80,7 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
         requirements=tuple(requirements),
         returns=tuple(sorted(six(x) for x in evaluation.returns if x == x)),  # noqa: PLR0124 - nan
         durations=tuple(sorted(map(six, evaluation.lengths))),
+        **made_of(evaluation.record.provenance),
     )
 
 
@@ -87,6 +97,8 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
         [_episode(evaluation, run, name, room, episodes) for run in runs],
         rate=result.rate,
         interval=result.interval,
+        id=evaluation.record.provenance.ids.get(name),
+        answer=_answer(evaluation, name),
         note=" ".join(
             filter(None, (_saved(evaluation, result), at_stop(evaluation.record, name, "episode")))
         ),
@@ -129,7 +141,17 @@ def _success(evaluation: Evaluation) -> ShownRequirement:
         trials_of(evaluation.record, evaluation.record.together()),
         rate=result.rate,
         interval=result.interval,
+        together=True,
     )
+
+
+def _answer(evaluation: Evaluation, name: str) -> Word | None:
+    """What sequential stopping has said of a requirement under a target; None without a target."""
+    decisions = evaluation.decision or {}
+    if any(each.startswith("known") for each in decisions.values()):  # they are of widths
+        return None
+    text = decisions.get(name, "")
+    return next((word for said, word in _ANSWERS.items() if text.startswith(said)), None)
 
 
 def _saved(evaluation: Evaluation, result: RequirementResult) -> str:

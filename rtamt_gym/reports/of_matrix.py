@@ -19,13 +19,13 @@ from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
-from rtamt_gym.reports.rows import TRIALS, judged, requirement_of, trials_of
+from rtamt_gym.reports.rows import DIGITS, TRIALS, judged, made_of, requirement_of, trials_of
 from rtamt_gym.reports.series import six
 from rtamt_gym.reports.views import Cell, TraceLine, TraceTable
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Outcome, Word, word
-from rtamt_gym.results.provenance import provenance_of
+from rtamt_gym.results.provenance import file_hash, provenance_of
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
@@ -42,7 +42,8 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
 
     Args:
         kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
-        folder: Where traces are looked for that are not in the present folder.
+        folder: The folder of the result: traces that the present folder does not have are looked
+            for from there, then from each folder above it.
         room: How many numbers all episodes together may have.
 
     Raises:
@@ -53,11 +54,8 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
     formulas = matrix.requirements
     facts = [Fact("traces", str(len(matrix)))]
     facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]
-    requirements, notes = [], []
-    for name in formulas:
-        found, note = _requirement(matrix, reading, name, folder, room // len(formulas))
-        requirements.append(found)
-        notes += [note] if note and note not in notes else []
+    share = room // len(formulas)
+    requirements = [_requirement(matrix, reading, name, folder, share) for name in formulas]
     words = get_args(Word)
     places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
     return Section(
@@ -66,13 +64,13 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
         f"{counted(len(formulas), 'requirement')}",
         unit="s" if _period(matrix) else "steps",
         facts=tuple(facts),
-        notes=tuple(notes),
         requirements=tuple(requirements),
         matrix=TraceTable(
             tuple(formulas),
             tuple(_line(matrix[i], formulas) for i in sorted(places)),
             len(matrix) - len(places),
         ),
+        **made_of(matrix.provenance),
     )
 
 
@@ -97,8 +95,8 @@ def _robustness(outcome: Outcome | None) -> float | None:
 
 def _requirement(
     matrix: Matrix, reading: Mapping[str, Any], name: str, folder: Path, room: int
-) -> tuple[ShownRequirement, str]:
-    """A requirement with its worst trace in full, and why it has none."""
+) -> ShownRequirement:
+    """A requirement with its worst trace in full, or a note that says why it has none."""
     formula, outcomes = matrix.requirements[name], judged(matrix, name)
     trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
     known = [trial.label for trial in trials if trial.robustness is not None]
@@ -106,12 +104,43 @@ def _requirement(
     if known:
         row = next(row for row in matrix if row.name == known[0] and row.judged(name))
         try:
-            worst = [_episode(row.name, row.outcomes[name], reading, formula, folder, room)]
+            path = _found(row.name, folder, matrix.provenance.files.get(row.name, ""))
+            worst = [_episode(row.name, row.outcomes[name], reading, formula, path, room)]
         except (rtamt.RtamtError, OSError) as error:
             message = str(error).partition("\n")[0]
-            note = f"The worst trace of {name} is not shown in full: {message}."
+            note = f"The worst trace, `{row.name}`, is not shown in full: {message}."
     words = in_words_of(formula, _period(matrix), step=reading.get("view") == "step")
-    return requirement_of(name, words, formula, trials, worst), note
+    known_id = matrix.provenance.ids.get(name)
+    return requirement_of(name, words, formula, trials, worst, note=note, id=known_id)
+
+
+def _found(name: str, folder: Path, sha256: str) -> Path:
+    """The file of a trace: from here, from the folder of the result, or from one above it.
+
+    Args:
+        name: The path of the trace, as it was judged.
+        folder: The folder of the result.
+        sha256: The hash of the trace when it was judged; empty if it is not known.
+
+    Raises:
+        InputError: If there is none, or none is as it was.
+    """
+    folder = folder.absolute()
+    places = [Path.cwd(), folder, *folder.parents]
+    files = [path for place in dict.fromkeys(places) if (path := place / name).exists()]
+    if not files:
+        beside = "a folder" if folder == Path.cwd() else f"{folder} or a folder"
+        raise InputError(
+            f"it was found neither from {Path.cwd()} nor from {beside} above it; "
+            "make the page in the folder where the trace was judged"
+        )
+    alike = (path for path in files if not sha256 or file_hash(path) in {sha256, ""})
+    if (found := next(alike, None)) is None:
+        raise InputError(
+            f"{files[0]} is not the file that was judged, whose SHA-256 begins with "
+            f"{sha256[:DIGITS]}, but {file_hash(files[0])[:DIGITS]}; judge it again"
+        )
+    return found
 
 
 def _episode(
@@ -119,7 +148,7 @@ def _episode(
     outcome: Outcome,
     kept: Mapping[str, Any],
     formula: str,
-    folder: Path,
+    path: Path,
     room: int,
 ) -> ShownEpisode:
     """A trace in full.
@@ -133,8 +162,6 @@ def _episode(
     period = Fraction(kept["period"]) if "period" in kept else None
     said = {each: kept[each] for each in ("view", "semantics", "align") if each in kept}
     reading = Reading(period=period, **said)
-    path = Path(name)
-    path = path if path.exists() else folder / path
     spec = rtamt.parse(formula)
     columns = Columns(**kept.get("columns", {}))
     trace, period = read_ruled(str(path), {"": spec}, reading, columns)

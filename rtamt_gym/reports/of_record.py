@@ -5,26 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import combinations
-from typing import Final
+from typing import Final, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
-from rtamt_gym.reports.rows import at_stop, cases_of, judged, labelled, requirement_of, trials_of
+from rtamt_gym.reports.rows import (
+    at_stop,
+    cases_of,
+    judged,
+    labelled,
+    made_of,
+    requirement_of,
+    trials_of,
+)
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
 from rtamt_gym.results.intervals import wilson
+from rtamt_gym.results.outcome import Word, word
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import failures
-from rtamt_gym.search.sweeps.heights import map_of
+from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.sweep import Sweep
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted
 
 __all__ = ["maps_of", "of_record", "requirements_of", "unit_of"]
+
+Floats = NDArray[np.float64]
 
 _COLUMNS: Final = 4
 """Of so many columns at most every two have a map; of more the first."""
@@ -74,6 +86,7 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
         durations=rounded(sorted(row.simulated for row in record)),
         maps=maps_of(record, None if sweep is None else sweep.space),
         cases=cases_of(record),
+        **made_of(record.provenance),
     )
 
 
@@ -111,6 +124,7 @@ def requirements_of(
                 rate=None if rate is None else rate / len(trials),
                 interval=None if rate is None else wilson(rate, len(trials)),
                 note=at_stop(record, name, "simulation"),
+                id=record.provenance.ids.get(name),
             )
         )
     return tuple(found)
@@ -151,7 +165,26 @@ def maps_of(record: Record, space: Space | None) -> tuple[HeatMap, ...]:
             right, up = (f"{each} [{units[each]}]" if units.get(each) else each for each in (x, y))
             found.append(
                 HeatMap(
-                    name, right, up, rounded(heights.xs), rounded(heights.ys), cells, heights.folded
+                    name,
+                    right,
+                    up,
+                    rounded(heights.xs),
+                    rounded(heights.ys),
+                    cells,
+                    _words_of(record, name, (columns[x], columns[y]), heights),
+                    heights.folded,
                 )
             )
     return tuple(found)
+
+
+def _words_of(
+    record: Record, name: str, at: tuple[Floats, Floats], heights: RobustnessMap
+) -> tuple[tuple[Word, ...], ...]:
+    """The worst word of each cell of a map; where something is known, what failed counts least."""
+    worst: dict[tuple[float, float], Word] = {}
+    order = get_args(Word)[1:]
+    for x, y, outcome in zip(*(each.tolist() for each in at), judged(record, name), strict=True):
+        both = {word(outcome), worst.get((x, y), "failed")}
+        worst[x, y] = next((each for each in order if each in both), "failed")
+    return tuple(tuple(worst[x, y] for x in heights.xs.tolist()) for y in heights.ys.tolist())

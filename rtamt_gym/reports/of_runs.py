@@ -48,6 +48,7 @@ def of_run(run: Run, room: int) -> Section:
                 course.formula,
                 trials_of([trial], [trial.judged(name)], lambda *_: label),
                 [episode_of_run(run, name, label, room, len(run.courses))],
+                id=course.specification.id,
             )
         )
     last = sample_text(run.last_sample, run.period)

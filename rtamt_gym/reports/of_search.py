@@ -12,11 +12,11 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
-from rtamt_gym.reports.rows import TRIALS, cases_of, judged, requirement_of
+from rtamt_gym.reports.rows import TRIALS, cases_of, judged, made_of, requirement_of
 from rtamt_gym.reports.series import six
 from rtamt_gym.reports.views import Convergence
 from rtamt_gym.results.codec import trials_of
-from rtamt_gym.results.outcome import WORDS
+from rtamt_gym.results.outcome import WORDS, Outcome, word
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record
@@ -67,6 +67,7 @@ def of_search(found: Falsification, room: int) -> Section:
         requirements=requirements_of(record, runs, room, unit=unit),
         cases=cases_of(record),
         convergence=convergence_of(record),
+        **made_of(record.provenance),
     )
 
 
@@ -76,16 +77,11 @@ def convergence_of(record: Record) -> tuple[Convergence, ...]:
     Where there are more than 2000 simulations, it shows each that is less than all before it, and
     evenly spaced others.
     """
-    return tuple(
-        _convergence(
-            name,
-            [None if outcome is None else outcome.robustness for outcome in judged(record, name)],
-        )
-        for name in record.requirements
-    )
+    return tuple(_convergence(name, judged(record, name)) for name in record.requirements)
 
 
-def _convergence(name: str, heights: Sequence[float | None]) -> Convergence:
+def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Convergence:
+    heights = [None if each is None else each.robustness for each in outcomes]
     least: list[float | None] = []
     for height in heights:
         known = [each for each in (*least[-1:], height) if each is not None]
@@ -97,7 +93,8 @@ def _convergence(name: str, heights: Sequence[float | None]) -> Convergence:
         tuple(None if each[i] is None else six(each[i]) for i in places)
         for each in (heights, least)
     )
-    return Convergence(name, tuple(i + 1 for i in places), robustness, least_so_far)
+    words = tuple(word(outcomes[i]) for i in places)
+    return Convergence(name, tuple(i + 1 for i in places), robustness, words, least_so_far)
 
 
 def of_case(saved: SavedCase, room: int) -> Section:
@@ -130,11 +127,11 @@ def of_case(saved: SavedCase, room: int) -> Section:
         formula,
         [trial],
         worst,
+        id=saved.requirement.id,
     )
     verb = {Verdict.VIOLATED: "violates", Verdict.SATISFIED: "satisfies"}
     title = f"A case that {verb.get(saved.verdict, 'leaves open')} {name}"
     facts = [Fact("robustness", number(saved.robustness))]
-    facts += [Fact(package, version) for package, version in saved.versions.items()]
     return Section(
         kind="search",
         title=title,
@@ -144,6 +141,7 @@ def of_case(saved: SavedCase, room: int) -> Section:
         facts=tuple(facts),
         notes=tuple(notes),
         requirements=(requirement,),
+        versions=dict(saved.versions),
     )
 
 
@@ -196,4 +194,5 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
         requirements=requirements_of(record, {}, 0, unit=unit),
         cases=cases_of(record),
         convergence=convergence_of(record),
+        **made_of(record.provenance),
     )

@@ -9,12 +9,20 @@ from typing import Any, Final
 import numpy as np
 
 from rtamt_gym.reports.episodes import case_texts, rounded_moment
-from rtamt_gym.reports.model import Counts, Fact, ShownEpisode, ShownRequirement, ShownTrial
-from rtamt_gym.reports.series import evenly, six
+from rtamt_gym.reports.model import (
+    Counts,
+    Fact,
+    ShownEpisode,
+    ShownFile,
+    ShownRequirement,
+    ShownTrial,
+)
+from rtamt_gym.reports.series import evenly, six, spaced
 from rtamt_gym.reports.texts import number
 from rtamt_gym.reports.views import Cases
 from rtamt_gym.results.intervals import quantiles
 from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial, open_at_stop
@@ -22,12 +30,14 @@ from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted
 
 __all__ = [
+    "DIGITS",
     "TRIALS",
     "at_stop",
     "cases_of",
     "counts_of",
     "judged",
     "labelled",
+    "made_of",
     "requirement_of",
     "trials_of",
     "worst_first",
@@ -35,6 +45,9 @@ __all__ = [
 
 TRIALS: Final = 500
 """The most trials of a requirement that are shown."""
+
+DIGITS: Final = 12
+"""The digits of a hash that are shown; the whole is shown where the pointer rests."""
 
 _ROBUSTNESS: Final = 1000
 """The most numbers of a distribution."""
@@ -83,6 +96,7 @@ def trials_of(
                 seed=row.seed,
                 case=case_texts(row.case),
                 text=row.error or _text_of(row, outcome),
+                asked=_asked(outcome),
             )
         )
     return sorted(trials, key=worst_first)
@@ -93,6 +107,13 @@ def _text_of(row: Trial, outcome: Outcome | None) -> str:
     if outcome is not None:
         return outcome.way_out
     return next((each.message for each in row.failures.values()), "")
+
+
+def _asked(outcome: Outcome | None) -> int | None:
+    """How often the implications of a requirement were put to the test, all together."""
+    if outcome is None or not outcome.asked:
+        return None
+    return sum(each.occasions for each in outcome.asked)
 
 
 def judged(results: Results, name: str) -> list[Outcome | None]:
@@ -120,7 +141,10 @@ def requirement_of(
     **also: Any,  # noqa: ANN401 - fields of a requirement
 ) -> ShownRequirement:
     """A requirement with its trials, the worst first; rate and interval are among ``also``."""
-    heights = sorted(each.robustness for each in trials if each.robustness is not None)
+    known = [(each.robustness, each.verdict) for each in trials if each.robustness is not None]
+    known.sort(key=lambda each: (each[0], _ORDER[each[1]]))
+    heights = [height for height, _ in known]
+    asked = [each.asked for each in trials if each.asked is not None]
     violations = sorted(
         each.decided_at.time or 0.0 for each in trials if each.decided_at is not None
     )
@@ -133,14 +157,22 @@ def requirement_of(
         interval=also.pop("interval", None),
         statistics=statistics_of(heights),
         robustness=evenly(heights, _ROBUSTNESS),
+        verdicts=tuple(verdict for _, verdict in spaced(known, _ROBUSTNESS)),
         quantiles=shares_of(heights),
         first_violations=evenly(violations, _ROBUSTNESS),
         trials=tuple(trials[:TRIALS]),
         left_out=max(0, len(trials) - TRIALS),
         worst=tuple(worst),
         by_end=sum(map(_by_end, trials)),
+        asked=(sum(map(bool, asked)), len(asked)) if asked else None,
         **also,
     )
+
+
+def made_of(found: Provenance) -> dict[str, Any]:
+    """The fields of a section that say what its result was made of and with."""
+    files = tuple(ShownFile(path, sha) for path, sha in found.files.items())
+    return {"files": files, "versions": dict(found.versions)}
 
 
 def statistics_of(heights: Sequence[float]) -> tuple[Fact, ...]:

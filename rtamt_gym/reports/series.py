@@ -5,14 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FEWEST", "MOST", "ROOM", "evenly", "points_of", "rounded", "shown", "six"]
+__all__ = ["FEWEST", "MOST", "ROOM", "evenly", "points_of", "rounded", "shown", "six", "spaced"]
 
 Floats = NDArray[np.float64]
+
+T = TypeVar("T")
 
 ROOM: Final = 60_000
 """The numbers of all episodes of a report together, about 500 kB as text."""
@@ -85,10 +87,15 @@ def evenly(ordered: Sequence[float], most: int) -> tuple[float, ...]:
         >>> evenly([1.0, 2.0, 3.0, 4.0, 5.0], 3)
         (1.0, 3.0, 5.0)
     """
+    return rounded(spaced(ordered, most))
+
+
+def spaced(ordered: Sequence[T], most: int) -> tuple[T, ...]:
+    """What stands at evenly spaced ranks, the first and the last among it."""
     if len(ordered) <= most:
-        return rounded(ordered)
+        return tuple(ordered)
     places = np.linspace(0, len(ordered) - 1, most).round().astype(int)
-    return rounded(ordered[int(place)] for place in places)
+    return tuple(ordered[int(place)] for place in places)
 
 
 def rounded(values: Iterable[float]) -> tuple[float, ...]:

@@ -34,6 +34,7 @@ class HeatMap:
         ys: The numbers of y, increasing.
         cells: A row for each of ys, with the robustness for each of xs; None where the simulation
             failed.
+        verdicts: A row for each of ys, with the worst word of each cell.
         folded: Whether a cell is the least of several simulations.
     """
 
@@ -43,6 +44,7 @@ class HeatMap:
     xs: ShownSeries
     ys: ShownSeries
     cells: tuple[tuple[float | None, ...], ...]
+    verdicts: tuple[tuple[Word, ...], ...]
     folded: bool
 
 
@@ -76,12 +78,14 @@ class Convergence:
         requirement: The name of the requirement.
         simulations: The numbers of the simulations, from 1.
         robustness: The robustness of each; None where it failed.
+        verdicts: What became of the requirement in each.
         least: The least up to each; None before the first.
     """
 
     requirement: str
     simulations: tuple[int, ...]
     robustness: tuple[float | None, ...]
+    verdicts: tuple[Word, ...]
     least: tuple[float | None, ...]
 
 

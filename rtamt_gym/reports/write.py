@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Report
+from rtamt_gym.reports.model import Report, Section, ShownFile
 from rtamt_gym.reports.results import Result, section_of
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.tables import counted
 
 __all__ = ["check_page", "report_of", "write_report"]
 
 
-def write_report(path: str | os.PathLike[str], *results: Result, title: str | None = None) -> None:
+def write_report(
+    path: str | os.PathLike[str],
+    *results: Result,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+    date: datetime | None = None,
+) -> None:
     """Writes results as one page of HTML, which needs no network and no other file.
 
     Each result is a section, in their order: every requirement in words, what became of it, the
@@ -32,9 +43,15 @@ def write_report(path: str | os.PathLike[str], *results: Result, title: str | No
             the paths of their files: JSON and Parquet that they save, folders of campaigns, and
             what ``rtamt sweep``, ``falsify``, ``monitor`` and others write with ``--json``.
         title: The title of the page. None: the title of the only result, or how many there are.
+        names: What the results are called, in their order. None: sections whose titles would be
+            the same have the names of their files behind them, or numbers.
+        date: When the page was made. None: the seconds since 1970 in the variable
+            ``SOURCE_DATE_EPOCH`` of the environment, with which the same results give the same
+            page; without it now.
 
     Raises:
-        InputError: If there is no result, a file holds none, or the page has another ending.
+        InputError: If there is no result, a file holds none, the page has another ending, names
+            are not one for each result, or ``SOURCE_DATE_EPOCH`` is no number of seconds.
         InputTypeError: If something is no result.
         OSError: If there is no such file, or the page cannot be written.
         ModuleNotFoundError: If jinja2 or plotly is not installed; names the extra ``report``.
@@ -57,20 +74,79 @@ def write_report(path: str | os.PathLike[str], *results: Result, title: str | No
         True
     """
     check_page(path)
-    page = render(report_of(*results, title=title))
+    page = render(report_of(*results, title=title, names=names, date=date))
     Path(path).write_text(page, encoding="utf-8")
 
 
-def report_of(*results: Result, title: str | None = None) -> Report:
-    """What the page of results shows."""
+def report_of(
+    *results: Result,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+    date: datetime | None = None,
+) -> Report:
+    """What the page of results shows; arguments are those of `write_report`."""
     if not results:
         raise InputError(
             "expected one result at least, such as an Evaluation or its file, got none"
         )
-    sections = tuple(section_of(each, ROOM // len(results)) for each in results)
+    made_on = _date(date)
+    sections = tuple(_section(each, ROOM // len(results)) for each in results)
+    sections = _named(sections, results, names)
     if title is None:
         title = sections[0].title if len(sections) == 1 else counted(len(sections), "result")
-    return Report(title, f"rtamt {rtamt.__version__}", sections)
+    return Report(title, f"rtamt {rtamt.__version__}", sections, made_on)
+
+
+def _section(result: Result, room: int) -> Section:
+    """The section of a result, and of a file with its hash."""
+    section = section_of(result, room)
+    if not isinstance(result, str | os.PathLike):
+        return section
+    return replace(section, source=ShownFile(os.fspath(result), file_hash(result)))
+
+
+def _named(
+    sections: Sequence[Section], results: Sequence[Result], names: Sequence[str] | None
+) -> tuple[Section, ...]:
+    """The sections with titles that tell them apart."""
+    if names is not None:
+        given: object = names
+        known = [] if isinstance(given, str) or not isinstance(given, Sequence) else list(given)
+        if len(known) != len(results) or not all(isinstance(each, str) and each for each in known):
+            raise InputError(
+                Argument("names"),
+                f": expected a text for each of {counted(len(results), 'result')}, got {names!r}",
+            )
+        if len(set(known)) < len(known):
+            raise InputError(Argument("names"), f": expected different texts, got {names!r}")
+        return tuple(
+            replace(each, title=f"{name}: {each.title}")
+            for name, each in zip(known, sections, strict=True)
+        )
+    titles = [each.title for each in sections]
+    files = [os.fspath(each) if isinstance(each, str | os.PathLike) else "" for each in results]
+    # Files of one name lie in different folders.
+    short = [Path(each).name for each in files]
+    of = [f"result {i + 1}" for i in range(len(sections))]
+    for own in (files, short):  # the shorter, if it tells them apart
+        of = [name if name and own.count(name) == 1 else of[i] for i, name in enumerate(own)]
+    return tuple(
+        replace(each, title=f"{each.title} ({of[i]})") if titles.count(each.title) > 1 else each
+        for i, each in enumerate(sections)
+    )
+
+
+def _date(date: datetime | None) -> str:
+    """The date of a page in UTC, to the minute."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    if date is None and epoch is not None:
+        try:
+            date = datetime.fromtimestamp(int(epoch), UTC)
+        except (ValueError, OverflowError, OSError):
+            raise InputError(
+                f"expected SOURCE_DATE_EPOCH as seconds since 1970, got {epoch!r}"
+            ) from None
+    return f"{(date or datetime.now(UTC)).astimezone(UTC):%Y-%m-%d %H:%M} UTC"
 
 
 def check_page(path: str | os.PathLike[str]) -> None:

@@ -44,7 +44,7 @@ def test_every_chart_is_drawn(page: Page) -> None:
         *("histogram", "violations", "episode", "map", "cases", "convergence", "pairs")
     }
     assert [kind for kind, traces in kinds if not traces and kind != "map"] == []
-    assert page.locator("figure.map .hm image").count() == 1
+    assert page.locator("figure.map .hm image").count() == 2  # known, and undecided beside it
 
 
 @pytest.mark.parametrize("share", [0.25, 0.75])
@@ -78,7 +78,7 @@ def test_a_hover_over_a_bar_counts(page: Page) -> None:
     assert bar
     page.mouse.move(bar["x"] + bar["width"] / 2, bar["y"] + bar["height"] / 2, steps=3)
     said = plot.locator(".hoverlayer .hovertext")
-    expect(said).to_have_text("\N{MINUS SIGN}0.25 to \N{MINUS SIGN}0.2: 1 episode")
+    expect(said).to_have_text("\N{MINUS SIGN}0.25 to \N{MINUS SIGN}0.2: 1 episode violated")
 
 
 def test_the_slider_shows_values_and_the_frame_of_its_time(page: Page) -> None:

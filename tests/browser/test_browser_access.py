@@ -203,6 +203,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         rate=0.0,
         interval=(0.0, 1.0),
         robustness=(),
+        verdicts=(),
         quantiles={},
         first_violations=(),
         trials=(),
@@ -214,13 +215,21 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         UPRIGHT,
         name="infinite",
         robustness=(-math.inf, math.inf),
+        verdicts=("violated", "satisfied"),
         quantiles={"0.05": -math.inf, "0.25": -math.inf, "0.5": 0.0, "0.75": 1.0, "0.95": math.inf},
         worst=(
             replace(episode, robustness=endless, upper=endless, predicates={"p": endless}),
             replace(episode, label="short", **_first(episode)),
         ),
     )
-    single = replace(UPRIGHT, name="single", robustness=(0.0,), trials=UPRIGHT.trials[:1], worst=())
+    single = replace(
+        UPRIGHT,
+        name="single",
+        robustness=(0.0,),
+        verdicts=("satisfied",),
+        trials=UPRIGHT.trials[:1],
+        worst=(),
+    )
     many = tuple(replace(UPRIGHT, name=f"r{i}", worst=()) for i in range(30))
     report = Report(
         "edges",
@@ -236,7 +245,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
             for plot in page.locator(f"#evaluation figure.{kind} .plot").all():
                 plot.scroll_into_view_if_needed()
                 plot.locator(".main-svg").first.wait_for()
-        assert page.locator("#count").inner_text() == "33 requirements, 621 runs"
+        assert page.locator("#count").inner_text() == "33 requirements, 40 runs"
         assert page.locator("[data-chart]").count() == 4 + 1 + 2 * 30
         assert page.locator("#evaluation-none .rate").inner_text() == "nothing evaluated"
         assert beyond(page) <= 0

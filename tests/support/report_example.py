@@ -26,7 +26,7 @@ from rtamt_gym.reports.views import (
     TraceLine,
     TraceTable,
 )
-from rtamt_gym.results.outcome import Moment
+from rtamt_gym.results.outcome import Moment, Word
 
 _PIXEL = (
     "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGA"
@@ -78,6 +78,7 @@ _UPRIGHT = ShownRequirement(
     rate=0.85,
     interval=(0.6395894, 0.9476195),
     robustness=tuple(sorted((_MARGIN[_WORST], -0.05, *(0.01 * i for i in range(1, 18))))),
+    verdicts=(*("violated",) * 2, *("satisfied",) * 17),
     quantiles={"0.05": -0.05, "0.25": 0.03, "0.5": 0.08, "0.75": 0.13, "0.95": 0.17},
     first_violations=(_AT, 1.9),
     trials=(
@@ -107,6 +108,7 @@ _CENTRED = replace(
     rate=0.75,
     interval=(0.531299, 0.888138),
     robustness=(-math.inf, *(0.02 * i for i in range(1, 18)), math.inf),
+    verdicts=(*("undecided",) * 4, *("satisfied",) * 15),
     quantiles={"0.05": -math.inf, "0.25": 0.08, "0.5": 0.18, "0.75": 0.28, "0.95": 0.36},
     first_violations=(),
     trials=(
@@ -134,6 +136,11 @@ _EVALUATION = Section(
 
 _GRID = (0.1, 0.2, 0.3)
 _CELLS = ((1.0, 0.135, -0.73), (1.0, 0.682, 0.046), (1.0, 1.0, None))
+_WORDS: tuple[tuple[Word, ...], ...] = (
+    ("satisfied", "satisfied", "violated"),
+    ("satisfied", "satisfied", "undecided"),
+    ("satisfied", "satisfied", "failed"),
+)
 
 _DRY = ShownRequirement(
     name="dry",
@@ -143,6 +150,7 @@ _DRY = ShownRequirement(
     rate=None,
     interval=None,
     robustness=(-0.73, 0.046, 0.135, 0.682, 1.0, 1.0, 1.0, 1.0),
+    verdicts=("violated", *("satisfied",) * 7),
     quantiles={"0.05": -0.4584, "0.25": 0.11275, "0.5": 0.841, "0.75": 1.0, "0.95": 1.0},
     first_violations=(11.0,),
     trials=(
@@ -177,7 +185,7 @@ _SWEEP = Section(
     facts=(Fact("simulations", "9"), Fact("sampler", "grid")),
     requirements=(_DRY,),
     durations=(19.0,) * 9,
-    maps=(HeatMap("dry", "inflow", "leak", _GRID, (0.1, 0.15, 0.2), _CELLS, folded=False),),
+    maps=(HeatMap("dry", "inflow", "leak", _GRID, (0.1, 0.15, 0.2), _CELLS, _WORDS, folded=False),),
     cases=_CASES,
 )
 
@@ -192,7 +200,11 @@ _SEARCH = Section(
     cases=_CASES,
     convergence=(
         Convergence(
-            "dry", (1, 2, 3, 4, 5), (0.9, 1.0, 0.4, None, -0.73), (0.9, 0.9, 0.4, 0.4, -0.73)
+            "dry",
+            (1, 2, 3, 4, 5),
+            (0.9, 1.0, 0.4, None, -0.73),
+            ("satisfied", "satisfied", "undecided", "failed", "violated"),
+            (0.9, 0.9, 0.4, 0.4, -0.73),
         ),
     ),
 )

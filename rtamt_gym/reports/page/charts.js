@@ -42,51 +42,42 @@ function note(c, text, where) {
   return { text, showarrow: false, font: { size: 11, color: c.muted }, ...where };
 }
 
+// Of each verdict a pattern: what is undecided is neither of the others on paper and to any eye.
+const patterns = { violated: "/", undecided: "|", satisfied: "", failed: "x" };
+
 function histogram(chart, c) {
   const places = chart.counts.map((_, i) => chart.first + i);
-  const ended = places.map((_, i) => chart.ended[i] ?? 0);
-  const says = chart.counts.map(
-    (count, i) => `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}`
-      + (ended[i] ? `, ${ended[i]} violated by the end` : ""),
-  );
-  const bars = (chosen, colour, shape, counts) => ({
+  const words = Object.entries(chart.by_verdict);
+  const says = chart.counts.map((count, i) => {
+    const found = words.filter(([, counts]) => counts[i]).map(([word, counts]) => `${counts[i]} ${word}`);
+    const text = found.length === 1 ? ` ${found[0].split(" ")[1]}` : `: ${found.join(", ")}`;
+    return `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}${text}`;
+  });
+  const bars = ([word, counts]) => ({
     type: "bar",
-    x: chosen.map((place) => (place + 0.5) * chart.width),
-    y: chosen.map((place) => counts[place - chart.first]),
+    name: word,
+    x: places.map((place) => (place + 0.5) * chart.width),
+    y: counts,
     width: chart.width,
-    customdata: chosen.map((place) => says[place - chart.first]),
+    customdata: says,
     hovertemplate: "%{customdata}<extra></extra>",
     marker: {
-      color: colour,
+      color: c[word],
       line: { color: c.page, width: 1 },
-      pattern: { shape, fillmode: "overlay", fgcolor: c.page, fgopacity: 0.8, size: 7, solidity: 0.25 },
+      pattern: { shape: patterns[word], fillmode: "overlay", fgcolor: c.page, fgopacity: 0.8, size: 7, solidity: 0.25 },
     },
   });
   const low = Math.min(chart.first, 0) * chart.width;
   const high = Math.max(chart.first + chart.counts.length, 0) * chart.width;
   const pad = (high - low || 2) * 0.04;
-  const top = { yref: "paper", y: 1, yanchor: "bottom", xref: "x", x: 0 };
-  const right = places.filter((place) => place >= 0);
-  const satisfied = chart.counts.map((count, i) => count - ended[i]);
-  const holds = right.some((place) => satisfied[place - chart.first] > 0);
-  const above = [...(holds ? ["✓ satisfied"] : []), ...(ended.some(Boolean) ? ["✗ violated by the end"] : [])];
-  const ink = holds ? c["satisfied-ink"] : c["violated-ink"];
-  const sides = [
-    note(c, "✗ violated", { ...top, xanchor: "right", xshift: -6, font: { size: 11, color: c["violated-ink"] } }),
-    note(c, above.join(", "), { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: ink } }),
-  ].filter((_, i) => (i === 0 ? low < 0 : high > 0));
   return {
-    traces: [
-      bars(places.filter((place) => place < 0), c.violated, "/", chart.counts),
-      bars(right, c.satisfied, "", satisfied),
-      bars(right, c.violated, "/", ended),
-    ],
+    traces: words.map(bars),
     layout: frame(c, {
       barmode: "stack",
+      margin: { l: 52, r: 12, t: 8, b: 44 },
       xaxis: axis(c, "robustness", { range: [low - pad, high + pad], showgrid: false }),
       yaxis: axis(c, `${chart.noun}s`, { rangemode: "tozero", tickformat: "d", nticks: 5, ...(Math.max(...chart.counts) < 5 && { dtick: 1 }) }),
       shapes: [zeroLine(c, "x")],
-      annotations: sides,
     }),
   };
 }
@@ -119,9 +110,8 @@ function violations(chart, c) {
 function convergence(chart, c) {
   const robustness = reals(chart.robustness);
   const says = robustness.map(
-    (value, i) => `simulation ${chart.simulations[i]}: ${value === null ? "failed" : show(value)}`,
+    (value, i) => `simulation ${chart.simulations[i]}: ${value === null ? "failed" : `${show(value)}, ${chart.verdicts[i]}`}`,
   );
-  const negative = robustness.map((value) => value !== null && isNegative(value));
   return {
     traces: [
       {
@@ -132,9 +122,10 @@ function convergence(chart, c) {
         customdata: says,
         hovertemplate: "%{customdata}<extra></extra>",
         marker: {
-          symbol: negative.map((is) => (is ? "x" : "circle")),
-          color: negative.map((is) => (is ? c.violated : faded(c.signal, 0.6))),
+          symbol: chart.verdicts.map((word) => symbols[word]),
+          color: chart.verdicts.map((word) => c[word]),
           size: 7,
+          opacity: 0.8,
         },
       },
       {
@@ -163,10 +154,12 @@ function map(chart, c, width) {
   const size = Math.max(...finite.map(Math.abs), 1e-12);
   const cell = (value) => (value === null ? null : Math.max(-size, Math.min(size, value)));
   const few = width / chart.xs.length > 44 && chart.ys.length <= 20;
-  const crosses = [];
-  cells.forEach((row, j) => row.forEach((value, i) => {
-    if (value !== null && isNegative(value)) crosses.push([i, j]);
-  }));
+  const marked = { violated: [], undecided: [] };
+  chart.verdicts.forEach((row, j) => row.forEach((word, i) => marked[word]?.push([i, j])));
+  const open = (i, j) => chart.verdicts[j][i] === "undecided";
+  const said = cells.map((row, j) => row.map((value, i) => safe(
+    `${cut(chart.x, 40)} = ${show(real(chart.xs[i]))}, ${cut(chart.y, 40)} = ${show(real(chart.ys[j]))}: ${value === null ? "failed" : `${show(value)}, ${chart.verdicts[j][i]}`}`,
+  )));
   // Columns are numbered: a grid whose steps differ has cells of one size.
   const places = (numbers) => ({
     tickmode: "array",
@@ -178,7 +171,7 @@ function map(chart, c, width) {
     traces: [
       {
         type: "heatmap",
-        z: cells.map((row) => row.map(cell)),
+        z: cells.map((row, j) => row.map((value, i) => (open(i, j) ? null : cell(value)))),
         zmin: -size,
         zmax: size,
         xgap: 1,
@@ -188,20 +181,32 @@ function map(chart, c, width) {
         text: cells.map((row) => row.map((value) => (few && value !== null ? show(Number(value.toPrecision(3))) : ""))),
         texttemplate: few ? "%{text}" : "",
         textfont: { color: c.ink },
-        customdata: cells.map((row, j) => row.map((value, i) => safe(
-          `${cut(chart.x, 40)} = ${show(real(chart.xs[i]))}, ${cut(chart.y, 40)} = ${show(real(chart.ys[j]))}: ${value === null ? "failed" : show(value)}`,
-        ))),
+        customdata: said,
         hovertemplate: "%{customdata}<extra></extra>",
         hoverongaps: true,
       },
-      {
+      ...(marked.undecided.length ? [{
+        type: "heatmap",
+        z: cells.map((row, j) => row.map((_, i) => (open(i, j) ? 1 : null))),
+        xgap: 1,
+        ygap: 1,
+        showscale: false,
+        colorscale: [[0, faded(c.undecided, 0.45)], [1, faded(c.undecided, 0.45)]],
+        text: cells.map((row) => row.map((value) => (few && value !== null ? show(Number(value.toPrecision(3))) : ""))),
+        texttemplate: few ? "%{text}" : "",
+        textfont: { color: c.ink },
+        customdata: said,
+        hovertemplate: "%{customdata}<extra></extra>",
+        hoverongaps: false,
+      }] : []),
+      ...Object.entries({ violated: "x-thin", undecided: "diamond-open" }).map(([word, symbol]) => ({
         type: "scatter",
         mode: "markers",
-        x: crosses.map(([i]) => i),
-        y: crosses.map(([, j]) => j + (few ? 0.28 : 0)),
+        x: marked[word].map(([i]) => i),
+        y: marked[word].map(([, j]) => j + (few ? 0.28 : 0)),
         hoverinfo: "skip",
-        marker: { symbol: "x-thin", size: 7, line: { width: 1.5, color: c.ink } },
-      },
+        marker: { symbol, size: 7, color: c.ink, line: { width: 1.5, color: c.ink } },
+      })),
     ],
     layout: frame(c, {
       xaxis: axis(c, safe(cut(chart.x, 60)), places(chart.xs)),

@@ -7,6 +7,8 @@ class Filter {
     this.articles = all("article.requirement").map((element) => ({
       element,
       name: element.dataset.requirement,
+      key: element.dataset.key ?? "",
+      section: element.closest("section.result").id,
       text: all(":scope > header", element).map(plainText).join(" "),
       glance: document.querySelector(`[data-glance="${element.id}"]`),
       tables: all("table.sortable", element).map((table) => new RunTable(table)),
@@ -102,7 +104,10 @@ class Filter {
   apply() {
     const { requirement, verdict } = this.state;
     const text = this.state.text.trim().toLowerCase().replace(/\s+/g, " ");
-    const count = { runs: 0, allRuns: 0, requirements: 0 };
+    // A run stands in the table of each of its requirements, a requirement in each result: one of each.
+    const count = { runs: new Set(), allRuns: new Set(), requirements: new Set(), allRequirements: new Set() };
+    const add = (into, article, rows) => rows.forEach((row) => into.add(`${article.section} ${row.label}`));
+    let anything = false;
     for (const article of this.articles) {
       const named = !requirement || article.name === requirement;
       const said = article.text.includes(text);
@@ -112,13 +117,19 @@ class Filter {
       for (const each of article.episodes) each.hidden = Boolean(verdict) && each.dataset.verdict !== verdict;
       article.element.hidden = !shown;
       if (article.glance) article.glance.hidden = !shown;
-      count.runs += runs;
-      count.allRuns += article.tables.reduce((sum, table) => sum + table.rows.length, 0);
-      count.requirements += Number(shown);
+      for (const { rows } of article.tables) {
+        add(count.runs, article, rows.filter((row) => row.matches));
+        add(count.allRuns, article, rows);
+      }
+      if (article.key) {
+        count.allRequirements.add(article.key);
+        if (shown) count.requirements.add(article.key);
+      }
+      anything ||= shown;
     }
     const traces = all("table.matrix").reduce((sum, table) => sum + this.applyToMatrix(table, text), 0);
     for (const each of all("section.result, section.glance")) this.hideEmpty(each);
-    document.getElementById("nothing").hidden = !this.active || count.requirements + traces > 0;
+    document.getElementById("nothing").hidden = !this.active || anything || traces > 0;
     this.say(count);
     document.dispatchEvent(new Event("filtered"));
   }
@@ -149,10 +160,10 @@ class Filter {
   }
 
   say(count) {
-    const total = this.articles.length;
+    const { requirements, allRequirements, runs, allRuns } = count;
     const text = this.active
-      ? `${count.requirements} of ${countOf(total, "requirement")}, ${count.runs} of ${countOf(count.allRuns, "run")}`
-      : `${countOf(total, "requirement")}, ${countOf(count.allRuns, "run")}`;
+      ? `${requirements.size} of ${countOf(allRequirements.size, "requirement")}, ${runs.size} of ${countOf(allRuns.size, "run")}`
+      : `${countOf(allRequirements.size, "requirement")}, ${countOf(allRuns.size, "run")}`;
     const place = document.getElementById("count");
     if (place.textContent !== text) place.textContent = text;
   }

@@ -7,6 +7,7 @@ class RunTable {
     this.body = table.tBodies[0];
     this.rows = all("tr", this.body).map((element) => ({
       element,
+      label: element.cells[0].textContent.trim(),
       text: plainText(element),
       verdict: element.dataset.verdict,
       matches: true,

@@ -14,10 +14,6 @@ function reals(values) {
   return values.map(real);
 }
 
-function isNegative(value) {
-  return value < 0 || Object.is(value, -0);
-}
-
 function show(value) {
   if (value === null || value === undefined) return "none";
   if (value === Infinity) return "∞";

@@ -127,12 +127,48 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
     for requirement in section.requirements:
         (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
         assert histogram.summary.startswith(words)
-        above = [height for height in violated if 0 < height < math.inf]
-        assert sum(histogram.data["ended"]) == len(above)
-        assert all(
-            ended <= count
-            for ended, count in zip(histogram.data["ended"], histogram.data["counts"], strict=False)
+        finite = [height for height in violated if math.isfinite(height)]
+        by_verdict = histogram.data["by_verdict"]
+        assert sum(by_verdict.get("violated", [0])) == len(finite)
+        assert sum(by_verdict["satisfied"]) == 1
+        sums = map(sum, zip(*by_verdict.values(), strict=True))
+        assert list(sums) == histogram.data["counts"]
+
+
+def test_what_is_undecided_is_painted_as_undecided_on_either_side_of_zero() -> None:
+    verdicts = {
+        -1.0: Verdict.VIOLATED,
+        -0.9: Verdict.UNDECIDED,
+        -0.0: Verdict.VIOLATED,
+        0.1: Verdict.UNDECIDED,
+        0.9: Verdict.SATISFIED,
+        1.0: Verdict.UNDECIDED,
+        -math.inf: Verdict.UNDECIDED,
+    }
+    rows = []
+    for seed, (height, verdict) in enumerate(verdicts.items(), 7):
+        outcome = Outcome(height, -math.inf, math.inf, verdict)
+        rows.append(
+            replace(row({"low": 3.0}, seed=seed), outcomes={"low": outcome, "seen": outcome})
         )
+    section = of_evaluation(evaluation(rows, {}), ROOM)
+    requirement = section.requirements[0]
+    assert dict(zip(requirement.robustness, requirement.verdicts, strict=True)) == {
+        (height or 0.0): verdict.name.lower() for height, verdict in verdicts.items()
+    }
+    (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
+    assert histogram.words == ("violated", "undecided", "satisfied")
+    assert {word: sum(each) for word, each in histogram.data["by_verdict"].items()} == {
+        "violated": 2,
+        "undecided": 3,
+        "satisfied": 1,
+    }
+    assert ", 4 undecided." in histogram.summary
+    assert histogram.table is not None
+    assert histogram.table.head == ("robustness", "episodes", *histogram.words)
+    for _, episodes, *of in histogram.table.rows:
+        assert int(episodes) == sum(map(int, of))
+    assert histogram.table.rows[0][1:] == ("1", "0", "1", "0")
 
 
 def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:

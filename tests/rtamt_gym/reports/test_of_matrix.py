@@ -76,17 +76,50 @@ def test_the_options_of_the_columns_are_read_again(
     assert episode.times == (0.0, 0.0005, 0.001)
 
 
-def test_traces_are_found_beside_the_file_and_else_left_out(
+def test_traces_are_found_beside_the_file_or_above_it_and_else_it_says_so(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    outcomes = judged(tmp_path, monkeypatch, capsys)
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    monkeypatch.chdir(elsewhere)
+    for folder in (tmp_path, tmp_path / "results" / "of" / "today"):
+        shown = of_matrix(outcomes, folder, ROOM).requirements[0]
+        assert shown.worst
+        assert shown.note == ""
+    for folder, beside in (
+        (elsewhere, "a folder"),
+        (elsewhere / "results", f"{elsewhere / 'results'} or a folder"),
+    ):
+        section = of_matrix(outcomes, folder, ROOM)
+        near = section.requirements[0]
+        assert near.worst == ()
+        assert near.note.endswith(
+            f"is not shown in full: it was found neither from {elsewhere} nor from {beside} above "
+            "it; make the page in the folder where the trace was judged."
+        )
+        assert section.notes == ()
+
+
+def test_a_trace_that_has_changed_since_is_not_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outcomes = judged(tmp_path, monkeypatch, capsys)
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.chdir(elsewhere)
+    known = outcomes["files"]
     assert of_matrix(outcomes, tmp_path, ROOM).requirements[0].worst
-    section = of_matrix(outcomes, elsewhere, ROOM)
-    assert section.requirements[0].worst == ()
-    assert section.notes[0].startswith("The worst trace of near is not shown in full: [Errno 2]")
+    for trial in outcomes["trials"]:
+        path = tmp_path / trial["name"]
+        path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    near = of_matrix(outcomes, tmp_path, ROOM).requirements[0]
+    assert near.worst == ()
+    sha = next(sha for name, sha in known.items() if f"`{name}`" in near.note)
+    assert (
+        f"is not the file that was judged, whose SHA-256 begins with {sha[:12]}, but" in near.note
+    )
+    del outcomes["files"]  # as an older version wrote it
+    assert of_matrix(outcomes, tmp_path, ROOM).requirements[0].worst
 
 
 def test_without_times_bounds_count_steps(

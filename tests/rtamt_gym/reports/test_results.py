@@ -1,7 +1,9 @@
 """Files of results become sections and pages; what is none is refused with the kinds there are."""
 
+import hashlib
 import json
 import shlex
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ import rtamt_gym
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Evaluation, compare, write_report
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports.model import ShownFile
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.write import report_of
@@ -104,6 +107,68 @@ def test_a_page_is_written_from_objects_and_files(
     assert capsys.readouterr().out == f"report: {out}\n"
     assert "<h1>random on Waves-v0</h1>" in out.read_text(encoding="utf-8")
     assert report_of(made, made).title == "2 results"
+
+
+def test_results_of_one_title_are_told_apart(tmp_path: Path) -> None:
+    made = evaluated()
+    for folder in ("", "old", "new"):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        made.save(tmp_path / folder / "e.json")
+    made.save(tmp_path / "f.json")
+    old, new, other = (tmp_path / each for each in ("old/e.json", "new/e.json", "f.json"))
+
+    def titles(*results: Path | Evaluation, names: list[str] | None = None) -> list[str]:
+        return [each.title for each in report_of(*results, names=names).sections]
+
+    title = "random on Waves-v0"
+    assert titles(old) == [title]
+    assert titles(old, other) == [f"{title} (e.json)", f"{title} (f.json)"]
+    assert titles(old, new) == [f"{title} ({old})", f"{title} ({new})"]
+    assert titles(made, other) == [f"{title} (result 1)", f"{title} (f.json)"]
+    assert titles(old, old) == [f"{title} (result 1)", f"{title} (result 2)"]
+    assert titles(old, new, names=["old", "new"]) == [f"old: {title}", f"new: {title}"]
+
+
+@pytest.mark.parametrize("names", ["ab", ["a"], ["a", "a"], ["a", ""], ["a", 3], 7])
+def test_names_are_different_texts_for_all_results(names: object) -> None:
+    made = evaluated()
+    with pytest.raises(InputError, match=r"^names=: expected"):
+        report_of(made, made, names=names)  # type: ignore[arg-type]
+
+
+def test_a_file_has_its_hash_on_the_page(tmp_path: Path) -> None:
+    made = evaluated()
+    made.save(tmp_path / "e.json")
+    sha = hashlib.sha256((tmp_path / "e.json").read_bytes()).hexdigest()
+    section = report_of(tmp_path / "e.json").sections[0]
+    assert section.source == ShownFile(str(tmp_path / "e.json"), sha)
+    assert report_of(made).sections[0].source is None
+    write_report(tmp_path / "e.html", tmp_path / "e.json")
+    page = (tmp_path / "e.html").read_text(encoding="utf-8")
+    assert f'<abbr title="SHA-256: {sha}">{sha[:12]}</abbr>' in page
+
+
+def test_the_same_results_and_date_give_the_same_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = evaluated()
+    pages = []
+    berlin = datetime(2026, 1, 2, 4, 5, 6, tzinfo=timezone(timedelta(hours=1)))
+    for date in (berlin, None):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", str(int(berlin.timestamp())) if not date else "0")
+        write_report(tmp_path / "e.html", made, date=date)
+        pages.append((tmp_path / "e.html").read_bytes())
+    assert pages[0] == pages[1]
+    assert b"Made on 2026-01-02 03:05 UTC with rtamt" in pages[0]
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert report_of(made).made_on.endswith(" UTC")
+
+
+@pytest.mark.parametrize("epoch", ["", "today", "1.5", "9" * 30])
+def test_a_date_that_is_none_is_refused(epoch: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+    with pytest.raises(InputError, match=r"^expected SOURCE_DATE_EPOCH as seconds since 1970, got"):
+        report_of(evaluated())
 
 
 @pytest.mark.parametrize(

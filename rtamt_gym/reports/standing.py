@@ -1,0 +1,111 @@
+"""The one line at the head of a page: passed, failed or undecided, and what that stands on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
+
+from rtamt_gym.reports.charts import NOUNS
+from rtamt_gym.reports.model import Section, ShownRequirement
+from rtamt_gym.reports.views import ComparedRequirement
+from rtamt_gym.results.outcome import Word
+from rtamt_gym.tables import counted
+
+__all__ = ["Standing", "key_of", "standing_of", "word_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What a page says first.
+
+    Attributes:
+        verdict: The word for all: the worst that became of a requirement.
+        text: The same in a word of its own, and what it stands on.
+    """
+
+    verdict: Word
+    text: str
+
+
+_SAID: Final[dict[Word, Literal["Failed", "Undecided", "Passed"]]] = {
+    "violated": "Failed",
+    "failed": "Undecided",
+    "undecided": "Undecided",
+    "satisfied": "Passed",
+}
+
+_WORST: Final[tuple[Word, ...]] = ("violated", "failed", "undecided", "satisfied")
+
+
+def standing_of(sections: Sequence[Section]) -> Standing | None:
+    """The line for the sections of a page; None if none of them judges a requirement.
+
+    Each requirement counts once, with the worst that became of it in any section; so does each
+    episode, however many requirements it was judged under. A rate that sequential stopping has
+    compared with a target counts as it was answered.
+    """
+    found: dict[tuple[str, str], Word] = {}
+    asked: dict[tuple[str, str], bool] = {}
+    names = {}
+    for section in sections:
+        for each in section.requirements:
+            if each.together:
+                continue
+            key = key_of(each)
+            names[key] = each.name
+            found[key] = _worse(word_of(each), found.get(key, "satisfied"))
+            if each.asked is not None:
+                asked[key] = asked.get(key, False) or each.asked[0] > 0
+    if not found:
+        return None
+    words = Counter(found.values())
+    worst = next(each for each in _WORST if words[each])
+    of = [f"{words[each]} {each}" for each in (*get_args(Word)[1:], "failed") if words[each]]
+    never = [names[key] for key, ever in asked.items() if not ever]
+    parts = [
+        f"of {counted(len(found), 'requirement')} {', '.join(of)}",
+        *_runs(sections),
+        *([f"never asked: {', '.join(never)}"] if never else []),
+    ]
+    return Standing(worst, f"{_SAID[worst]}: {'; '.join(parts)}.")
+
+
+def key_of(requirement: ShownRequirement | ComparedRequirement) -> tuple[str, str]:
+    """What is the same for one requirement in several sections."""
+    return requirement.name, requirement.formula
+
+
+def word_of(requirement: ShownRequirement) -> Word:
+    """The worst that became of a requirement in a section; what nothing judged is undecided."""
+    if requirement.answer is not None:
+        return requirement.answer
+    counts = requirement.counts
+    if not counts.episodes:
+        return "undecided"
+    return next(each for each in _WORST if getattr(counts, each))
+
+
+def _runs(sections: Sequence[Section]) -> Iterator[str]:
+    """How many episodes, simulations and traces were judged, and how many failed."""
+    judged: Counter[str] = Counter()
+    failed: Counter[str] = Counter()
+    for section in sections:
+        own = [each for each in section.requirements if not each.together]
+        if not own:
+            continue
+        noun = NOUNS[section.kind]
+        every = max(each.counts.episodes for each in own)
+        # A trace may fail under one requirement alone; of more trials than are shown, most do.
+        labels = {t.label for each in own for t in each.trials if t.verdict == "failed"}
+        lost = max(len(labels), *(each.counts.failed for each in own))
+        judged[noun] += every - lost
+        failed[noun] += lost
+    for noun in judged:
+        text = f"{counted(judged[noun], noun)} judged"
+        yield f"{text}, {failed[noun]} failed" if failed[noun] else text
+
+
+def _worse(one: Word, other: Word) -> Word:
+    return min(one, other, key=_WORST.index)
