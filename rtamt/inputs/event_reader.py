@@ -11,30 +11,44 @@ import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import NoReturn
+from typing import Final, NoReturn
 
 import numpy as np
 
-from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.errors import Argument, InputError, InputTypeError, Message, StateError, brief
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, number
+from rtamt.inputs.between import Between
 from rtamt.inputs.clock import EXACT, Clock, Ticks, Times, shown
 from rtamt.inputs.events import (
     Events,
     EventsLike,
     Given,
+    GivenLike,
     are_dates,
+    as_ends,
     check_times,
     check_values,
     not_after,
 )
 from rtamt.inputs.messages import Messages
-from rtamt.inputs.samples import listed, refuse_term, unknown_variable
+from rtamt.inputs.samples import (
+    NanPolicy,
+    ends_of,
+    listed,
+    refuse_term,
+    unknown_variable,
+)
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
-__all__ = ["Dated", "EventReader", "TimedColumn"]
+__all__ = ["NO_DENSE_BOUNDS", "Dated", "EventReader", "TimedColumn", "checked_nan"]
+
+NO_DENSE_BOUNDS: Final = (
+    "DenseEpisodeMonitor and judge_dense give bounds; others give one number for each time"
+)
+"""Why the others take no event that is not known."""
 
 TimedColumn = tuple[Ticks, Floats]
-"""Times in ticks and values of one variable's events."""
+"""Times in ticks and values of one variable's events: numbers, or pairs of ends as in `Given`."""
 Dated = bool | None
 """Whether times are `numpy.datetime64`; None before the first event."""
 
@@ -44,12 +58,40 @@ class EventReader:
 
     Args:
         dense: The events of its variables are read; its terms are named in errors.
+        nan: ``"raise"`` refuses a nan; ``"unknown"`` takes it for a value of which nothing is
+            known.
+        max_gap: The most ticks between neighbouring events of a variable that leave no hole; None:
+            all of them.
+        bounds: Whether what reads the events gives bounds, so that they need not be known.
+
+    Attributes:
+        unknown: Whether it may give values that are not known.
     """
 
-    __slots__ = ("_messages", "clock", "program", "variables")
+    __slots__ = (
+        "_messages",
+        "bounds",
+        "clock",
+        "max_gap",
+        "nan",
+        "program",
+        "unknown",
+        "variables",
+    )
 
-    def __init__(self, dense: DenseProgram) -> None:
+    def __init__(
+        self,
+        dense: DenseProgram,
+        nan: NanPolicy = "raise",
+        max_gap: int | None = None,
+        *,
+        bounds: bool = False,
+    ) -> None:
         program = dense.program
+        self.nan: NanPolicy = nan
+        self.max_gap = max_gap
+        self.bounds = bounds
+        self.unknown = nan == "unknown" or max_gap is not None
         self.clock = Clock(dense)
         self.program = program
         self.variables = program.variables
@@ -59,6 +101,12 @@ class EventReader:
         """The same reader, which counts times with another clock of the same ticks."""
         reader = copy.copy(self)
         reader.clock = clock
+        return reader
+
+    def of(self, dense: DenseProgram) -> EventReader:
+        """A reader for another program, with the same options."""
+        reader = EventReader(dense, self.nan, self.max_gap, bounds=self.bounds)
+        reader.unknown = self.unknown
         return reader
 
     def given(
@@ -79,7 +127,11 @@ class EventReader:
         )
 
     def read(
-        self, events: Mapping[str, EventsLike], last: Sequence[float], dated: Dated
+        self,
+        events: Mapping[str, EventsLike],
+        last: Sequence[float],
+        dated: Dated,
+        heard: Sequence[bool] = (),
     ) -> tuple[list[TimedColumn], Dated]:
         """The new events of every variable, in the order of the variables.
 
@@ -87,6 +139,7 @@ class EventReader:
             events: The new events by variable; a variable that is absent has none.
             last: Tick of every variable's last event; -inf where there was none.
             dated: Whether the times so far are dates.
+            heard: Whether that event was one of its own, not its declared value; empty: none was.
 
         Returns:
             The events, and whether the times are dates.
@@ -101,7 +154,7 @@ class EventReader:
             if name not in self.variables:
                 raise unknown_variable(name, self.variables, self._messages)
         given = [_read(named[v], v) if v in named else _NONE for v in self.variables]
-        return self.counted(given, last, dated)
+        return self.counted(given, last, dated, heard)
 
     def whole(self, events: Mapping[str, EventsLike]) -> list[Given]:
         """All events of every variable, as they were given; other names are ignored.
@@ -116,22 +169,34 @@ class EventReader:
         named = self._named(events)
         found = {v: _read(named[v], v) if v in named else _NONE for v in self.variables}
         defaults = self.program.specification.defaults
-        given = [times for times, _ in found.values() if len(times)]
-        for name, (times, _) in found.items():
-            if not len(times) and not (given and name in defaults):
+        given = [column.times for column in found.values() if len(column.times)]
+        for name, column in found.items():
+            if not len(column.times) and not (given and name in defaults):
                 known = listed(self.variables)
                 raise InputError(f"expected events of every variable, got none of '{name}'{known}")
+        if self.bounds and any(column.values.ndim > 1 for column in found.values()):
+            self.unknown = True
         return [
             _started(column, defaults[name], given) if name in defaults else column
             for name, column in found.items()
         ]
 
     def counted(
-        self, given: Sequence[Given], last: Sequence[float], dated: Dated
+        self,
+        given: Sequence[GivenLike],
+        last: Sequence[float],
+        dated: Dated,
+        heard: Sequence[bool] = (),
     ) -> tuple[list[TimedColumn], Dated]:
-        """The events of every variable with times in ticks; arguments and errors as in `read`."""
+        """The events of every variable with times in ticks; arguments and errors as in `read`.
+
+        Where a variable has a hole, an event of which nothing is known comes one tick after the one
+        before.
+        """
         columns = []
-        for name, (times, values), after in zip(self.variables, given, last, strict=True):
+        own = heard or [False] * len(last)
+        for name, its, after, heard_before in zip(self.variables, given, last, own, strict=True):
+            times, values, declared = Given(*its)
             of_name = f" of '{name}'"
             if len(times):
                 dates = are_dates(times)
@@ -145,9 +210,27 @@ class EventReader:
             check_times(times, of_name)
             ticks = self.clock.ticks(times, of_name)
             self._check_order(times, ticks, of_name, after)
-            check_values(times, values, of_name)
-            columns.append((ticks, values))
+            column = ticks, self._values(times, values, of_name)
+            if self.max_gap is not None and len(ticks):
+                before = int(after) if heard_before else None
+                column = _with_holes(column, self.max_gap, before, declared)
+            columns.append(column)
         return columns, dated
+
+    def _values(self, times: Times, values: Floats, of_name: str) -> Floats:
+        """Values as the options say; those that must not be as they are are refused."""
+        if self.nan == "unknown":
+            ends = values if values.ndim > 1 else values[:, None]
+            missing = np.isnan(ends)
+            if missing.any():
+                return as_ends(
+                    np.where(missing, -np.inf, ends)[:, 0], np.where(missing, np.inf, ends)[:, -1]
+                )
+        known: Message = Message() if self.bounds else Message(NO_DENSE_BOUNDS)
+        if self.bounds and not self.unknown:
+            known = Message("pass ", Argument("nan", "unknown"), " to take it")
+        check_values(times, values, of_name, known, bounds=self.bounds)
+        return values
 
     def _check_order(self, times: Times, ticks: Ticks, of_name: str, after: float) -> None:
         if not len(ticks):
@@ -168,7 +251,7 @@ class EventReader:
         """The times of ticks."""
         return self.clock.times(ticks, dated=bool(dated))
 
-    def refuse(self, values: Sequence[float], place: tuple[float, Dated]) -> NoReturn:
+    def refuse(self, values: Sequence[float | Between], place: tuple[float, Dated]) -> NoReturn:
         """Raise the error that names the first term which is nan.
 
         Args:
@@ -244,7 +327,45 @@ class EventReader:
 
 
 _NOTHING = np.empty(0)
-_NONE: Given = (_NOTHING, _NOTHING)
+_NONE = Given(_NOTHING, _NOTHING)
+
+
+def checked_nan(nan: object) -> NanPolicy:
+    """What a nan means among events.
+
+    Raises:
+        InputError: If it is unknown, or ``"hold"``.
+    """
+    if nan == "raise":
+        return "raise"
+    if nan == "unknown":
+        return "unknown"
+    hold = "; leave events without a value out: a value lasts until the next event"
+    raise InputError(
+        f"expected nan='raise' or nan='unknown', got {brief(nan)}{hold if nan == 'hold' else ''}"
+    )
+
+
+def _with_holes(column: TimedColumn, most: int, before: int | None, declared: int) -> TimedColumn:
+    """The events of a variable, of which nothing is known in holes.
+
+    Args:
+        column: The events.
+        most: The most ticks between two events that leave no hole.
+        before: The tick of the event before; None if there is none.
+        declared: How many of the first events are declared values, which leave no hole.
+    """
+    ticks, values = column
+    gaps = np.diff(ticks, prepend=ticks[0] if before is None else before)
+    places = np.flatnonzero(gaps > max(most, 1))
+    places = places[places >= declared + (declared > 0)]
+    if not len(places):
+        return column
+    ends = values if values.ndim > 1 else np.column_stack([values, values])
+    return (
+        np.insert(ticks, places, ticks[places] - gaps[places] + 1),
+        np.insert(ends, places, [-np.inf, np.inf], axis=0),
+    )
 
 
 def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
@@ -255,15 +376,16 @@ def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
         default: The value before.
         given: The times of every variable that has events.
     """
-    times, values = column
+    times, values, _ = column
     alike = [each for each in given if are_dates(each) == are_dates(given[0])]
     first, last = min(each[0] for each in alike), max(each[-1] for each in alike)
     if not len(times):
         ends = [first] if first == last else [first, last]
-        return np.array(ends), np.full(len(ends), default)
+        return Given(np.array(ends), np.full(len(ends), default), len(ends))
     if are_dates(times) != are_dates(given[0]) or not first < times[0]:
         return column
-    return np.append(np.array([first]), times), np.append(default, values)
+    before = np.full((1, *values.shape[1:]), default)
+    return Given(np.append(np.array([first]), times), np.concatenate([before, values]), 1)
 
 
 def _read(given: object, name: str) -> Given:
@@ -294,7 +416,7 @@ def _read(given: object, name: str) -> Given:
         # numpy makes doubles of integers beside values that are doubles, which rounds large ones.
         return _pairs(events, name)
     values = table[:, 1].astype(np.float64, copy=False)
-    return np.ascontiguousarray(times[:, 0]), np.ascontiguousarray(values)
+    return Given(np.ascontiguousarray(times[:, 0]), np.ascontiguousarray(values))
 
 
 def _pairs(events: Sequence[object], name: str) -> Given:
@@ -303,7 +425,7 @@ def _pairs(events: Sequence[object], name: str) -> Given:
     for i, event in enumerate(events):
         time, value = _pair(event, "value", i, name)
         times.append(_time(time, i, name))
-        values.append(_number(value, "value", i, name))
+        values.append(_ends(value, i, name))
     dates = [isinstance(time, np.datetime64) for time in times]
     if any(dates) and not all(dates):
         i = dates.index(not dates[0])
@@ -317,7 +439,8 @@ def _pairs(events: Sequence[object], name: str) -> Given:
         line[:] = times
         if all(type(time) is float for time in times):
             line = line.astype(np.float64)
-    return line, np.array(values, np.float64)
+    ends = np.array(values, np.float64).reshape(len(values), 2)
+    return Given(line, as_ends(*ends.T.copy()))
 
 
 def _messages(given: object, name: str) -> list[list[object]]:
@@ -350,6 +473,13 @@ def _time(part: object, i: int, name: str) -> object:
     if isinstance(part, numbers.Rational):
         return Fraction(part)
     return _number(part, "time", i, name)
+
+
+def _ends(part: object, i: int, name: str) -> tuple[float, float]:
+    """The least and the greatest number that a value may be."""
+    if isinstance(part, Between) and isinstance(part.lower, float):
+        return ends_of(part)
+    return (_number(part, "value", i, name),) * 2
 
 
 def _number(part: object, what: str, i: int, name: str) -> float:

@@ -5,41 +5,60 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Self, overload
+from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError
+from rtamt.errors import Advice, Argument, InputError, Message
 from rtamt.inputs.arrays import Floats, line_of_numbers
+from rtamt.inputs.between import Between, identical
 from rtamt.inputs.clock import Times, shown
 
 __all__ = [
     "Events",
     "EventsLike",
     "Given",
+    "GivenLike",
     "are_dates",
+    "as_ends",
     "check_times",
     "check_values",
     "not_after",
+    "not_known",
 ]
 
-Given = tuple[Times, Floats]
-"""Times as they were given and values of one variable's events."""
+
+class Given(NamedTuple):
+    """Events of one variable as they were given.
+
+    Attributes:
+        times: The times.
+        values: n numbers or, if not all are known, n pairs of a least and a greatest one.
+        declared: How many of the first events are the variable's declared value.
+    """
+
+    times: Times
+    values: Floats
+    declared: int = 0
 
 
-class Events(Sequence[tuple[float, float]]):
+GivenLike = Given | tuple[Times, Floats]
+
+
+class Events(Sequence[tuple[float, Any]]):
     """A signal over dense time: each value lasts until the time of the next one.
 
-    It is a sequence of (time, value), equal to any other sequence of the same pairs. The last event
-    is the end of the signal.
+    It is a sequence of (time, value), equal to any other sequence of the same pairs; a value that
+    is not known is a `Between`. The last event is the end of the signal.
 
     Args:
         times: n finite numbers, or n `numpy.datetime64`, that increase.
-        values: n numbers; +-inf is legal.
+        values: n numbers, or a `Between` of arrays, where they are known only to lie between two;
+            +-inf is legal. A nan is a value that ``nan="unknown"`` takes, and that others refuse.
 
     Raises:
-        InputError: On times that do not increase, a nan, or arrays of different length.
+        InputError: On times that do not increase, or arrays of different length.
         InputTypeError: On values that are not real numbers.
 
     Example:
@@ -52,8 +71,8 @@ class Events(Sequence[tuple[float, float]]):
 
     __slots__ = ("_given", "_times", "_values")
 
-    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
-        self._hold(_line_of_times(times), line_of_numbers(values, "the values of events").copy())
+    def __init__(self, times: ArrayLike, values: ArrayLike | Between) -> None:
+        self._hold(_line_of_times(times), _line_of_values(values))
         if len(self._given) != len(self._values):
             raise InputError(
                 f"expected as many values as times, got {len(self._values)} and {len(self._given)}"
@@ -63,7 +82,6 @@ class Events(Sequence[tuple[float, float]]):
         if not late.all():
             i = int(np.argmin(late))
             raise not_after(self._given[i], self._given[i + 1], i + 1, "")
-        check_values(self._given, self._values, "")
 
     @classmethod
     def unchecked(cls, times: Times, values: Floats) -> Self:
@@ -82,7 +100,7 @@ class Events(Sequence[tuple[float, float]]):
     @property
     def given(self) -> Given:
         """Times and values as they were given: integers are exact, whatever their size."""
-        return self._given, self._values
+        return Given(self._given, self._values)
 
     @property
     def times(self) -> Floats:
@@ -91,31 +109,39 @@ class Events(Sequence[tuple[float, float]]):
 
     @property
     def values(self) -> Floats:
-        """The values of the events, as a read-only array."""
-        return self._values
+        """The values of the events, as a read-only array; the least ones of what is not known."""
+        return self._values if self._values.ndim == 1 else self._values[:, 0]
+
+    @property
+    def upper(self) -> Floats:
+        """The greatest values of the events; `values` if all are known."""
+        return self._values if self._values.ndim == 1 else self._values[:, 1]
 
     def __len__(self) -> int:
         return len(self.times)
 
     @overload
-    def __getitem__(self, index: int) -> tuple[float, float]: ...
+    def __getitem__(self, index: int) -> tuple[float, Any]: ...
     @overload
     def __getitem__(self, index: slice) -> Events: ...
-    def __getitem__(self, index: int | slice) -> tuple[float, float] | Events:
+    def __getitem__(self, index: int | slice) -> tuple[float, Any] | Events:
         if isinstance(index, slice):
-            made = Events if (index.step or 1) < 0 else self.unchecked
-            return made(self._given[index], self.values[index])
+            if (index.step or 1) < 0:
+                return Events(self._given[index], self._values[index])
+            return self.unchecked(self._given[index], self._values[index])
         time = self.times[index]
-        return time if are_dates(self.times) else float(time), float(self.values[index])
+        return time if are_dates(self.times) else float(time), _value(self._values[index].tolist())
 
-    def __iter__(self) -> Iterator[tuple[float, float]]:
+    def __iter__(self) -> Iterator[tuple[float, Any]]:
         times = self.times if are_dates(self.times) else self.times.tolist()
-        return iter(zip(times, self.values.tolist(), strict=True))
+        return iter(zip(times, map(_value, self._values.tolist()), strict=True))
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, Events):
-            pairs = (self.times, other.times), (self.values, other.values)
-            return all(np.array_equal(mine, its) for mine, its in pairs)
+            return np.array_equal(self.times, other.times) and all(
+                np.array_equal(mine, its, equal_nan=True)
+                for mine, its in ((self.values, other.values), (self.upper, other.upper))
+            )
         if isinstance(other, str | bytes) or not isinstance(other, Sequence | np.ndarray):
             return NotImplemented
         return len(self) == len(other) and all(
@@ -125,12 +151,15 @@ class Events(Sequence[tuple[float, float]]):
 
     __hash__ = None  # type: ignore[assignment] # lists, which have no hash, may be equal
 
-    def __reduce__(self) -> tuple[Callable[[Times, Floats], Events], Given]:
-        return self.unchecked, self.given
+    def __reduce__(self) -> tuple[Callable[[Times, Floats], Events], tuple[Times, Floats]]:
+        return self.unchecked, (self._given, self._values)
 
     def __repr__(self) -> str:
         times = (self.times[:7].astype(str) if are_dates(self.times) else self.times).tolist()
-        return f"Events({_brief.repr(times)}, {_brief.repr(self.values.tolist())})"
+        values = _brief.repr(self.values.tolist())
+        if self._values.ndim > 1:
+            values = f"Between({values}, {_brief.repr(self.upper.tolist())})"
+        return f"Events({_brief.repr(times)}, {values})"
 
 
 _brief = reprlib.Repr()
@@ -147,6 +176,39 @@ def _line_of_times(times: ArrayLike) -> Times:
         return array.copy()
     line = line_of_numbers(times, "the times of events")
     return np.array(times) if array.dtype.kind in "iu" else line.copy()
+
+
+def _line_of_values(values: object) -> Floats:
+    """A copy of numbers in one dimension, or of pairs of ends."""
+    if isinstance(values, Between):
+        lower, upper = (
+            line_of_numbers(end, "the values of events") for end in (values.lower, values.upper)
+        )
+        return as_ends(lower, upper)
+    return line_of_numbers(values, "the values of events").copy()
+
+
+def as_ends(lower: Floats, upper: Floats) -> Floats:
+    """The values of events that lie between two arrays: one column if all are known."""
+    return lower.copy() if identical(lower, upper) else np.column_stack([lower, upper])
+
+
+def not_known(values: Floats) -> NDArray[np.bool_]:
+    """Which values of events are not known: those whose ends differ in a bit."""
+    if values.ndim == 1:
+        return np.zeros(len(values), np.bool_)
+    bits = np.ascontiguousarray(values).view(np.int64)
+    differ: NDArray[np.bool_] = bits[:, 0] != bits[:, 1]
+    return differ
+
+
+def _value(ends: float | list[float]) -> float | Between:
+    """The value of an event, from a number or two ends; `Between` where they differ."""
+    if not isinstance(ends, list):
+        return ends
+    lower, upper = ends
+    same = not lower < upper and math.copysign(1.0, lower) == math.copysign(1.0, upper)
+    return lower if same else Between(lower, upper)
 
 
 def _locked(array: NDArray[Any]) -> NDArray[Any]:
@@ -186,12 +248,28 @@ def not_after(before: object, time: object, i: int, of_name: str) -> InputError:
     )
 
 
-def check_values(times: Times, values: Floats, of_name: str) -> None:
-    """Refuse values that are nan."""
-    missing = np.isnan(values)
+def check_values(
+    times: Times, values: Floats, of_name: str, known: Message, *, bounds: bool
+) -> None:
+    """Refuse values that are nan and, for a reason, those that are not known.
+
+    Args:
+        times: The times of the events.
+        values: Their values.
+        of_name: Whose they are, for errors.
+        known: Why values must be known; empty if they need not.
+        bounds: Whether a nan could be a value that is not known.
+    """
+    missing = np.isnan(values if values.ndim == 1 else values[:, 0])
     if missing.any():
         i = int(np.argmax(missing))
+        out = "; leave it out: a value lasts until the next event"
+        way = Advice(", or pass ", Argument("nan", "unknown")) if bounds else Message()
+        raise InputError(f"event {i}{of_name}, at time {shown(times[i])}, is nan{out}", way)
+    if known and values.ndim > 1:
+        i = int(np.argmax(not_known(values)))
         raise InputError(
-            f"event {i}{of_name}, at time {shown(times[i])}, is nan; "
-            "leave it out: a value lasts until the next event"
+            f"expected a value that is known at event {i}{of_name}, got "
+            f"{_value(values[i].tolist())!r}; ",
+            known,
         )

@@ -13,12 +13,9 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.dense.declared import declared_of
-from rtamt.machines.dense.episode import (
-    PythonDenseEpisodeMachine,
-    RegionRows,
-    dense_of,
-    readings_of,
-)
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
+from rtamt.machines.dense.rows import RegionRows, dense_of, readings_of
+from rtamt.machines.ranges import RefusesRanges
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
@@ -120,12 +117,14 @@ def dense_episode_on_regions(
 ) -> PythonDenseEpisodeMachine:
     """The machine in Python on registers in C++."""
     counting = reader.with_clock(_Clock(DenseProgram(program.program, program.resolution)))
-    return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns)
+    return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns, term_ranges)
 
 
 def dense_episode_machine(
     program: RegionProgram, reader: EventReader
-) -> _native.DenseEpisodeMachine:
+) -> _native.DenseEpisodeMachine | PythonDenseEpisodeMachine:
+    if reader.unknown:  # the machine in C++ takes numbers
+        return dense_episode_on_regions(program, reader)
     readings = [
         (encoded_terms(each), encoded_regions(place(each))) for each in readings_of(program.program)
     ]
@@ -155,14 +154,13 @@ def term_columns(
 
 def term_ranges(
     program: Program,
-    reader: SampleReader,
+    reader: RefusesRanges,
     observed: Sequence[int],
     lower: Sequence[Floats],
     upper: Sequence[Floats],
     n: int,
 ) -> tuple[list[Floats], list[Floats]]:
-    rows = encoded_discrete(program).rows
-    variables = len(program.variables)
+    rows, variables = encoded_terms(program), len(program.variables)
     return _native.term_ranges(rows, variables, observed, reader, lower, upper, n)
 
 

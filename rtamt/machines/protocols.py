@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.between import Between
-from rtamt.inputs.events import Given
+from rtamt.inputs.events import GivenLike
 
 __all__ = [
     "Bank",
@@ -160,7 +160,7 @@ class DenseMachine(Stateful, Protocol):
     def finish(self) -> list[tuple[float, float]]:
         """End the trace where the first variable ends; return the breakpoints that are left."""
 
-    def run(self, given: Sequence[Given]) -> tuple[Floats, Floats]:
+    def run(self, given: Sequence[GivenLike]) -> tuple[Floats, Floats]:
         """Times and values of the result over the whole trace of a new machine.
 
         Args:
@@ -200,7 +200,7 @@ class DenseEpisodeMachine(Stateful, Protocol):
     def finish(self, end: End = "complete") -> float:
         """End the trace, set the bounds as this reading says, and return the robustness."""
 
-    def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
+    def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
         """Take in a whole trace, with times as they were given.
 
         Args:
@@ -209,7 +209,10 @@ class DenseEpisodeMachine(Stateful, Protocol):
         """
 
     def complete(self) -> tuple[float, float]:
-        """The robustness if the trace is all there is: two zeros where it hangs on neutral ones."""
+        """The bounds if the trace is all there is.
+
+        They are the same unless they hang on neutral predicates, or on what is not known.
+        """
 
     def reset(self) -> None: ...
 

@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import NoReturn, Protocol
 
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.samples import SampleReader
 from rtamt.program.program import Program
 from rtamt.program.ranges import of_ends, ranges_of
 
-__all__ = ["FindRanges", "term_ranges"]
+__all__ = ["FindRanges", "RefusesRanges", "term_ranges"]
 
 FloatColumns = Sequence[Floats]
+
+
+class RefusesRanges(Protocol):
+    """Raises the error of a term without a value."""
+
+    def refuse_between(
+        self, lower: Iterable[float], upper: Iterable[float], sample: int
+    ) -> NoReturn: ...
+
+
 FindRanges = Callable[
-    [Program, SampleReader, Sequence[int], FloatColumns, FloatColumns, int],
+    [Program, RefusesRanges, Sequence[int], FloatColumns, FloatColumns, int],
     tuple[list[Floats], list[Floats]],
 ]
 
 
 def term_ranges(
     program: Program,
-    reader: SampleReader,
+    reader: RefusesRanges,
     observed: Sequence[int],
     lower: FloatColumns,
     upper: FloatColumns,

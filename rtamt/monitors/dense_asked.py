@@ -14,8 +14,8 @@ from rtamt.inputs.events import Given, are_dates
 from rtamt.language.formula import Formula
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.dense.episode import dense_of, rows_of
 from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.rows import dense_of, rows_of
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
@@ -69,6 +69,7 @@ class DenseQuestion:
         end: The reading of the end.
         regions: The program of the verdict.
         given: For each variable the times and values of its events.
+        reader: Counts their times.
         backend: The back-end.
     """
 
@@ -79,6 +80,7 @@ class DenseQuestion:
         end: End,
         regions: RegionProgram,
         given: Sequence[Given],
+        reader: EventReader,
         backend: BackendName,
     ) -> None:
         self.specification = specification
@@ -90,10 +92,11 @@ class DenseQuestion:
         self._backend: BackendName = backend
         self.resolution = regions.resolution
         self._given = dict(zip(regions.program.variables, given, strict=True))
-        begin, last, _ = rows_of(regions, given, BACKENDS[backend].term_columns)
-        dated = any(are_dates(times) for times, _ in given if len(times))
+        self._terms = BACKENDS[backend].term_columns, BACKENDS[backend].term_ranges
+        begin, last, _ = rows_of(regions, given, reader, self._terms)
+        dated = any(are_dates(column.times) for column in given if len(column.times))
         self._begin, self._dated = begin, dated
-        self._reader = EventReader(dense_of(regions))
+        self._reader = reader
         self.extent = Extent(last, end == "complete", end == "cut", dense=True)
 
     def time(self, position: int) -> float:
@@ -107,7 +110,7 @@ class DenseQuestion:
     def opposite(self, left: Formula) -> Signs:
         """Where the opposite of a left side holds and fails, by standard semantics."""
         regions, given = self._changed(~left, STANDARD)
-        _, last, rows = rows_of(regions, given, BACKENDS[self._backend].term_columns)
+        _, last, rows = rows_of(regions, given, self._reader.of(dense_of(regions)), self._terms)
         outlook = DenseOutlook(regions.program, rows, last, cut=self._end == "cut")
         return _DenseSigns(*outlook.result(self._end), last)
 
@@ -115,7 +118,7 @@ class DenseQuestion:
         """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
         regions, given = self._changed(unanswered(self.formula, answered), self._interface)
         make = BACKENDS[self._backend].dense_episode_machine
-        machine = make(regions, EventReader(dense_of(regions)))
+        machine = make(regions, self._reader.of(dense_of(regions)))
         machine.run(given)
         machine.finish(self._end)
         return verdict_of(machine.lower, machine.upper) == 1

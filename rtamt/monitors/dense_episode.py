@@ -6,16 +6,23 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, Unpack
 
-from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.samples import NanPolicy
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.online import DirectUpdate, MachineValue, Online, machine_value
-from rtamt.monitors.options import Options, Spec, checked_end, compiled_dense, listed_in_signature
+from rtamt.monitors.options import (
+    EventOptions,
+    Spec,
+    checked_end,
+    compiled_dense,
+    event_reader,
+    listed_in_signature,
+)
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import compile_regions
-from rtamt.program.timing import Period
+from rtamt.program.timing import Period, as_period
 
 __all__ = ["DenseEpisodeMonitor"]
 
@@ -50,6 +57,9 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
       falls, ``upper`` never rises, and the robustness of this and every later end lies between;
     * ``verdict`` is decided as soon as both have the same sign bit, `decided_at` says since when.
 
+    An event may be a `Between`: the variable then lies between two numbers until its next event,
+    and the bounds hold for whatever it is, as for unknown samples; ``robustness`` is the least.
+
     Events come in chunks of any size, each variable at its own pace; what is said of a time does
     not depend on the chunks. A variable with a declared value has it until its first event, and
     nothing waits for it: that event must come later than `settled`. Memory holds the events inside
@@ -58,12 +68,17 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     Args:
         spec: Text, a formula, or a parsed specification.
         resolution: As for `DenseMonitor`.
+        nan: What an event of nan is: ``"raise"``, an error; ``"unknown"``, a value of which nothing
+            is known until the variable's next event.
+        max_gap: The longest time, in seconds or as text with a unit, between neighbouring events of
+            a variable that its value lasts: in a longer one it is unknown from one tick after the
+            first event up to the second. None: it lasts however long.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
         SpecificationError: As for `DenseMonitor`, but futures need no end; on too many operators
             without an end inside others.
-        InputError: As for `Monitor`.
+        InputError: As for `Monitor`, and on another ``nan``.
 
     Example:
         >>> m = DenseEpisodeMonitor("always(speed < 10) and always(gap > 2)")
@@ -79,25 +94,33 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     Source: as for `EpisodeMonitor`.
     """
 
-    __slots__ = {"update": _UPDATE}
+    __slots__ = {
+        "max_gap": "The longest time between events that leaves no hole, in seconds; or None.",
+        "nan": 'What an event of nan is: ``"raise"`` or ``"unknown"``.',
+        "update": _UPDATE,
+    }
 
     update: Callable[..., float]
 
-    @listed_in_signature(Options)
+    @listed_in_signature(EventOptions)
     def __init__(
-        self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[Options]
+        self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
         self.specification, self.interface, self.backend, whole = compiled_dense(
-            type(self), spec, resolution, options, online=False
+            type(self), spec, resolution, options, online=False, bounds=True
         )
         regions = compile_regions(self.specification, whole.resolution, interface=self.interface)
         self.program = whole.result_alone()
         make = BACKENDS[self.backend].dense_episode_machine
-        self._machine = make(regions, EventReader(self.program))
+        reader = event_reader(self.program, options)
+        self.nan: NanPolicy = reader.nan
+        self.max_gap = as_period(options.get("max_gap"), "max_gap")
+        self._machine = make(regions, reader)
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:
-        return super()._arguments() | {"resolution": self.resolution}
+        its = {"resolution": self.resolution, "nan": self.nan, "max_gap": self.max_gap}
+        return super()._arguments() | its
 
     @property
     def resolution(self) -> Fraction:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Unpack
 
-from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.episode import dense_of, rows_of
 from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.rows import dense_of, rows_of, unknown_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.asked import Evidence
@@ -17,7 +16,14 @@ from rtamt.monitors.dense_asked import DenseAsked, DenseQuestion, dense_evidence
 from rtamt.monitors.dense_untested import found_untested_dense
 from rtamt.monitors.judgement import Judgement
 from rtamt.monitors.monitor import Verdict
-from rtamt.monitors.options import Options, Spec, checked_end, compiled_dense, listed_in_signature
+from rtamt.monitors.options import (
+    EventOptions,
+    Spec,
+    checked_end,
+    compiled_dense,
+    event_reader,
+    listed_in_signature,
+)
 from rtamt.monitors.untested import Untested
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period
@@ -25,14 +31,14 @@ from rtamt.program.timing import Period
 __all__ = ["judge_dense"]
 
 
-@listed_in_signature(Options)
+@listed_in_signature(EventOptions)
 def judge_dense(
     spec: Spec,
     signals: Mapping[str, EventsLike],
     end: End = "cut",
     *,
     resolution: Period = "1ns",
-    **options: Unpack[Options],
+    **options: Unpack[EventOptions],
 ) -> Judgement:
     """The verdict on a whole trace in dense time, by what its end means.
 
@@ -44,10 +50,11 @@ def judge_dense(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: As for `evaluate_dense`.
+        signals: As for `evaluate_dense`; a value may also be a `Between`.
         end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
         resolution: As for `DenseMonitor`.
-        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`; ``nan``
+            and ``max_gap``, as for `DenseEpisodeMonitor`.
 
     Returns:
         The judgement. Its ``decided_at`` is a time of the kind of the events' times,
@@ -75,23 +82,24 @@ def judge_dense(
     """
     reading = checked_end(end)
     specification, interface, backend, whole = compiled_dense(
-        judge_dense, spec, resolution, options, online=False
+        judge_dense, spec, resolution, options, online=False, bounds=True
     )
     regions = compile_regions(specification, whole.resolution, interface=interface)
     make = BACKENDS[backend].dense_episode_machine
-    reader = EventReader(dense_of(regions))
+    reader = event_reader(dense_of(regions), options)
     given = reader.whole(signals)
     machine = make(regions, reader)
     machine.run(given)
     decided = verdict_of(machine.lower, machine.upper) != 0
-    worst, robustness = machine.complete()
+    complete = machine.complete()
+    terms = BACKENDS[backend].term_columns, BACKENDS[backend].term_ranges
     machine.finish(reading)
     lower, upper = machine.lower, machine.upper
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or verdict_of(lower, upper) != 0:
             return ()
-        begin, last, rows = rows_of(regions, given, BACKENDS[backend].term_columns)
+        begin, last, rows = rows_of(regions, given, reader, terms)
         outlook = DenseOutlook(regions.program, rows, last, cut=reading == "cut")
         return found_untested_dense(outlook, begin, whole.resolution, cut=reading == "cut")
 
@@ -103,15 +111,16 @@ def judge_dense(
         return again.decided_at
 
     def evidence(verdict: Verdict) -> Evidence[DenseAsked]:
-        question = DenseQuestion(specification, interface, reading, regions, given, backend)
+        question = DenseQuestion(specification, interface, reading, regions, given, reader, backend)
         return dense_evidence(question, satisfied=verdict is Verdict.SATISFIED)
 
     return Judgement.of(
         (machine.robustness, lower, upper),
         reading,
         str(specification.formula),
-        Verdict(verdict_of(worst, robustness)),
+        Verdict(verdict_of(*complete)),
         untested,
         decided_at,
         evidence,
+        unknown_of(given, reader),
     )

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import Any, Unpack
 
 from rtamt.errors import InputTypeError, brief
-from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.episode import dense_of
+from rtamt.machines.dense.rows import dense_of
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
@@ -26,12 +25,13 @@ from rtamt.monitors.dense_asked import DenseAsked, DenseQuestion, dense_evidence
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
-    Options,
+    EventOptions,
     SampleOptions,
     Spec,
     checked_end,
     compiled,
     compiled_dense,
+    event_reader,
     listed_in_signature,
 )
 from rtamt.program.dense_regions import compile_regions
@@ -146,7 +146,7 @@ class DenseImplications:
     Args:
         spec: Text, a formula, or a parsed specification.
         resolution: As for `DenseMonitor`.
-        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
+        **options: As for `judge_dense`.
 
     Raises:
         SpecificationError: As for `judge_dense`.
@@ -160,12 +160,12 @@ class DenseImplications:
 
     __slots__ = ("_options", "_resolution", "_spec", "texts", "variables")
 
-    @listed_in_signature(Options)
+    @listed_in_signature(EventOptions)
     def __init__(
-        self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[Options]
+        self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
         self._spec, *_, dense = compiled_dense(
-            DenseImplications, spec, resolution, options, online=False
+            DenseImplications, spec, resolution, options, online=False, bounds=True
         )
         self._resolution, self._options = resolution, options
         self.texts = texts_of(self._spec.formula)
@@ -199,16 +199,21 @@ class DenseImplications:
         if not self.texts:
             return _NOTHING
         specification, interface, backend, whole = compiled_dense(
-            DenseImplications, self._spec, self._resolution, self._options, online=False
+            DenseImplications,
+            self._spec,
+            self._resolution,
+            self._options,
+            online=False,
+            bounds=True,
         )
         regions = compile_regions(specification, whole.resolution, interface=interface)
-        reader = EventReader(dense_of(regions))
+        reader = event_reader(dense_of(regions), self._options)
         given = reader.whole(signals)
         machine = BACKENDS[backend].dense_episode_machine(regions, reader)
         machine.run(given)  # refuses what judge_dense refuses
         machine.finish(reading)
         satisfied = verdict_of(machine.lower, machine.upper) if verdict is None else verdict
-        question = DenseQuestion(specification, interface, reading, regions, given, backend)
+        question = DenseQuestion(specification, interface, reading, regions, given, reader, backend)
         return dense_evidence(question, satisfied=satisfied > 0)
 
 

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, TypedDict, TypeVar, cast, get_args
 
 from rtamt.errors import InputError, alternatives, brief, nearest
+from rtamt.inputs.event_reader import NO_DENSE_BOUNDS, EventReader, checked_nan
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
@@ -21,12 +22,14 @@ from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period, as_align, as_period
 
 __all__ = [
+    "EventOptions",
     "Options",
     "SampleOptions",
     "Spec",
     "checked_end",
     "compiled",
     "compiled_dense",
+    "event_reader",
     "listed_in_signature",
 ]
 
@@ -50,8 +53,16 @@ class SampleOptions(Options, total=False):
     align: Align | None
 
 
+class EventOptions(Options, total=False):
+    """The options of those who give bounds over dense time."""
+
+    nan: NanPolicy
+    max_gap: Period | None
+
+
 _DEFAULTS: Options = {"semantics": "standard", "inputs": None, "outputs": None, "backend": "auto"}
 _SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise", "align": None}
+_EVENT_DEFAULTS: EventOptions = {**_DEFAULTS, "nan": "raise", "max_gap": None}
 _ENDS: tuple[End, ...] = get_args(End)
 
 _F = TypeVar("_F", bound=Callable[..., object])
@@ -96,22 +107,40 @@ def compiled_dense(
     options: Options,
     *,
     online: bool,
+    bounds: bool = False,
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
     """Check the options of a monitor or an evaluation of events, and compile its specification.
 
-    The arguments mean what they mean to `compiled`; the resolution is the length of a tick.
+    The arguments mean what they mean to `compiled`; the resolution is the length of a tick, and
+    ``bounds`` says whether the caller takes `EventOptions`.
 
     Returns:
         Specification, interface, chosen back-end, program.
     """
-    given: Options = {**_DEFAULTS, **options}
-    if len(given) > len(_DEFAULTS):
-        raise _unknown(caller, given, _DEFAULTS)
+    known = _EVENT_DEFAULTS if bounds else _DEFAULTS
+    given: Options = {**known, **options}
+    if len(given) > len(known):
+        for name in () if bounds else ("nan", "max_gap"):
+            if name in given:
+                raise InputError(f"{name}= speaks of values that are not known; {NO_DENSE_BOUNDS}")
+        raise _unknown(caller, given, known)
     specification, interface, backend = _understood(spec, given)
     program = compile_dense(
         specification, as_resolution(resolution), interface=interface, online=online
     )
     return specification, interface, backend, program
+
+
+def event_reader(dense: DenseProgram, options: EventOptions) -> EventReader:
+    """The reader of a program's events for what gives bounds.
+
+    Raises:
+        InputError: On a nan policy or a longest gap that is none.
+        InputTypeError: On a gap that is neither a number nor text.
+    """
+    max_gap = as_period(options.get("max_gap"), "max_gap")
+    most = None if max_gap is None else int(max_gap / dense.resolution)
+    return EventReader(dense, checked_nan(options.get("nan", "raise")), most, bounds=True)
 
 
 def checked_end(end: object) -> End:
@@ -136,7 +165,7 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
         inspect.Parameter(
             name,
             keyword,
-            default=cast("Any", _SAMPLE_DEFAULTS)[name],
+            default=cast("Any", {**_EVENT_DEFAULTS, **_SAMPLE_DEFAULTS})[name],
             annotation=kind.__forward_arg__,
         )
         for name, kind in options.__annotations__.items()

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, NoReturn, Protocol, assert_never
+from typing import Any, Protocol, assert_never
 
 import numpy as np
 
-from rtamt.inputs.arrays import Floats
-from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
-from rtamt.inputs.events import EventsLike, Given
+from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.regions import (
     CUT,
@@ -30,53 +28,21 @@ from rtamt.machines.dense.regions import (
     RegionSliding,
     RegionStream,
 )
-from rtamt.machines.dense.runs import Positions, Runs
+from rtamt.machines.dense.rows import RegionRows, TraceValues, readings_of, terms_of
+from rtamt.machines.dense.runs import Runs
 from rtamt.machines.dense.waiting import Waiting, together
 from rtamt.machines.protocols import End
+from rtamt.machines.ranges import FindRanges, term_ranges
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindTerms, Registers, term_columns
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
+from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import Placement, place
-from rtamt.program.polarity import positive
-from rtamt.program.program import Program
 
-__all__ = [
-    "PythonDenseEpisodeMachine",
-    "RegionRows",
-    "Regions",
-    "dense_of",
-    "readings_of",
-    "rows_of",
-]
-
-
-class RegionRows(NamedTuple):
-    """The terms from some positions on.
-
-    Attributes:
-        positions: The positions, increasing.
-        terms: For every term its value from each position to the next.
-    """
-
-    positions: Positions
-    terms: Sequence[Floats]
-
-    def between(self, begin: int, end: int) -> RegionRows:
-        """Those after a position, up to another one."""
-        first, after = self.positions.searchsorted((begin, end), "right")
-        if after - first == len(self.positions):
-            return self
-        return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
-
-
-def readings_of(program: Program) -> tuple[Program, ...]:
-    """The program without negations; if it has neutral predicates, with -0.0 and with 0.0."""
-    known = positive(program)
-    return (known.reading(-0.0), known.reading(0.0)) if program.neutral else (known,)
+__all__ = ["PythonDenseEpisodeMachine", "Regions"]
 
 
 class Regions(StateFields):
@@ -216,11 +182,16 @@ class RegionRegisters(Protocol):
 class PythonDenseEpisodeMachine(StateFields):
     """Bounds the robustness at the begin of a trace, from events in chunks of any size.
 
+    From the first value on that is not known, twins of the last registers go on from their state:
+    they take the greatest values of all terms, and the others the least, as
+    `rtamt.machines.uncertain` does over samples.
+
     Args:
         regions: The program.
         reader: Turns arguments into events, and refuses them.
         make: Makes the registers of a back-end.
         find: Evaluates terms.
+        ranges: Evaluates terms of values that are not known.
     """
 
     STATE = (
@@ -234,16 +205,17 @@ class PythonDenseEpisodeMachine(StateFields):
         "_last",
         "_waiting",
         "_readings",
+        "_greatest",
     )
     finished: bool
     robustness: float
     lower: float
     upper: float
     _decided: int | None
-    _heard: list[bool]
     _dated: Dated
     _first: list[float]
     _last: list[float]
+    _greatest: list[RegionRegisters]
 
     def __init__(
         self,
@@ -251,10 +223,12 @@ class PythonDenseEpisodeMachine(StateFields):
         reader: EventReader,
         make: Callable[[Placement], RegionRegisters] = Regions,
         find: FindTerms = term_columns,
+        ranges: FindRanges = term_ranges,
     ) -> None:
         self.reader = reader
         self._program = regions
-        self._find = find
+        self._make = make
+        self._find, self._ranges = find, ranges
         self._programs = readings_of(regions.program)
         self._readings = [make(place(program)) for program in self._programs]
         self._declared = declared_of(regions.program)
@@ -282,10 +256,11 @@ class PythonDenseEpisodeMachine(StateFields):
             self.reader.refuse_update()
         given = self.reader.given(events, named)
         after = self._declared.after(self._first, self._last)
-        self._take(*self.reader.read(given, after, self._dated))
+        heard = [math.isfinite(tick) for tick in self._last]
+        self._take(*self.reader.read(given, after, self._dated, heard))
         return self.robustness
 
-    def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
+    def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
         """Take in a whole trace, with times as they were given.
 
         Args:
@@ -298,9 +273,13 @@ class PythonDenseEpisodeMachine(StateFields):
             self.reader.refuse_end(self._first, self._last, self._dated)
 
     def complete(self) -> tuple[float, float]:
-        """The robustness if the trace is all there is: two zeros where it hangs on neutral ones."""
-        found = [reading.look((0,))[0] for reading in self._readings]
+        """The bounds if the trace is all there is."""
+        found = [reading.look((0,))[0] for reading in self._all()]
         return found[0], found[-1]
+
+    def _all(self) -> list[RegionRegisters]:
+        """The registers for the lower bound, for the robustness, and for the upper bound."""
+        return [*self._readings, *self._greatest]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated, *, decided: bool = True) -> None:
         times = [t for t, _ in columns]
@@ -322,6 +301,9 @@ class PythonDenseEpisodeMachine(StateFields):
             for waiting in self._waiting:
                 waiting.drop(int(end))
         self._first, self._last, self._dated = first, last, dated
+        if len(rows) > len(self._readings) and not self._greatest:
+            self._greatest = [self._twin()]
+            self._greatest[0].restore(self._readings[-1].state())
         if begin <= end and end != before:
             known = -1 if math.isinf(before) else int(before - begin)
             if decided and self._decided is None:
@@ -330,14 +312,19 @@ class PythonDenseEpisodeMachine(StateFields):
                 self._go(rows, known, int(end - begin))
 
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
-        """For each reading the terms at all new times of the trace; changes nothing."""
-        trace = (*together(self._waiting, begin, end), dated)
-        terms = _terms(self._programs, self._find, self.reader, trace)
+        """For each of the registers the terms at all new times of the trace; changes nothing."""
+        trace = TraceValues(*together(self._waiting, begin, end), dated)
+        terms = terms_of(self._programs, (self._find, self._ranges), self.reader, trace)
+        if self._greatest and len(terms) == len(self._readings):
+            terms.append(terms[-1])
         length = end - begin + self._program.reach
         if length >= MAX_TICKS:
             self.reader.refuse_length(length)
-        positions = 2 * (trace[0] - begin)
+        positions = 2 * (trace.ticks - begin)
         return [RegionRows(positions, each) for each in terms]
+
+    def _twin(self) -> RegionRegisters:
+        return self._make(place(self._programs[-1]))
 
     def _decide(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
         """Go from the last tick that was known to another; find where the verdict is decided."""
@@ -359,20 +346,21 @@ class PythonDenseEpisodeMachine(StateFields):
         self._restore(after)
 
     def _states(self) -> list[list[Any]]:
-        return [reading.state() for reading in self._readings]
+        return [reading.state() for reading in self._all()]
 
     def _restore(self, states: Sequence[list[Any]]) -> None:
-        for reading, state in zip(self._readings, states, strict=True):
+        for reading, state in zip(self._all(), states, strict=True):
             reading.restore(state)
 
     def _go(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
-        for reading, its in zip(self._readings, rows, strict=True):
+        for reading, its in zip(self._all(), rows, strict=True):
             reading.advance(its.between(2 * known, 2 * ticks), 2 * ticks)
         self._conclude()
 
     def _conclude(self) -> None:
-        worst, *_ = found = [reading.look(WORLDS) for reading in self._readings]
-        self.lower, self.robustness, self.upper = worst[1], found[-1][0], found[-1][2]
+        found = [reading.look(WORLDS) for reading in self._all()]
+        self.lower, self.upper = found[0][1], found[-1][2]
+        self.robustness = found[len(self._readings) - 1][0]
         if self._readings[0].t < 0:
             self.robustness = math.nan
 
@@ -382,10 +370,9 @@ class PythonDenseEpisodeMachine(StateFields):
         if math.isinf(self._end):
             self.reader.refuse_end(self._first, self._last, self._dated)
         if end == "complete":
-            self.lower, self.robustness = self.complete()
-            self.upper = self.robustness
+            self.lower, self.upper = self.complete()
         elif end == "cut":
-            found = [reading.look((*WORLDS, *CUT)) for reading in self._readings]
+            found = [reading.look((*WORLDS, *CUT)) for reading in self._all()]
             self.lower, self.upper = found[0][3], found[-1][4]
             self.robustness = moved(self.robustness, self.lower, self.upper)
         self.finished = True
@@ -401,44 +388,9 @@ class PythonDenseEpisodeMachine(StateFields):
             waiting.reset()
         for reading in self._readings:
             reading.reset()
+        self._greatest = []
         self._conclude()
 
-
-def dense_of(regions: RegionProgram) -> DenseProgram:
-    """The program for a reader of its events."""
-    return DenseProgram(regions.program, regions.resolution)
-
-
-def rows_of(
-    regions: RegionProgram, given: Sequence[Given], find: FindTerms
-) -> tuple[int, int, list[RegionRows]]:
-    """The first tick of a whole trace, its last position, and for each reading the terms.
-
-    The trace is one that a machine has taken in before.
-    """
-    reader = EventReader(dense_of(regions))
-    columns, dated = reader.counted(given, [-math.inf] * len(given), None)
-    begin = max(int(ticks[0]) for ticks, _ in columns)
-    last = min(int(ticks[-1]) for ticks, _ in columns)
-    events = [Waiting() for _ in columns]
-    for waiting, column in zip(events, columns, strict=True):
-        waiting.extend(column)
-    trace = (*together(events, begin, last), dated)
-    terms = _terms(readings_of(regions.program), find, reader, trace)
-    positions = 2 * (trace[0] - begin)
-    return begin, 2 * (last - begin), [RegionRows(positions, each) for each in terms]
-
-
-def _terms(
-    programs: Sequence[Program],
-    find: FindTerms,
-    reader: EventReader,
-    trace: tuple[Ticks, Sequence[Floats], Dated],
-) -> list[list[Floats]]:
-    """The terms of programs at ticks, from the values of all variables then."""
-    ticks, values, dated = trace
-
-    def refuse(sample: list[float], i: int) -> NoReturn:
-        reader.refuse(sample, (int(ticks[i]), dated))
-
-    return [find(program, values, refuse) for program in programs]
+    def restore(self, state: list[Any]) -> None:
+        self._greatest = [self._twin() for _ in state[self.STATE.index("_greatest")]]
+        super().restore(state)

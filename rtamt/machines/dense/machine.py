@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
-from rtamt.inputs.events import EventsLike, Given
+from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.streams import (
     Breakpoint,
@@ -166,7 +166,7 @@ class PythonDenseMachine(StateFields):
         self.finished = True
         return self._settled_steps()
 
-    def run(self, given: Sequence[Given]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def run(self, given: Sequence[GivenLike]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         steps = self._take(*self.reader.counted(given, self._last, self._dated)) + self._finish()
         ticks, values = zip(*steps, strict=True)
         return self.reader.times(np.array(ticks, np.int64), self._dated), np.array(values)

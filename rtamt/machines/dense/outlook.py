@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtamt.machines.dense.episode import RegionRows, Regions, readings_of
+from rtamt.machines.dense.episode import Regions
 from rtamt.machines.dense.regions import CUT, LOWER, NOW, UPPER, WORLDS
+from rtamt.machines.dense.rows import RegionRows, readings_of
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
 from rtamt.program.placement import Placement
@@ -37,7 +38,7 @@ class DenseOutlook:
 
     Args:
         program: The program over regions.
-        rows: For each of its readings (`readings_of`) the terms at the positions of the trace.
+        rows: The terms at the positions of the trace, as `rows_of` gives them.
         last: The last position.
         cut: Whether the trace was cut; else anything may follow, nothing too.
 
@@ -51,7 +52,9 @@ class DenseOutlook:
         self.last = last
         self._worlds = CUT if cut else (LOWER, UPPER)
         self._readings = []
-        for each, its in zip(readings_of(program), rows, strict=True):
+        programs = readings_of(program)
+        greatest = programs[-1:] * (len(rows) - len(programs))
+        for each, its in zip((*programs, *greatest), rows, strict=True):
             self.program = each
             every = tuple(range(len(each.instructions)))
             read = {a for r in every[each.terms :] for a in each.formula(r).args} | {each.result}

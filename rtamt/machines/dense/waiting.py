@@ -35,7 +35,7 @@ class Waiting(StateFields):
 
     def reset(self) -> None:
         self._chunks: deque[TimedColumn] = deque()
-        self._before = self._declared
+        self._before: float | tuple[float, ...] = self._declared
 
     def extend(self, new: TimedColumn) -> None:
         """Take in a copy of new events."""
@@ -59,18 +59,26 @@ class Waiting(StateFields):
             if len(after[0]):
                 break
         ticks = times[0] if len(times) == 1 else np.concatenate([*times, _NO_TICKS])
-        return ticks, np.concatenate(values)
+        return ticks, _concatenated(values)
 
     def drop(self, last: int) -> None:
         """Forget the events up to a tick but the last value."""
         while self._chunks:
             first, after = _divided(self._chunks[0], last)
             if len(first[1]):
-                self._before = float(first[1][-1])
+                value = first[1][-1].tolist()
+                self._before = tuple(value) if isinstance(value, list) else value
             if len(after[0]):
                 self._chunks[0] = after
                 return
             self._chunks.popleft()
+
+
+def _concatenated(values: Sequence[Floats]) -> Floats:
+    """Values one after the other: pairs of ends, if some are."""
+    if len({each.ndim for each in values}) > 1:
+        values = [v if v.ndim > 1 else np.column_stack([v, v]) for v in values]
+    return np.concatenate(values)
 
 
 _NO_TICKS: Ticks = np.empty(0, np.int64)
@@ -86,7 +94,7 @@ def _divided(events: TimedColumn, last: int) -> tuple[TimedColumn, TimedColumn]:
 def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, list[Floats]]:
     """The ticks from begin to last at which a variable has an event, and all values there.
 
-    At ``begin`` all variables have values.
+    At ``begin`` all variables have values. Those of a variable are numbers, or pairs of ends.
     """
     signals = [variable.upto(last) for variable in waiting]
     ticks = signals[0][0]

@@ -86,12 +86,6 @@ def test_robustness_is_events_for_another_formula() -> None:
         ([0, 0], [1, 2], InputError, "expected a time after 0.0 at event 1, got 0.0"),
         ([0, math.inf], [1, 2], InputError, "expected a finite time at event 1, got inf"),
         (
-            [0, 1],
-            [1, math.nan],
-            InputError,
-            "event 1, at time 1.0, is nan; leave it out: a value lasts until the next event",
-        ),
-        (
             [[0, 1]],
             [1, 2],
             InputError,
