@@ -20,6 +20,7 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
+from rtamt_gym.commands.exit_codes import INTERRUPTED
 
 __all__ = ["main"]
 
@@ -38,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # With the code 0 too: what ended it has given no verdict.
         return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has ended, as `head` does. Without this, Python would print an
         # error of its own at exit.

@@ -6,13 +6,16 @@ import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
     from rtamt_gym.results.table import Results
 
-__all__ = ["Hollow", "exit_code", "tell", "unasked"]
+__all__ = ["INTERRUPTED", "Hollow", "exit_code", "tell", "unasked"]
+
+INTERRUPTED: Final = 130
+"""The exit code after Ctrl-C, as shells have it."""
 
 
 @dataclass(frozen=True, slots=True)

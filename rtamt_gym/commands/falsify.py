@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import re
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, nullcontext
@@ -26,12 +27,14 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell
+from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
+    from rtamt_gym.results.outcome import Word
     from rtamt_gym.search.falsification.falsification import Falsification
 
 __all__ = ["add_arguments", "run"]
@@ -46,7 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Searches for an input with which a system violates one of its requirements. Prints what "
         "was found, made as simple as it can be, and why it violates. Exits 1 if a requirement is "
-        "violated, 0 if no violation was found, which is no guarantee."
+        "violated; else 3 if simulations failed, of which nothing is known; else 0, which is no "
+        "guarantee. Ctrl-C ends the search with what it has found so far, and 130."
     )
     parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
     add_environment(
@@ -108,6 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
     )
     add_workers(parser)
+    add_allowed_failures(parser, 0)
     add_reading(parser, *EPISODES)
     add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
     add_output(parser, "--plot", "draw the input and the run")
@@ -150,32 +155,48 @@ def run(options: argparse.Namespace) -> int:
         with warnings.catch_warnings():
             for each in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
                 warnings.simplefilter("ignore", each)
-            found = falsify(
-                system,
-                requirements_of(options.requirements, own, options.env_id),
-                entries,
-                fixed=numbers,
-                budget=options.budget,
-                seed=options.seed,
-                optimizer=options.optimizer,
-                signals=signals or None,
-                policy=policy,
-                duration=options.duration,
-                reduce=not options.no_reduce,
-                n_jobs=options.n_jobs,
-                timeout=options.timeout,
-                progress=True,
-                **read_reading(options).options(),
-            )
-        if options.save:
-            at = name.get("object")
-            found.save(options.save, system=at, policy=options.policy)
-        if options.record:
-            found.record.save(options.record)
-        if options.plot:
-            found.plot(options.plot)
-        print(found.to_json() if options.json else "\n".join(_lines(found, options, notes)))
-    return exit_code(["violated"] if found.falsified else [])
+            try:
+                found = falsify(
+                    system,
+                    requirements_of(options.requirements, own, options.env_id),
+                    entries,
+                    fixed=numbers,
+                    budget=options.budget,
+                    seed=options.seed,
+                    optimizer=options.optimizer,
+                    signals=signals or None,
+                    policy=policy,
+                    duration=options.duration,
+                    reduce=not options.no_reduce,
+                    n_jobs=options.n_jobs,
+                    timeout=options.timeout,
+                    progress=True,
+                    **read_reading(options).options(),
+                )
+            except KeyboardInterrupt as pressed:
+                found = _so_far(pressed)
+        # Files may take simulations, and a file may be refused: what was found is said before.
+        print(found.to_json() if options.json else "\n".join(_lines(found, notes)), flush=True)
+        files = list(_write(found, options, name.get("object")))
+        if files and not options.json:
+            print("", *files, sep="\n")
+    hollow = [] if found.falsified else hollow_failures(found.record, options, found.not_violated)
+    tell(hollow, json=options.json)
+    words: list[Word] = ["violated"] if found.falsified else []
+    return INTERRUPTED if found.interrupted else exit_code(words, hollow)
+
+
+def _so_far(pressed: KeyboardInterrupt) -> Falsification:
+    """What a search has found that was interrupted.
+
+    Raises:
+        KeyboardInterrupt: If no simulation was over.
+    """
+    found: Falsification | None = getattr(pressed, "falsification", None)
+    if found is None:
+        print("interrupted before a simulation was over", file=sys.stderr)
+        raise pressed
+    return found
 
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -196,23 +217,25 @@ def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
     return name
 
 
-def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) -> Iterator[str]:
-    """What was found, why, and the files that hold it."""
-    from rtamt_gym.search.runs.report import failures
-
+def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:
+    """What was found, and why; not why where the search was interrupted: it takes a simulation."""
     yield str(found)
-    if not math.isnan(found.robustness):
+    if found.judged and not found.interrupted and not math.isnan(found.robustness):
         why = [shorten(line, 80) for line in str(found.explain()).splitlines()]
         yield from ("", *why[:_WHY])
         if len(why) > _WHY:
             yield f"... {len(why) - _WHY} more lines: rtamt replay CASE --explain"
-    for part in (failures(found.record), notes):
-        yield from ["", *part] if part else []
-    files = []
-    if options.save:
-        files.append(f"case: {options.save} (run it again: rtamt replay {options.save})")
-    if options.plot:
-        files.append(f"picture: {options.plot}")
+    yield from ["", *notes] if notes else []
+
+
+def _write(found: Falsification, options: argparse.Namespace, system: str | None) -> Iterator[str]:
+    """Writes the files that were asked for; a line for each that is written."""
     if options.record:
-        files.append(f"record: {options.record}")
-    yield from ["", *files] if files else []
+        found.record.save(options.record)
+        yield f"record: {options.record}"
+    if options.save:
+        found.save(options.save, system=system, policy=options.policy)
+        yield f"case: {options.save} (run it again: rtamt replay {options.save})"
+    if options.plot:
+        found.plot(options.plot)
+        yield f"picture: {options.plot}"

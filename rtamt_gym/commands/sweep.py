@@ -25,9 +25,11 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.errors import options_of, refusal
+from rtamt_gym.commands.exit_codes import exit_code, tell
+from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
-from rtamt_gym.tables import shorten
+from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:
     from rtamt_gym.search.sweeps.sweep import Sweep
@@ -40,7 +42,8 @@ _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs a scenario, or another registered environment, on many points of a space; prints the "
-        "robustness and the verdicts of its requirements. Exits 0 whatever the verdicts are."
+        "robustness and the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if "
+        "more simulations failed than --allow-failures lets pass."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -101,6 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="when to stop a simulation (default: end)",
     )
     add_workers(parser)
+    add_allowed_failures(parser, None)
     parser.add_argument(
         "--folder",
         type=Path,
@@ -167,7 +171,10 @@ def run(options: argparse.Namespace) -> int:
         for name in done.requirements:
             print("", _moved(done, name), sep="\n")
     _write(done, options)
-    return 0
+    failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
+    hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
+    tell(hollow)
+    return exit_code([], hollow)
 
 
 def _read_samples(text: str) -> int | dict[str, int]:
@@ -202,11 +209,10 @@ def _check_map(
 def _worst(done: Sweep) -> Iterator[str]:
     """A line for each requirement: its least robustness, and where that is."""
     for name in done.requirements:
-        found = [i for i, row in enumerate(done.record) if name in row.outcomes]
-        if not found:
+        if all(name not in row.outcomes for row in done.record):
             continue
         worst = done.worst(name)
-        number = next(i for i in found if done.record[i] is worst)
+        number = next(i for i, row in enumerate(done.record) if row is worst)
         columns = worst.case.columns()
         where = ", ".join(f"{key}={value:.4g}" for key, value in columns.items())
         height = f"{worst.outcomes[name].robustness:.6g}"

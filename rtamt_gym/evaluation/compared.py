@@ -8,7 +8,7 @@ from typing import Final
 
 from rtamt_gym.evaluation.paired import Effect, mcnemar, tango
 from rtamt_gym.evaluation.sentences import counted_points, effect_sentence, points
-from rtamt_gym.results.intervals import wilson
+from rtamt_gym.results.intervals import IntervalKind, rate_interval
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.tables import p_text
 
@@ -31,7 +31,7 @@ class Compared:
         only_a: With how many A alone does.
         only_b: With how many B alone does.
         neither: With how many none does.
-        interval_a: The 95 % interval of Wilson for the rate of A.
+        interval_a: The 95 % interval of the rate of A, of the kind that its evaluation has.
         interval_b: The same of B.
         interval: The 95 % interval of Tango for the difference, `paired.tango`.
         p: The p-value of McNemar's exact test.
@@ -89,8 +89,12 @@ def compared_of(
     formula: str,
     counts: Mapping[tuple[bool, bool], int],
     robustness: Effect | None,
+    kinds: tuple[IntervalKind, IntervalKind] = ("exact", "exact"),
 ) -> Compared:
-    """One requirement, from how often A and B satisfy it: counts by what both did, A first."""
+    """One requirement, from how often A and B satisfy it: counts by what both did, A first.
+
+    The kinds are those of the intervals of both rates.
+    """
     both, neither = counts[True, True], counts[False, False]
     only_a, only_b = counts[True, False], counts[False, True]
     pairs = both + neither + only_a + only_b
@@ -102,8 +106,8 @@ def compared_of(
         only_a,
         only_b,
         neither,
-        wilson(both + only_a, pairs),
-        wilson(both + only_b, pairs),
+        rate_interval(both + only_a, pairs, kinds[0]),
+        rate_interval(both + only_b, pairs, kinds[1]),
         tango(only_a, only_b, pairs),
         p,
         p,

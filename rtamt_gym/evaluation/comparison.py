@@ -207,7 +207,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
             (of_a.robustness[places[0][seed]], of_b.robustness[places[1][seed]]) for seed in seeds
         ]
         counts = Counter((_satisfies(one, names), _satisfies(two, names)) for one, two in rows)
-        return compared_of(name, of_a.formula, counts, _effect(heights))
+        return compared_of(name, of_a.formula, counts, _effect(heights), (a.interval, b.interval))
 
     found = {name: compared(name, [name]) for name in a.requirements}
     adjusted = holm({name: each.p for name, each in found.items()})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, get_args
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,7 @@ from gymnasium.vector import VectorEnv
 import rtamt
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame
@@ -23,6 +23,7 @@ from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
@@ -63,6 +64,7 @@ def evaluate_policy(
     target: float | None = None,
     alpha: float = 0.05,
     margin: float = MARGIN,
+    interval: IntervalKind = "exact",
     keep: int = 1,
     progress: bool = False,
     **reading: Unpack[EpisodeReading],
@@ -131,6 +133,9 @@ def evaluate_policy(
         target: Stops once it is clear of every rate whether it meets this target.
         alpha: The greatest chance that the answer to ``target`` is wrong.
         margin: How far below the target a rate is to be told from it.
+        interval: The kind of the 95 % intervals of rates: ``"exact"``, of Clopper and Pearson,
+            holds the true rate in at least 95 of 100 evaluations; ``"wilson"``, which is narrower,
+            in about 95, at rates near 0 and 1 in far fewer.
         keep: How many of the worst episodes of each requirement are played again in full at the
             end, for `Evaluation.worst_runs`; with pictures if the environment was made with
             ``render_mode="rgb_array"``, but not of a vector environment.
@@ -168,8 +173,8 @@ def evaluate_policy(
         >>> result.requirements["near"]
         <near: 13 of 50 episodes satisfy it, 37 violated>
         >>> rate, (low, high) = result.success.rate, result.success.interval
-        >>> print(f"{rate:.2f}, from {low:.2f} to {high:.2f}")
-        0.26, from 0.16 to 0.40
+        >>> print(f"{rate:.2f}, in truth between {low:.2f} and {high:.2f}")
+        0.26, in truth between 0.15 and 0.40
         >>> seed, robustness = result.requirements["near"].worst[0]
         >>> result.replay(seed)
         <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
@@ -177,6 +182,7 @@ def evaluate_policy(
     judged = checked_reading(reading, evaluate_policy, EpisodeReading)
     check_count(Argument("episodes"), episodes)
     check_count(Argument("n_envs"), n_envs)
+    check_choice("interval", interval, get_args(IntervalKind))
     given: dict[str, object] = {"keep": keep, "seed": seed}
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
@@ -196,9 +202,10 @@ def evaluate_policy(
         stop=stop,
         **judged.options(),
     )
-    stopping = stopping_of(runner.requirements, until_width, target, alpha, margin)
-    rules = {"until_width": until_width, "target": target}
+    stopping = stopping_of(runner.requirements, until_width, target, alpha, margin, interval)
+    rules: dict[str, Any] = {"until_width": until_width, "target": target}
     rules |= {"alpha": alpha, "margin": margin} if target is not None else {}
+    rules |= {"interval": interval} if until_width is not None else {}
     record = run_campaign(
         runner,
         [({}, each) for each in range(seed, seed + episodes)],
@@ -227,6 +234,7 @@ def evaluate_policy(
         runs,
         frames,
         reading_of(runner),
+        interval,
         runner,
     )
 

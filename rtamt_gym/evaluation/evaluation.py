@@ -28,6 +28,7 @@ from rtamt_gym.results.codec import (
     save,
     trials_of,
 )
+from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.search.runs.record import Record
@@ -65,6 +66,7 @@ class Evaluation:
         reading: How the episodes were read and judged: the options of `evaluate_policy` for that,
             by name, and under ``"signals"`` what each variable reads, None for a function. None:
             it is not known, as of a file that an older version has written.
+        interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
     """
 
     record: Record
@@ -77,17 +79,18 @@ class Evaluation:
     worst_runs: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
     frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
     reading: Mapping[str, Any] | None = None
+    interval: IntervalKind = "exact"
     _runner: Runner | None = None
 
     @cached_property
     def requirements(self) -> Mapping[str, RequirementResult]:
         """The result of every requirement, by name."""
-        return MappingProxyType(self.record.results(self.limit))
+        return MappingProxyType(self.record.results(self.limit, self.interval))
 
     @cached_property
     def success(self) -> RequirementResult:
         """The result of all requirements at once; its robustness is the least of theirs."""
-        return self.record.success(self.limit)
+        return self.record.success(self.limit, self.interval)
 
     @cached_property
     def returns(self) -> Floats:
@@ -145,7 +148,7 @@ class Evaluation:
 
     def statistics(self) -> pd.DataFrame:
         """A data frame of pandas: a row for each requirement, as `Record.statistics`."""
-        return self.record.statistics()
+        return self.record.statistics(self.interval)
 
     def to_json(self) -> str:
         """Strict JSON that holds all of the evaluation; infinities are ``"inf"`` and ``"-inf"``.
@@ -203,7 +206,7 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
-    "reading",
+    *("reading", "interval"),
 )
 
 
@@ -262,7 +265,14 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
         frames=frames,
         reading=kept.get("reading"),  # files of older versions have none
+        interval=_kind_of(kept),
     )
+
+
+def _kind_of(kept: Mapping[str, Any]) -> IntervalKind:
+    """The kind of the intervals; files that do not say it have those of Wilson."""
+    kinds = {each.get("interval_kind", "wilson") for each in kept.get("results", {}).values()}
+    return "exact" if kinds == {"exact"} else "wilson"
 
 
 def _run(run: Run) -> dict[str, Any]:

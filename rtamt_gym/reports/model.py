@@ -203,7 +203,7 @@ class ShownRequirement:
         formula: It as a formula.
         counts: How many episodes satisfied it.
         rate: Satisfied over all; None where a rate has no meaning, as of a search.
-        interval: The 95 % interval of the rate (Wilson); None without a rate.
+        interval: The 95 % interval of the rate; None without a rate.
         robustness: The robustness of every episode that has one, least first; where there are more
             than 1000, only evenly spaced ranks.
         verdicts: What became of the requirement where it has each of these.

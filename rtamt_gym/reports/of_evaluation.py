@@ -20,6 +20,7 @@ from rtamt_gym.reports.model import (
 )
 from rtamt_gym.reports.rows import at_stop, judged, made_of, requirement_of, trials_of
 from rtamt_gym.reports.series import six
+from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.simulation.run import Run
@@ -60,6 +61,9 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
         Fact("seeds", f"{evaluation.seed} to {last}"),
         Fact("simulated", f"{simulated:.6g} {unit}"),
     ]
+    facts.append(
+        Fact("95 % intervals", f"{evaluation.interval}: each {promise(evaluation.interval)}")
+    )
     if evaluation.period is not None:
         facts.append(Fact("period", f"{number(float(evaluation.period))} s"))
     if evaluation.limit is not None:

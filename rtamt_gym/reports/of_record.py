@@ -25,7 +25,6 @@ from rtamt_gym.reports.rows import (
 )
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
-from rtamt_gym.results.intervals import wilson
 from rtamt_gym.results.outcome import Word, word
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import failures
@@ -105,15 +104,13 @@ def requirements_of(
     sampler than of the system.
     """
     episodes = sum(map(len, worst.values()))
-    found = []
+    found, results = [], record.results()
     for name, formula in record.requirements.items():
         trials = trials_of(record, judged(record, name))
         runs = worst.get(name, [])
         step = any(run.view == "step" for run in runs)
         period = None if unit == "steps" else 1
-        rate = None
-        if not record.case_columns and trials:
-            rate = sum(each.verdict == "satisfied" for each in trials)
+        result = None if record.chosen or not trials else results[name]
         found.append(
             requirement_of(
                 name,
@@ -121,8 +118,8 @@ def requirements_of(
                 formula,
                 trials,
                 [_episode(record, run, name, room, episodes) for run in runs],
-                rate=None if rate is None else rate / len(trials),
-                interval=None if rate is None else wilson(rate, len(trials)),
+                rate=None if result is None else result.rate,
+                interval=None if result is None else result.interval,
                 note=at_stop(record, name, "simulation"),
                 id=record.provenance.ids.get(name),
             )

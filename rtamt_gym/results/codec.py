@@ -132,6 +132,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
 def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, Any]:
     """The statistics of a requirement; rates where trials differ by chance alone."""
     kept = {each.key: each.of(result) for each in STATISTICS if rates or each.key not in _RATES}
+    kept |= {"interval_kind": result.kind} if rates else {}
     kept["quantiles"] = {str(share): value for share, value in result.quantiles.items()}
     kept |= {"first_violations": result.first_violations, "saved": result.saved}
     return {name: plain(each) for name, each in kept.items()} | {"worst": plain(result.worst)}

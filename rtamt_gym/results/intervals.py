@@ -1,6 +1,7 @@
 """How sure a number is that was measured on episodes: intervals and quantiles.
 
-Most need SciPy, which is imported when a function is called.
+Intervals of rates and quantiles need NumPy alone, all else SciPy, which is imported when a function
+is called.
 """
 
 from __future__ import annotations
@@ -8,24 +9,28 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from statistics import NormalDist
-from typing import Any, Final
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError
 from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.extras import naming_extra
 
 __all__ = [
     "QUANTILES",
+    "IntervalKind",
     "bootstrap",
     "check_confidence",
+    "clopper_pearson",
     "differences",
     "median",
     "median_interval",
+    "promise",
     "quantiles",
+    "rate_interval",
     "scipy_stats",
     "wilson",
 ]
@@ -39,12 +44,110 @@ _AT_ONCE: Final = 1_000_000
 """The numbers that the bootstrap draws at once: memory for all resamples would not be there."""
 
 
+IntervalKind = Literal["exact", "wilson"]
+"""The kinds of intervals of a rate: of Clopper and Pearson, and of Wilson."""
+
+
+def rate_interval(
+    count: int, total: int, kind: IntervalKind = "exact", confidence: float = 0.95
+) -> tuple[float, float]:
+    """The interval of a kind for the rate of which ``count`` of ``total`` is a sample.
+
+    Raises:
+        InputError: If there is no such kind, or a number is out of its range.
+
+    Example:
+        >>> [[round(end, 3) for end in rate_interval(6, 10, kind)] for kind in ("exact", "wilson")]
+        [[0.262, 0.878], [0.313, 0.832]]
+    """
+    check_choice("interval", kind, get_args(IntervalKind))
+    found = clopper_pearson if kind == "exact" else wilson
+    return found(count, total, confidence)
+
+
+def promise(kind: IntervalKind) -> str:
+    """What the 95 % intervals of a kind promise, in words that stand behind their name."""
+    if kind == "exact":
+        return "holds the true rate in at least 95 of 100 evaluations"
+    return "of Wilson, holds the true rate in about 95 of 100 evaluations"
+
+
+def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+    """The exact interval of Clopper and Pearson (1934) for a rate.
+
+    It covers the true rate at least as often as ``confidence`` says, whatever the rate is: its ends
+    are the rates at which as many as were counted, or as few, have a chance of half of what is
+    left. It is wider than the interval of `wilson`, which promises that on average alone.
+
+    Args:
+        count: How many did, of 0 to ``total``.
+        total: How many there were; of 0 nothing is known, and the interval is (0, 1).
+        confidence: How often an interval shall cover the rate at least: between 0 and 1.
+
+    Raises:
+        InputError: If a number is out of its range.
+
+    Example:
+        >>> low, high = clopper_pearson(95, 100)
+        >>> round(low, 3), round(high, 3)
+        (0.887, 0.984)
+        >>> clopper_pearson(0, 100)[0], clopper_pearson(100, 100)[1], clopper_pearson(0, 0)
+        (0.0, 1.0, (0.0, 1.0))
+    """
+    _check_counts(count, total, confidence)
+    if not total:
+        return 0.0, 1.0
+    chance = (1 - confidence) / 2
+    return _least_rate(count, total, chance), 1.0 - _least_rate(total - count, total, chance)
+
+
+def _least_rate(count: int, total: int, chance: float) -> float:
+    """The rate at which ``count`` or more of ``total`` have a chance; 0 for a count of 0.
+
+    Newton's method on the logarithms of rate and chance, between bounds that it narrows.
+    """
+    if not count:
+        return 0.0
+    if count == total:
+        return float(chance ** (1 / total))
+    low, high = 0.0, count / total
+    rate = high / 2
+    for _ in range(200):
+        found, least = _tail(count, total, rate)
+        if found < chance:
+            low = rate
+        else:
+            high = rate
+        # The derivative of the tail by the rate is what its first term is, times count / rate.
+        step = math.log(chance / found) * found / (least * count) if found and least else math.nan
+        made = rate * math.exp(step) if abs(step) < 1 else math.nan
+        before, rate = rate, made if low < made < high else (low + high) / 2
+        if abs(rate - before) <= 1e-15 * rate:
+            break
+    return rate
+
+
+def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
+    """The chance of ``count`` or more of ``total`` at a rate below theirs, and of ``count``."""
+    ways = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
+    first = math.exp(ways + count * math.log(rate) + (total - count) * math.log1p(-rate))
+    odds = rate / (1 - rate)
+    terms, term = [first], first
+    for each in range(count, total):
+        term *= (total - each) / (each + 1) * odds
+        terms.append(term)
+        if term <= 1e-18 * first:
+            break
+    return math.fsum(terms), first
+
+
 def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
     """The interval of Wilson (1927) for the rate of which ``count`` of ``total`` is a sample.
 
     It lies within 0 and 1, also where few were counted: of none its low end is exactly 0, of all
     its high end exactly 1. Over all rates it covers the true one about as often as ``confidence``
-    says, at some rates near 0 or 1 somewhat less often.
+    says, at some rates near 0 or 1 far less often: one of 95 % in 84.4 % of all cases, of 100 at a
+    rate of 0.9983.
 
     Args:
         count: How many did, of 0 to ``total``.
@@ -61,9 +164,7 @@ def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, flo
         >>> wilson(0, 100)[0], wilson(100, 100)[1], wilson(0, 0)
         (0.0, 1.0, (0.0, 1.0))
     """
-    check_confidence(confidence)
-    if not 0 <= count <= total:
-        raise InputError(f"expected a count of 0 to {total}, got {count}")
+    _check_counts(count, total, confidence)
     if not total:
         return 0.0, 1.0
     z = NormalDist().inv_cdf((1 + confidence) / 2)
@@ -207,6 +308,12 @@ def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
         raise InputError(f"expected as many values in both, got {len(before)} and {len(after)}")
     apart = before != after
     return np.subtract(after, before, out=np.zeros(len(before)), where=apart)
+
+
+def _check_counts(count: int, total: int, confidence: float) -> None:
+    check_confidence(confidence)
+    if not 0 <= count <= total:
+        raise InputError(f"expected a count of 0 to {total}, got {count}")
 
 
 def check_confidence(confidence: float) -> None:

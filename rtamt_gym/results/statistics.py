@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import Verdict
-from rtamt_gym.results.intervals import quantiles, wilson
+from rtamt_gym.results.intervals import IntervalKind, quantiles, rate_interval
 from rtamt_gym.results.outcome import Outcome, order
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.tables import Coloured, counted, short
@@ -51,7 +51,7 @@ class RequirementResult:
         satisfied: How many satisfy it.
         violated: How many violate it.
         undecided: How many leave it open, as one does that was stopped or cut short before.
-        failed: How many an error has ended; they count as not satisfied.
+        failed: How many an error has ended.
         robustness: The robustness at the end of every episode, in their order; nan where it failed.
         first_violations: The times at which violations became certain, in seconds (the numbers of
             samples if there is no period), in the order of the episodes.
@@ -63,6 +63,9 @@ class RequirementResult:
             fall that ``at_termination="failure"`` makes a violation may have any robustness.
         asked: How many of those that did not fail have put it to the test: of an implication of it
             the left side held. None if it has no implication, or nobody has counted.
+        apart: Whether trials that failed are left out of the rate: they were chosen, as in a sweep,
+            and nothing is known of them. Episodes of a policy that failed are not satisfied.
+        kind: The kind of the interval of the rate.
     """
 
     name: str
@@ -77,6 +80,8 @@ class RequirementResult:
     saved: float
     worst: tuple[tuple[int, float], ...]
     asked: int | None = None
+    apart: bool = False
+    kind: IntervalKind = "exact"
 
     @property
     def judged(self) -> int:
@@ -84,14 +89,19 @@ class RequirementResult:
         return self.episodes - self.failed
 
     @property
+    def counted(self) -> int:
+        """How many episodes the rate is a share of: all, or those that did not fail."""
+        return self.judged if self.apart else self.episodes
+
+    @property
     def rate(self) -> float:
-        """The share of the episodes that satisfy the requirement; nan without episodes."""
-        return self.satisfied / self.episodes if self.episodes else math.nan
+        """The share of `counted` episodes that satisfy the requirement; nan of none."""
+        return self.satisfied / self.counted if self.counted else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of Wilson for the rate. Needs the extra ``search``."""
-        return wilson(self.satisfied, self.episodes)
+        """The 95 % interval of the rate, of `kind`."""
+        return rate_interval(self.satisfied, self.counted, self.kind)
 
     @property
     def heights(self) -> Floats:
@@ -237,6 +247,9 @@ def result_of(
     trials: Sequence[Trial],
     outcomes: Sequence[Outcome | None],
     limit: float | None = None,
+    *,
+    apart: bool = False,
+    kind: IntervalKind = "exact",
 ) -> RequirementResult:
     """The result of a requirement.
 
@@ -246,6 +259,8 @@ def result_of(
         trials: The trials.
         outcomes: What it has become in each; None where that failed.
         limit: The time limit in seconds (steps without a period), or None.
+        apart: As in `RequirementResult`.
+        kind: The kind of the interval of its rate.
     """
     found = [
         (trial, outcome)
@@ -273,6 +288,8 @@ def result_of(
         asked=sum(bool(each.occasions) for _, each in found)
         if any(each.asked for _, each in found)
         else None,
+        apart=apart,
+        kind=kind,
     )
 
 

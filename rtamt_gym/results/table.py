@@ -10,6 +10,7 @@ from rtamt import InputError, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
+from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.outcome import Outcome, order
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.statistics import STATISTICS, SUCCESS, RequirementResult, result_of
@@ -116,24 +117,43 @@ class Results(Sequence[Trial]):
             )
         return requirement
 
-    def results(self, limit: float | None = None) -> dict[str, RequirementResult]:
+    def results(
+        self, limit: float | None = None, kind: IntervalKind = "exact"
+    ) -> dict[str, RequirementResult]:
         """The result of every requirement, by name.
 
         Args:
             limit: The time limit of a trial in seconds (steps without a period), or None.
+            kind: The kind of the intervals of rates.
         """
-        return {
-            name: result_of(name, text, self.rows, [row.judged(name) for row in self.rows], limit)
-            for name, text in self.requirements.items()
-        }
+        found = {}
+        for name, text in self.requirements.items():
+            outcomes = [row.judged(name) for row in self.rows]
+            found[name] = result_of(
+                name, text, self.rows, outcomes, limit, apart=self.chosen, kind=kind
+            )
+        return found
 
-    def success(self, limit: float | None = None) -> RequirementResult:
+    def success(
+        self, limit: float | None = None, kind: IntervalKind = "exact"
+    ) -> RequirementResult:
         """The result of all requirements at once; its robustness is the least of theirs."""
         formulas = list(self.requirements.values())
         text = formulas[0]
         if len(formulas) > 1:
             text = " and ".join(f"({formula})" for formula in formulas)
-        return result_of(SUCCESS, text, self.rows, self.together(), limit)
+        return result_of(
+            SUCCESS, text, self.rows, self.together(), limit, apart=self.chosen, kind=kind
+        )
+
+    @property
+    def chosen(self) -> bool:
+        """Whether the trials were chosen, as the points of a sweep: else chance has made them.
+
+        Rates are of those that were judged then. Of trials that chance has made, one that failed is
+        not satisfied.
+        """
+        return False
 
     def together(self) -> list[Outcome | None]:
         """What all requirements at once have become in each trial; None where one failed."""
@@ -145,19 +165,22 @@ class Results(Sequence[Trial]):
             for row in self.rows
         ]
 
-    def statistics(self) -> pd.DataFrame:
+    def statistics(self, kind: IntervalKind = "exact") -> pd.DataFrame:
         """A data frame of pandas: a row for each requirement, a column for each statistic.
 
         These are ``rate`` with ``low`` and ``high``, the ends of its 95 % interval, the counts
         ``violated``, ``undecided`` and ``failed``, and of the robustness ``least``, ``cvar``,
         ``median`` and ``greatest``. Needs the extra ``search``.
+
+        Args:
+            kind: The kind of the intervals of rates.
         """
         try:
             import pandas as pd
         except ModuleNotFoundError as error:
             raise naming_extra(error, "statistics") from error
         rows = []
-        for result in self.results().values():
+        for result in self.results(kind=kind).values():
             row = [(each.key, each.of(result)) for each in STATISTICS]
             low, high = result.interval
             at = [key for key, _ in row].index("interval")

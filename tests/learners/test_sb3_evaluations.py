@@ -20,7 +20,7 @@ from rtamt import InputError
 from rtamt_gym import StlMonitor, evaluate_policy
 from rtamt_gym.learners import sb3
 from rtamt_gym.learners.sb3 import SatisfactionCallback
-from rtamt_gym.results.intervals import wilson
+from rtamt_gym.results.intervals import clopper_pearson
 
 EPISODES = 15
 
@@ -88,7 +88,7 @@ def test_the_best_model_is_what_its_file_says_in_the_wrappers_of_the_learner(
     rides = rides_of(best, around, statistics if wrapped else None)
     good = sum(ride.success for ride in rides)
     shares = shares_of(rides)
-    low, high = wilson(good, EPISODES)
+    low, high = clopper_pearson(good, EPISODES)
     expected = {"rate": good / EPISODES, "low": low, "high": high}
     expected |= {"spec/rate": good / EPISODES, "spec/low": low, "spec/high": high}
     expected |= {key: value for key, value in shares.items() if "robustness" in key}

@@ -21,7 +21,8 @@ class Coverage:
     """How much of a space simulations have seen. It guarantees nothing about what lies between.
 
     Attributes:
-        simulations: The number of simulations.
+        simulations: The number of simulations that were judged; of those that an error has ended
+            nothing was seen.
         columns: The number of columns of the space.
         gap: The widest part of the range of one column that no simulation lies in, as a share of
             the range; of all columns the greatest. Columns are looked at one by one.
@@ -47,10 +48,13 @@ class Coverage:
 
 
 def coverage_of(points: Floats) -> Coverage:
-    """How much of the unit cube points have seen: an array of shape (points, dimension)."""
+    """How much of the unit cube points have seen: an array of shape (points, dimension).
+
+    No points have seen nothing: the gap is all of a range, and no case is near.
+    """
     count, dimension = points.shape
     ends = np.zeros((1, dimension)), np.ones((1, dimension))
     gap = np.diff(np.sort(np.concatenate([*ends, points]), axis=0), axis=0).max()
     probes = take(quasi_random(dimension, np.random.default_rng(0)), _PROBES, dimension)
-    distances = [float(np.abs(points - probe).max(axis=1).min()) for probe in probes]
+    distances = [float(np.abs(points - probe).max(axis=1).min(initial=1.0)) for probe in probes]
     return Coverage(count, dimension, float(gap), float(np.median(distances)))

@@ -21,7 +21,7 @@ from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.report import case_lines
+from rtamt_gym.search.runs.report import case_lines, failures
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
@@ -47,11 +47,12 @@ class Falsification:
         record: All simulations of the search, in their order, without those for the reduction.
         space: What was searched.
         scales: The scale of each predicate, by its text; empty where the search used none.
-        coverage: How much of the space the simulations have seen.
+        coverage: How much of the space the simulations have seen that were judged.
         reductions: The simulations that the reduction took.
         optimizer: The name of the optimizer.
         budget: The most simulations that the search could make.
         seed: The seed of the search.
+        interrupted: Whether an error, or Ctrl-C, has ended the search before it was over.
     """
 
     falsified: bool
@@ -67,6 +68,7 @@ class Falsification:
     budget: int
     seed: int
     _runner: Runner = field(compare=False)
+    interrupted: bool = False
 
     @property
     def input(self) -> Case:
@@ -79,6 +81,16 @@ class Falsification:
         return len(self.record)
 
     @property
+    def failed(self) -> int:
+        """How many of these an error has ended: nothing is known of their verdicts."""
+        return len(self.record.failed())
+
+    @property
+    def judged(self) -> int:
+        """How many of these were judged: all that did not fail."""
+        return self.simulations - self.failed
+
+    @property
     def simulated_time(self) -> float:
         """The simulated seconds of these (steps if there is no period)."""
         return math.fsum(row.simulated for row in self.record)
@@ -88,6 +100,14 @@ class Falsification:
         """The robustness of `requirement` in `row`, in its own units; nan if it has none."""
         outcome = self.row.outcomes.get(self.requirement)
         return math.nan if outcome is None else outcome.robustness
+
+    @property
+    def not_violated(self) -> str:
+        """What a search without a violation has shown: of judged simulations alone."""
+        if not self.failed:
+            return "not violated"
+        judged = counted(self.judged, "judged simulation")
+        return f"not violated in {judged}; {self.failed} failed"
 
     def replay(self) -> Run:
         """Runs `input` again, alone, and keeps every sample.
@@ -160,7 +180,9 @@ class Falsification:
                 "found": self.found,
                 "simulation_seed": self.row.seed,
                 "simulations": self.simulations,
-                "failed": len(self.record.failed()),
+                "interrupted": self.interrupted,
+                "judged": self.judged,
+                "failed": self.failed,
                 "simulated_time": self.simulated_time,
                 "reductions": self.reductions,
                 "budget": self.budget,
@@ -177,7 +199,9 @@ class Falsification:
         what = "falsified" if self.falsified else "not falsified"
         return (
             f"<Falsification: {self.requirement} of {self.record.system} {what}, "
-            f"{counted(self.simulations, 'simulation')}, robustness {number(self.robustness)}>"
+            f"{counted(self.simulations, 'simulation')}"
+            f"{f', {self.failed} failed' if self.failed else ''}, "
+            f"robustness {number(self.robustness)}>"
         )
 
     def __str__(self) -> str:
@@ -185,8 +209,13 @@ class Falsification:
 
     def _lines(self) -> list[str]:
         name, system = self.requirement, self.record.system
-        end = "is violated" if self.falsified else "was not violated"
-        lines = [f"{name} of {system} {end}: robustness {number(self.robustness)}"]
+        end = "is violated" if self.falsified else f"was {self.not_violated}"
+        # A blank that does not break is none to `wrap`.
+        head = f"{name} of {system} {end}: robustness\xa0{number(self.robustness)}"
+        lines = [line.replace("\xa0", " ") for line in _wrapped(head, "")]
+        if self.interrupted:
+            runs = counted(self.simulations, "simulation")
+            lines = [f"interrupted after {runs} of {self.budget}", "", *lines]
         lines += _wrapped(self.record.requirements[name])
         if self.robustness == math.inf:
             why = "no sample of any simulation counts, as where windows lie beyond the end"
@@ -209,12 +238,12 @@ class Falsification:
             if before == after:
                 made = "no simpler one found" if self.input == self.found else "rounded"
             lines += _wrapped(f"{made} by {runs}", "")
-        if failed := len(self.record.failed()):
-            lines.append(f"{counted(failed, 'simulation')} failed: record.failed()")
         if self.scales:
             scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())
             lines += _wrapped(f"scales of the search: {scales}", "")
         lines += _wrapped(f"seen, without any guarantee: {self.coverage}", "")
+        if self.failed:
+            lines += ["", *failures(self.record)]
         return lines
 
 

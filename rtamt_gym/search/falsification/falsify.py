@@ -139,7 +139,8 @@ def falsify(
 
     Returns:
         What was found; if no simulation violates, the closest. A simulation that raises an error
-        has it in its row, and the search goes on.
+        has it in its row, and the search goes on; it counts as failed, and not as one that was
+        judged: neither for the coverage nor as the closest.
 
     Raises:
         SpecificationError: If a requirement is wrong.
@@ -231,7 +232,9 @@ def falsify(
         elsewhere=None if here else elsewhere,
     )
 
-    def result(simplest: Trial | None = None, reductions: int = 0) -> Falsification:
+    def result(
+        simplest: Trial | None = None, reductions: int = 0, *, interrupted: bool = False
+    ) -> Falsification:
         texts = {each: str(spec.standalone()) for each, spec in specs.items()}
         best = search.rows[search.best]
         return Falsification(
@@ -242,12 +245,13 @@ def falsify(
             record=Record(search.rows, texts, runner.name, Provenance.of(specs)),
             space=varied,
             scales=search.scales or {},
-            coverage=coverage_of(np.array(search.points)),
+            coverage=coverage_of(search.judged_points),
             reductions=reductions,
             optimizer=name,
             budget=budget,
             seed=seed,
             _runner=runner,
+            interrupted=interrupted,
         )
 
     try:
@@ -264,7 +268,7 @@ def falsify(
         return result(*_reproduced(search, runner, varied, _REDUCTIONS if reduce else 0))
     except BaseException as error:
         if search.rows:
-            _carry(error, result())
+            _carry(error, result(interrupted=True))
         raise
 
 

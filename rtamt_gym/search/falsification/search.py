@@ -128,8 +128,19 @@ class Search:
 
     @property
     def best(self) -> int:
-        """The index of the row that violates; while none does, of that with the least value."""
-        return len(self.rows) - 1 if self.violated else int(np.argmin(self.values))
+        """The index of the row that violates; while none does, of that with the least value.
+
+        A row that an error has ended is the best only where no other was judged.
+        """
+        if self.violated:
+            return len(self.rows) - 1
+        return min(range(len(self.rows)), key=lambda i: (bool(self.rows[i].error), self.values[i]))
+
+    @property
+    def judged_points(self) -> Floats:
+        """The points whose simulations no error has ended, shape (points, dimension)."""
+        kept = [point for point, row in zip(self.points, self.rows, strict=True) if not row.error]
+        return np.array(kept).reshape(-1, self.dimension)
 
     @property
     def closest(self) -> str:

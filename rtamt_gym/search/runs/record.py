@@ -5,6 +5,7 @@ A row has what the simulation was given, what every requirement became, and what
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -87,8 +88,15 @@ class Record(Results):
         of = f" of {self.system}" if self.system else ""
         return f"<Record{of}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
 
+    @property
+    def chosen(self) -> bool:
+        """Whether cases were chosen; episodes of a policy, which have none, differ by chance."""
+        return bool(self.case_columns)
+
     def worst(self, requirement: str | None = None) -> Trial:
         """The simulation with the least robustness; None: of the only requirement.
+
+        One that an error has ended was not judged, and counts where no other has a robustness.
 
         Raises:
             InputError: If there is no such requirement, there are several and none is named, or no
@@ -98,6 +106,7 @@ class Record(Results):
         found = [row for row in self.rows if name in row.outcomes]
         if not found:
             raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
+        found = [row for row in found if not row.error] or found
         return min(found, key=lambda row: order(row.outcomes[name].robustness))
 
     def columns(self) -> dict[str, list[Any]]:
@@ -161,6 +170,11 @@ class Record(Results):
         columns = {name: made[kinds[name]](cells) for name, cells in self.columns().items()}
         return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
 
+    def heights(self, requirement: str) -> NDArray[np.float64]:
+        """The robustness of a requirement in each simulation; nan where an error ended it."""
+        judged = [row.judged(requirement) for row in self.rows]
+        return np.array([math.nan if each is None else each.robustness for each in judged])
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a Parquet file: a row for each simulation, columns as in `columns`.
 
@@ -179,7 +193,7 @@ class Record(Results):
             "shapes": self.shapes,
             "timed": self.timed,
             "unconditional": self.unconditional,
-            "results": plain_results(self, rates=not self.case_columns)["results"],
+            "results": plain_results(self, rates=not self.chosen)["results"],
             "also": also,
             **plain_provenance(self.provenance),
         }

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from textwrap import wrap
-from typing import Any
+from typing import Any, Final
 
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
@@ -16,6 +15,9 @@ from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
 __all__ = ["case_lines", "failures", "summary", "to_json"]
+
+_ERROR: Final = 200
+"""The most letters of an error that are shown."""
 
 
 def summary(record: Record) -> list[str]:
@@ -33,15 +35,28 @@ def summary(record: Record) -> list[str]:
 
 
 def failures(record: Record) -> list[str]:
-    """How many simulations failed, with the error that most had; no lines if none did."""
+    """How many simulations failed, and the error of the first; no lines if none did.
+
+    They are lines of 80 columns. What the first was given stands before its error.
+    """
     failed = record.failed()
     if not len(failed):
         return []
-    (error, times), *others = Counter(row.error for row in failed).most_common()
-    more = f" (and {counted(len(others), 'other error')})" if others else ""
+    first = failed[0]
+    if record.chosen:
+        columns = first.case.columns().items()
+        given = ", ".join(f"{name}={value:.4g}" for name, value in columns)
+        head = f"{len(failed)} of {counted(len(record), 'simulation')} failed, the first with "
+    else:  # an evaluation
+        given = f"seed {first.seed}"
+        head = f"{len(failed)} of {counted(len(record), 'episode')} failed, which counts as not "
+        head += "satisfied; the first with "
+    error = shorten(" ".join(first.error.split()), _ERROR)
+    others = len({row.error for row in failed}) - 1
     return [
-        f"{counted(len(failed), 'simulation')} of {len(record)} failed, {times} with{more}:",
-        f"  {shorten(error, 200)}",
+        *wrap(f"{shorten(f'{head}{given}', 139)}:", 80),
+        *wrap(error, 80, initial_indent="  ", subsequent_indent="  "),
+        *([f"  and {counted(others, 'other error')}"] if others else []),
     ]
 
 
@@ -52,8 +67,7 @@ def to_json(record: Record, options: Mapping[str, Any]) -> str:
         record: The simulations.
         options: How they were chosen and run.
     """
-    rates = not record.case_columns
-    return document("record", {**options, **plain_results(record, rates=rates)})
+    return document("record", {**options, **plain_results(record, rates=not record.chosen)})
 
 
 def case_lines(case: Case) -> list[str]:

@@ -32,6 +32,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.search.campaigns.workers import ClusterBackend
@@ -205,7 +206,7 @@ class Sweep:
         lines = summary(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
-                heights = self.record.numbers(f"robustness({name})")
+                heights = self.record.heights(name)
                 if np.unique(heights[~np.isnan(heights)]).size > 1:
                     lines += ["", *self.map(requirement=name).lines()]
         return "\n".join(lines)
@@ -392,7 +393,10 @@ def tell_failures(record: Record) -> None:
     if not len(failed):
         return
     if len(failed) == len(record):
-        raise InputError(f"all {len(record)} simulations failed, the first with {failed[0].error}")
+        what = "simulation" if record.chosen else "episode"
+        raise InputError(
+            f"all {counted(len(record), what)} failed, the first with {failed[0].error}"
+        )
     told = " ".join(line.strip() for line in failures(record))
     warnings.warn(told, FailedSimulationWarning, stacklevel=caller_level())
 

@@ -39,9 +39,9 @@ def test_what_is_found_is_told_saved_drawn_and_run_again(capsys: Output) -> None
         "",
         *str(found.explain()).splitlines(),
         "",
+        "record: runs.parquet",
         "case: case.json (run it again: rtamt replay case.json)",
         "picture: found.png",
-        "record: runs.parquet",
     ]
     assert Record.load("runs.parquet") == found.record
     assert Path("found.png").stat().st_size > 1000

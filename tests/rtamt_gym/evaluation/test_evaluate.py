@@ -183,7 +183,7 @@ def test_a_random_policy_is_that_of_the_seed_of_the_episode() -> None:
 
 def test_an_episode_that_an_error_ends_counts_as_not_satisfied() -> None:
     for n_envs in (1, 4):
-        with pytest.warns(UserWarning, match="1 simulation of 12 failed"):
+        with pytest.warns(UserWarning, match="1 of 12 episodes failed, which counts as not"):
             found = evaluation(env=lambda: Walk(cursed=7), n_envs=n_envs)
         clean = evaluation()
         assert [row for row in found.record if row.seed != 7] == [

@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.stats import beta
 
 from rtamt import InputError
 from rtamt_gym.evaluation.sequential import RatioTest, Stopping, Width, stopping_of
+from rtamt_gym.results.intervals import IntervalKind
 
 Floats = NDArray[np.float64]
 Stop = tuple[Width | RatioTest, Floats]
@@ -119,31 +121,48 @@ def test_of_a_target_of_all_one_miss_decides() -> None:
     assert rule.decision == "falls short of 1"
 
 
-def test_an_interval_at_the_stop_covers_as_the_docstring_says() -> None:
+def wilson_ends(count: int, total: int) -> tuple[float, float]:
     z = 1.959963984540054
+    centre, half = count + z * z / 2, z * math.sqrt(count * (total - count) / total + z * z / 4)
+    return (centre - half) / (total + z * z), (centre + half) / (total + z * z)
+
+
+def exact_ends(count: int, total: int) -> tuple[float, float]:
+    low = beta.ppf(0.025, count, total - count + 1) if count else 0.0
+    return low, beta.ppf(0.975, count + 1, total - count) if count < total else 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "ends", "average", "least"),
+    [("exact", exact_ends, 0.968, 0.942), ("wilson", wilson_ends, 0.954, 0.928)],
+)
+def test_an_interval_at_the_stop_covers_as_the_docstring_says(
+    kind: IntervalKind,
+    ends: Callable[[int, int], tuple[float, float]],
+    average: float,
+    least: float,
+) -> None:
     rates = np.arange(1, 100) / 100
-    found = stops(Width(0.2), rates)
-
-    def ends(count: int, total: int) -> tuple[float, float]:
-        centre, half = count + z * z / 2, z * math.sqrt(count * (total - count) / total + z * z / 4)
-        return (centre - half) / (total + z * z), (centre + half) / (total + z * z)
-
+    found = stops(Width(0.2, kind=kind), rates)
     covered = np.zeros(len(rates))
     for rule, chance in found:
         assert isinstance(rule, Width)
         low, high = ends(rule.satisfied, rule.episodes)
-        assert high - low <= 0.2 + 1e-12
+        assert high - low <= 0.2 + 1e-9
         covered += chance * ((low <= rates) & (rates <= high))
-    assert covered.mean() == pytest.approx(0.954, abs=0.0005)
-    assert covered.min() == pytest.approx(0.928, abs=0.0005)
+    assert covered.mean() == pytest.approx(average, abs=0.001)
+    assert covered.min() == pytest.approx(least, abs=0.001)
 
 
-def test_a_width_stops_no_later_than_it_must() -> None:
-    rule = Width(0.05)
-    for number in range(1533):
+@pytest.mark.parametrize(("kind", "half", "every"), [("exact", 1574, 72), ("wilson", 1533, 73)])
+def test_a_width_stops_no_later_than_it_must(kind: IntervalKind, half: int, every: int) -> None:
+    rule, of_all = Width(0.05, kind=kind), Width(0.05, kind=kind)
+    for number in range(half):
         assert rule.decision is None
         rule.add(satisfied=number % 2 == 0)
-    assert (rule.decision, rule.episodes, rule.satisfied) == ("known to 0.05", 1533, 767)
+        assert (of_all.decision is None) == (number < every)
+        of_all.add(satisfied=True)
+    assert (rule.decision, rule.episodes) == ("known to 0.05", half)
 
 
 @pytest.mark.parametrize("rule", [Width(0.5), RatioTest(0.5, 0.1, 0.2)])

@@ -125,7 +125,7 @@ def test_a_case_that_fails_alone_stays_in_its_row() -> None:
             raise ValueError(gain)
         yield from tank(gain)
 
-    with pytest.warns(UserWarning, match="1 simulation of 3"):
+    with pytest.warns(UserWarning, match="1 of 3 simulations"):
         done = sweep(
             odd, "always(level < 9)", SPACE, samples=3, sampler="grid", period=1, duration=4
         )

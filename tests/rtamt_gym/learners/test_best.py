@@ -13,7 +13,7 @@ from rtamt_gym import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.learners.best import Best
 from rtamt_gym.learners.metrics import evaluation_metrics, successes
-from rtamt_gym.results.intervals import wilson
+from rtamt_gym.results.intervals import clopper_pearson
 
 SPECS = {"near": "always(abs(x) < 0.12)", "upright": "always(abs(theta) < 0.1)"}
 SIGNALS = {"x": "obs[0]", "theta": "obs[2]"}
@@ -57,11 +57,11 @@ def test_the_metrics_of_an_evaluation_are_those_of_a_count_by_hand() -> None:
     assert successes(made) == both
     assert 0 < sum(both) < 12
     assert found["rate"] == sum(both) / 12
-    assert (found["low"], found["high"]) == wilson(sum(both), 12)
+    assert (found["low"], found["high"]) == clopper_pearson(sum(both), 12)
     assert found["return"] == np.mean([length for *_, length, _, _ in episodes])
     near = [each[0] for each in episodes]
     assert found["near/rate"] == sum(near) / 12
-    assert (found["near/low"], found["near/high"]) == wilson(sum(near), 12)
+    assert (found["near/low"], found["near/high"]) == clopper_pearson(sum(near), 12)
     heights = sorted(each[4] for each in episodes)
     assert found["near/robustness_p5"] == heights[0]
     assert found["near/robustness_median"] == heights[5]

@@ -33,7 +33,7 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     assert (seen.counts.satisfied, seen.counts.undecided, seen.counts.episodes) == (2, 1, 5)
     assert (every.counts.satisfied, every.counts.violated) == (1, 3)
     assert low.rate == 0.4
-    assert low.interval == pytest.approx((0.117621, 0.769276), abs=1e-6)  # Wilson, by hand
+    assert low.interval == pytest.approx((0.052745, 0.853367), abs=1e-6)  # by tables
     assert low.robustness == (-3.0, -2.0, 1.0, 2.0)
     assert low.quantiles["0.5"] == -2.0
     assert low.first_violations == (0.4, 1.5)

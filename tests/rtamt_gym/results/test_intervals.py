@@ -1,24 +1,33 @@
 """Intervals and quantiles against definitions, exact coverage, and samples that have no spread."""
 
 import math
+from collections.abc import Callable
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binom, norm
+from numpy.typing import NDArray
+from paths import ROOT
+from scipy.stats import beta, binom, norm
 
 from rtamt import InputError
 from rtamt_gym.results.intervals import (
     QUANTILES,
+    IntervalKind,
     bootstrap,
+    clopper_pearson,
     differences,
     median,
     median_interval,
+    promise,
     quantiles,
+    rate_interval,
     wilson,
 )
 
+Floats = NDArray[np.float64]
 INF = math.inf
 values = st.floats(allow_nan=False, allow_infinity=True)
 
@@ -37,11 +46,12 @@ def test_the_ends_of_wilson_are_the_rates_at_which_the_score_test_turns(
     assert low <= count / total <= high
 
 
-def test_wilson_is_exact_at_none_and_at_all() -> None:
+def test_an_interval_ends_at_0_and_1_of_none_and_of_all() -> None:
     for total in range(1, 500):
-        assert wilson(0, total)[0] == 0.0
-        assert wilson(total, total)[1] == 1.0
-    assert wilson(0, 0) == (0.0, 1.0)
+        for found in (wilson, clopper_pearson):
+            assert found(0, total)[0] == 0.0
+            assert found(total, total)[1] == 1.0
+    assert wilson(0, 0) == clopper_pearson(0, 0) == (0.0, 1.0)
 
 
 def test_wilson_covers_on_average_what_it_says() -> None:
@@ -54,6 +64,91 @@ def test_wilson_covers_on_average_what_it_says() -> None:
         assert covered.min() > 0.83
 
 
+@given(
+    st.one_of(st.integers(1, 60), st.integers(1, 20_000)),
+    st.sampled_from([0.05, 0.5, 0.9, 0.95, 0.999]),
+    st.data(),
+)
+def test_the_ends_of_the_exact_interval_are_quantiles_of_the_beta_distribution(
+    total: int, confidence: float, data: st.DataObject
+) -> None:
+    count = data.draw(st.integers(0, total))
+    low, high = clopper_pearson(count, total, confidence)
+    chance = (1 - confidence) / 2
+    assert low == pytest.approx(
+        beta.ppf(chance, count, total - count + 1) if count else 0.0, rel=1e-9, abs=0
+    )
+    assert high == pytest.approx(
+        beta.ppf(1 - chance, count + 1, total - count) if count < total else 1.0, rel=1e-9
+    )
+    assert low <= count / total <= high
+
+
+@given(st.integers(1, 400), st.data())
+def test_as_many_and_as_few_have_half_of_what_is_left_at_the_ends(
+    total: int, data: st.DataObject
+) -> None:
+    count = data.draw(st.integers(0, total))
+    low, high = clopper_pearson(count, total)
+    if count:
+        assert binom.sf(count - 1, total, low) == pytest.approx(0.025, rel=1e-9)
+    if count < total:
+        assert binom.cdf(count, total, high) == pytest.approx(0.025, rel=1e-9)
+
+
+def coverage(kind: IntervalKind, total: int, rates: Floats) -> Floats:
+    """How often intervals hold the rate, by exact sums over all counts."""
+    ends = np.array([rate_interval(count, total, kind) for count in range(total + 1)])
+    within = (ends[:, :1] <= rates) & (rates <= ends[:, 1:])
+    found: Floats = (binom.pmf(np.arange(total + 1)[:, None], total, rates) * within).sum(axis=0)
+    return found
+
+
+FINE = np.arange(1, 10_000) / 10_000
+
+
+@pytest.mark.parametrize("total", [1, 2, 3, 5, 10, 20, 50, 100, 300])
+def test_the_exact_interval_holds_every_rate_as_often_as_it_says(total: int) -> None:
+    assert coverage("exact", total, FINE).min() >= 0.95 - 1e-12
+
+
+def test_the_page_says_the_coverage_of_both_kinds() -> None:
+    page = (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
+    table = []
+    for total in (5, 20, 100):
+        cells = [str(total)]
+        for kind in get_args(IntervalKind):
+            covered = coverage(kind, total, FINE)
+            least = f"{100 * covered.min():.1f} % at {FINE[covered.argmin()]:.4f}"
+            short = f"{100 * (covered < 0.95).mean():.0f} %"
+            cells += [least, f"{100 * covered.mean():.1f} %", short]
+        table.append(f"| {' | '.join(cells)} |")
+    assert "\n".join(table) in page, "\n".join(table)
+
+
+def test_the_page_says_how_much_an_interval_is_for_so_many_episodes() -> None:
+    page = (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
+    table = []
+    for total in (20, 60, 100, 200, 500, 1000, 2000):
+        cells = [str(total)]
+        for percent in (50, 80, 90, 95):
+            low, high = clopper_pearson(total * percent // 100, total)
+            cells.append(f"{50 * (high - low):.1f}")
+        cells.append(f"{100 * clopper_pearson(total, total)[0]:.1f} %")
+        table.append(f"| {' | '.join(cells)} |")
+    assert "\n".join(table) in page, "\n".join(table)
+
+
+def test_kinds_are_told_apart_and_others_are_refused() -> None:
+    assert rate_interval(6, 10) == rate_interval(6, 10, "exact") == clopper_pearson(6, 10)
+    assert rate_interval(6, 10, "wilson") == wilson(6, 10)
+    assert promise("exact") != promise("wilson")
+    with pytest.raises(InputError) as refused:
+        rate_interval(6, 10, "exat")  # type: ignore[arg-type]
+    assert str(refused.value).startswith("expected interval='exact' or 'wilson', got 'exat'")
+
+
+@pytest.mark.parametrize("found", [wilson, clopper_pearson])
 @pytest.mark.parametrize(
     ("count", "total", "confidence", "message"),
     [
@@ -62,9 +157,11 @@ def test_wilson_covers_on_average_what_it_says() -> None:
         (1, 2, 95, "expected confidence= between 0 and 1, such as 0.95, got 95"),
     ],
 )
-def test_wilson_refuses(count: int, total: int, confidence: float, message: str) -> None:
+def test_counts_out_of_range_are_refused(
+    found: Callable[..., object], count: int, total: int, confidence: float, message: str
+) -> None:
     with pytest.raises(InputError) as refused:
-        wilson(count, total, confidence)
+        found(count, total, confidence)
     assert str(refused.value) == message
 
 

@@ -177,12 +177,16 @@ def test_a_simulation_that_fails_keeps_its_error_and_the_search_goes_on() -> Non
     def watches(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:  # noqa: ARG001 - an optimizer's
         values.extend(evaluate([[0.25], [0.95], [0.75]]).tolist())
 
-    told = "1 simulation of 3 failed, 1 with: ValueError: 0.25"
+    told = "1 of 3 simulations failed, the first with x=0.25: ValueError: 0.25"
     with pytest.warns(FailedSimulationWarning, match=told):
         found = falsify(fails, "eventually(y > 0.2)", X, period=1, optimizer=watches)
     assert values == [1e12, 0.8, 0.8]
     assert [row.error for row in found.record] == ["ValueError: 0.25", "", ""]
-    assert "1 simulation failed: record.failed()" in str(found)
+    assert str(found).splitlines()[-2:] == [
+        "1 of 3 simulations failed, the first with x=0.25:",
+        "  ValueError: 0.25",
+    ]
+    assert (found.judged, found.failed, found.coverage.simulations) == (2, 1, 2)
 
 
 def test_if_all_simulations_fail_the_first_error_is_told() -> None:
@@ -214,7 +218,9 @@ def test_simulations_that_fail_at_extremes_alone_do_not_end_a_search() -> None:
         yield {"y": x}
 
     space = [Parameter(name, 0, 1) for name in "xzu"]
-    with pytest.warns(FailedSimulationWarning, match="8 simulations of .* failed, 4 with"):
+    with pytest.warns(
+        FailedSimulationWarning, match="8 of .* simulations failed, the first with x=0"
+    ):
         found = falsify(brittle, "always(y > 0.2)", space, period=1)
     assert found.falsified
     assert [bool(row.error) for row in found.record[:9]] == [True] * 8 + [False]

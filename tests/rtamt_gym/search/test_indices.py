@@ -139,7 +139,7 @@ def test_what_has_no_indices_says_why(
 
 
 def test_failed_simulations_leave_no_indices() -> None:
-    with pytest.warns(UserWarning, match="4 simulations of 8 failed"):
+    with pytest.warns(UserWarning, match="4 of 8 simulations failed"):
         done = swept(bad, samples=4, sampler="morris")
     with pytest.raises(InputError) as caught:
         done.indices()

@@ -128,14 +128,16 @@ def fragile(x: float) -> Iterator[dict[str, float]]:
 def test_errors_are_kept_with_what_came_before_and_the_sweep_goes_on() -> None:
     with pytest.warns(FailedSimulationWarning) as caught:
         done = sweep(fragile, DRY, [Parameter("x", 0, 1)], samples=3, sampler="grid", period=1)
-    assert str(caught[0].message) == ("1 simulation of 3 failed, 1 with: ValueError: too much: 1")
+    assert str(caught[0].message) == (
+        "1 of 3 simulations failed, the first with x=1: ValueError: too much: 1"
+    )
     assert caught[0].filename == __file__
     assert [row.ended for row in done.record] == ["terminated", "terminated", "error"]
     failed = done.record[2]
     assert failed.error == "ValueError: too much: 1"
     assert failed.outcomes["dry"].robustness == 1.0
     assert failed.simulated == 0.0
-    assert "1 simulation of 3 failed, 1 with:\n  ValueError: too much: 1" in str(done)
+    assert "1 of 3 simulations failed, the first with x=1:\n  ValueError: too much: 1" in str(done)
 
 
 def test_a_sweep_prints_its_requirements_and_the_map_of_a_grid() -> None:
