@@ -205,6 +205,15 @@ class Foresight:
         high = low if greatest is least else [greatest[place] for place in places]
         return Foresight(worst, best, self._arguments[2], low, high, self.n)
 
+    def certain(self) -> Array | None:
+        """The result at every sample, if it is the same whatever is not known or comes after.
+
+        It is then one that looks at no later sample, and all values are known.
+        """
+        if self._best is not self._worst or self._worst.latency != 0:
+            return None
+        return self._worst.recorded(ENDED, "complete")
+
     def fails(self, end: End) -> NDArray[np.bool_]:
         """Whether the result fails for certain, at every sample."""
         return np.signbit(self._best.recorded(UPPER, end))
@@ -272,6 +281,11 @@ class _Reading:
         self._passes: dict[tuple[Program, tuple[int, ...], int, frozenset[int]], _Passes] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
         self._at_once: dict[str, float] = {}
+
+    @property
+    def latency(self) -> int | None:
+        """How many later samples the result needs; None: all."""
+        return self._outlook.formulas.latency
 
     def at_zero(self, world: int, *, cut: bool) -> float:
         """The result at time 0 in a world."""

@@ -121,6 +121,12 @@ class Spans(NamedTuple):
 
     def within(self, instants: InstantRuns) -> Spans:
         """The parts of the runs that lie in others."""
+        if not len(self.begins):
+            return self
+        if len(instants) == 1:
+            ((first, final),) = instants
+            if first <= self.begins[0] and self.ends[-1] <= final:
+                return self
         begins, ends = [], []
         for first, final in instants:
             low = int(np.searchsorted(self.ends, first))
@@ -141,10 +147,11 @@ class Spans(NamedTuple):
 
 
 class Signs(Protocol):
-    """Where a formula holds for certain, and where it fails for certain."""
+    """Where a formula fails for certain, and whether it holds for certain."""
 
-    def holds(self) -> Spans: ...
     def fails(self) -> Spans: ...
+    def holds_at(self, instants: InstantRuns) -> bool:
+        """Whether it holds at all of some instants, which have one or more."""
 
 
 class Question(Protocol):
@@ -165,7 +172,7 @@ class Question(Protocol):
         """Where the formula reads its implications."""
 
     def opposite(self, left: Formula) -> Signs:
-        """Where the opposite of a left side holds for certain, and where it fails for certain."""
+        """The signs of the opposite of a left side."""
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
@@ -242,14 +249,15 @@ def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], 
             continue
         opposite = question.opposite(cast("Formula", each.args[0]))
         true = opposite.fails()
-        vacuous = satisfied and not len(true.within(needed).begins)
-        # Where the left side fails, the right side does not matter.
-        idle.append(
-            vacuous and not question.hides and opposite.holds().cover(every, question.extent.last)
-        )
-        if vacuous and not idle[-1]:
-            vacuous = question.satisfied_without((each,))
-        rows.append(AskedRow(_text(each), true.within(every), vacuous))
+        asked = true.within(every)
+        vacuous = False
+        if satisfied:
+            vacuous = not len((asked if needed == every else true.within(needed)).begins)
+            # Where the left side fails, the right side does not matter.
+            idle.append(not len(asked.begins) and not question.hides and opposite.holds_at(every))
+            if vacuous and not idle[-1]:
+                vacuous = question.satisfied_without((each,))
+        rows.append(AskedRow(_text(each), asked, vacuous))
     # The more of them are unanswered, the less is satisfied.
     vacuous = satisfied and all(row.vacuous for row in rows)
     if vacuous and len(rows) > 1 and not all(idle):
@@ -266,9 +274,10 @@ class SampledQuestion(NamedTuple):
         align: How bounds became whole samples.
         interface: The semantics of the verdict.
         end: The reading of the end.
-        foresight: The bounds of the whole formula.
-        columns: If `reads_hidden`, the least and the greatest values of every variable, one array
-            if all values are known; else None.
+        n: How many samples.
+        foresight: The bounds of the whole formula; None: nobody needed them.
+        columns: The least and the greatest values of every variable, one array if all values are
+            known; None where ``foresight`` is enough: it is there, and not `reads_hidden`.
         nan: What is made of a nan in the columns.
         backend: The back-end.
     """
@@ -278,7 +287,8 @@ class SampledQuestion(NamedTuple):
     align: Align | None
     interface: Interface
     end: End
-    foresight: Foresight
+    n: int
+    foresight: Foresight | None
     columns: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] | None
     nan: NanPolicy
     backend: BackendName
@@ -291,56 +301,70 @@ class SampledQuestion(NamedTuple):
     @property
     def extent(self) -> Extent:
         """The instants of the trace, which are samples."""
-        return Extent(self.foresight.n - 1, self.end == "complete", self.end == "cut")
+        return Extent(self.n - 1, self.end == "complete", self.end == "cut")
 
     @property
     def hides(self) -> bool:
         """Whether the semantics of the verdict hides values that left sides need."""
-        return self.columns is not None
+        return reads_hidden(self.formula, self.interface)
 
     def reads(self) -> Mapping[Formula, Reads]:
         """Where the formula reads its implications."""
         return _reads(self.specification, self.period, self.align, self.extent)
 
     def opposite(self, left: Formula) -> Signs:
-        """Where the opposite of a left side holds and fails, by standard semantics."""
-        # The opposite, as the whole formula may have no other predicates.
-        return _SampledSigns(self._bounds(~left), self.end)
+        """The signs of the opposite of a left side, by standard semantics."""
+        of = self.specification, self.period, self.align
+        if self.columns is None and self.foresight is not None:
+            # The opposite, as the whole formula may have no other predicates.
+            bounds = self.foresight.part(_opposite(*of, self.interface, left))
+        else:
+            bounds = self._bounds(_opposite(*of, STANDARD, left), everywhere=True)
+        return _SampledSigns(bounds, self.end)
 
-    def _bounds(self, formula: Formula) -> Foresight:
-        """The bounds of a formula at every sample, by standard semantics."""
-        if self.columns is None:
-            return self.foresight.part(self._program(formula, self.interface))
-        program = self._program(formula, STANDARD)
-        made, n = BACKENDS[self.backend], self.foresight.n
+    def satisfied(self) -> bool:
+        """Whether the verdict is SATISFIED."""
+        return self.satisfied_without(())
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
+        specification = _with_result(self.specification, unanswered(self.formula, answered))
+        program = compile_program(
+            specification, self.period, interface=self.interface, align=self.align
+        )
+        bounds = self.foresight.part(program) if self.foresight else self._bounds(program)
+        return verdict_of(*bounds.bounds(self.end)) == 1
+
+    def _bounds(self, program: Program, *, everywhere: bool = False) -> Foresight:
+        """The bounds of a program of some of the variables."""
+        assert self.columns is not None  # noqa: S101 - there is no foresight, or it hides values
+        made, n = BACKENDS[self.backend], self.n
         pairs = [self.columns[name] for name in program.variables]
         lower = upper = [low[:n] for low, _ in pairs]
         if any(low is not high for low, high in pairs):
             upper = [high[:n] for _, high in pairs]
         reader = SampleReader(program, self.nan, bounds=True)
         machines = made.discrete_machine, made.term_ranges
-        return Foresight.of(program, reader, *machines, (lower, upper), n, everywhere=True)
-
-    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
-        """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
-        formula = unanswered(self.formula, answered)
-        foresight = self.foresight.part(self._program(formula, self.interface))
-        return verdict_of(*foresight.bounds(self.end)) == 1
-
-    def _program(self, formula: Formula, interface: Interface) -> Program:
-        specification = _with_result(self.specification, formula)
-        return compile_program(specification, self.period, interface=interface, align=self.align)
+        return Foresight.of(program, reader, *machines, (lower, upper), n, everywhere=everywhere)
 
 
-class _SampledSigns(NamedTuple):
-    foresight: Foresight
-    end: End
-
-    def holds(self) -> Spans:
-        return Spans.of(self.foresight.holds(self.end), None, self.foresight.n - 1)
+class _SampledSigns:
+    def __init__(self, foresight: Foresight, end: End) -> None:
+        self._foresight, self._end, self._last = foresight, end, foresight.n - 1
+        self._known = foresight.certain()
 
     def fails(self) -> Spans:
-        return Spans.of(self.foresight.fails(self.end), None, self.foresight.n - 1)
+        if self._known is None:
+            return Spans.of(self._foresight.fails(self._end), None, self._last)
+        return Spans.of(np.signbit(self._known), None, self._last)
+
+    def holds_at(self, instants: InstantRuns) -> bool:
+        if self._known is None:
+            found = Spans.of(self._foresight.holds(self._end), None, self._last)
+            return found.cover(instants, self._last)
+        return instants[-1][1] <= self._last and not any(
+            np.signbit(self._known[first : int(final) + 1]).any() for first, final in instants
+        )
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
@@ -352,6 +376,19 @@ def _reads(
         return samples(node.interval, period, specification.unit, error, align)
 
     return reads(specification.formula, bounds, extent)
+
+
+@functools.lru_cache(maxsize=512)
+def _opposite(
+    specification: Specification,
+    period: Fraction | None,
+    align: Align | None,
+    interface: Interface,
+    left: Formula,
+) -> Program:
+    """The program of the opposite of a formula, with the variables of a specification."""
+    opposite = specification.with_result(~left)
+    return compile_program(opposite, period, interface=interface, align=align)
 
 
 @functools.lru_cache(maxsize=512)
@@ -379,6 +416,6 @@ def evidence_of(question: SampledQuestion, *, satisfied: bool) -> Evidence[Asked
     asked = []
     for text, spans, its in ((row.text, row.spans, row.vacuous) for row in rows):
         first = int(spans.begins[0]) if len(spans.begins) else None
-        count = int(np.sum(spans.ends - spans.begins + 1))
+        count = int((spans.ends - spans.begins).sum()) + len(spans.begins)
         asked.append(Asked(text, count, len(spans.begins), first, its))
     return Evidence.of(asked, satisfied=satisfied, vacuous=vacuous)

@@ -21,7 +21,7 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.asked import Evidence, Signs, Spans, asked_text, found_rows, reads_hidden
 from rtamt.program.dense_regions import RegionProgram, compile_regions
-from rtamt.program.implications import Extent, Reads, reads, unanswered
+from rtamt.program.implications import Extent, InstantRuns, Reads, reads, unanswered
 from rtamt.program.interface import STANDARD, Interface
 
 __all__ = ["DenseAsked", "DenseQuestion", "dense_evidence"]
@@ -108,7 +108,7 @@ class DenseQuestion:
         return reads(self.formula, self._bounds, self.extent)
 
     def opposite(self, left: Formula) -> Signs:
-        """Where the opposite of a left side holds and fails, by standard semantics."""
+        """The signs of the opposite of a left side, by standard semantics."""
         regions, given = self._changed(~left, STANDARD)
         _, last, rows = rows_of(regions, given, self._reader.of(dense_of(regions)), self._terms)
         outlook = DenseOutlook(regions.program, rows, last, cut=self._end == "cut")
@@ -141,11 +141,12 @@ class _DenseSigns(NamedTuple):
     greatest: Runs
     last: int
 
-    def holds(self) -> Spans:
-        return Spans.of(~np.signbit(self.least.last), self.least.starts, self.last)
-
     def fails(self) -> Spans:
         return Spans.of(np.signbit(self.greatest.last), self.greatest.starts, self.last)
+
+    def holds_at(self, instants: InstantRuns) -> bool:
+        found = Spans.of(~np.signbit(self.least.last), self.least.starts, self.last)
+        return found.cover(instants, self.last)
 
 
 def dense_evidence(question: DenseQuestion, *, satisfied: bool) -> Evidence[DenseAsked]:

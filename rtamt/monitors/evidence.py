@@ -10,7 +10,6 @@ from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.rows import dense_of
-from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.asked import (
@@ -18,7 +17,6 @@ from rtamt.monitors.asked import (
     Evidence,
     SampledQuestion,
     evidence_of,
-    reads_hidden,
     texts_of,
 )
 from rtamt.monitors.dense_asked import DenseAsked, DenseQuestion, dense_evidence
@@ -120,18 +118,11 @@ class Implications:
         )
         reader = SampleReader(program, nan, bounds=True)
         least, greatest, length = trace_between(reader, signals, n, self._period)
-        made = BACKENDS[backend]
-        foresight = Foresight.of(
-            program, reader, made.discrete_machine, made.term_ranges, (least, greatest), length
-        )
-        satisfied = verdict_of(*foresight.bounds(reading)) if verdict is None else verdict
-        hidden = None
-        if reads_hidden(specification.formula, interface):
-            pairs = zip(least, greatest, strict=True)
-            hidden = dict(zip(program.variables, pairs, strict=True))
-        its = (specification, seconds, self._options.get("align"), interface, reading, foresight)
-        question = SampledQuestion(*its, hidden, nan, backend)
-        return evidence_of(question, satisfied=satisfied > 0)
+        columns = dict(zip(program.variables, zip(least, greatest, strict=True), strict=True))
+        its = (specification, seconds, self._options.get("align"), interface, reading, length)
+        question = SampledQuestion(*its, None, columns, nan, backend)
+        satisfied = question.satisfied() if verdict is None else verdict is Verdict.SATISFIED
+        return evidence_of(question, satisfied=satisfied)
 
 
 class DenseImplications:

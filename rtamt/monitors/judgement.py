@@ -299,8 +299,9 @@ def judge(
 
     def evidence(verdict: Verdict) -> Evidence[Asked]:
         align = options.get("align")
-        its = (specification, seconds, align, interface, reading, kept, hidden, nan, backend)
-        return evidence_of(SampledQuestion(*its), satisfied=verdict is Verdict.SATISFIED)
+        its = (specification, seconds, align, interface, reading, kept.n)
+        question = SampledQuestion(*its, kept, hidden, nan, backend)
+        return evidence_of(question, satisfied=verdict is Verdict.SATISFIED)
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or _verdict(*bounds) is not Verdict.UNDECIDED:
