@@ -9,7 +9,7 @@ from rtamt import Verdict
 from rtamt_gym.commands.arguments import add_require_asked
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
-from rtamt_gym.commands.traces import read_arguments, refuse_unknown
+from rtamt_gym.commands.traces import add_min_duration, read_arguments, refuse_unknown
 
 __all__ = ["add_arguments", "run"]
 
@@ -23,14 +23,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: rtamt explain requirements.stl drive.csv --only near"
     add_traces(parser, "explain")
     add_require_asked(parser, "trace")
+    add_min_duration(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Prints an explanation for each requirement of each trace; returns the verdict."""
-    from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
-    from rtamt_gym.results.matrix import undecided_lines
+    from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of, too_short
+    from rtamt_gym.results.matrix import note_lines, undecided_lines
 
-    refuse_unknown(options, "rtamt explain", "follows one robustness to the sample that decided it")
+    if options.missing == "unknown":
+        refuse_unknown(
+            options, "rtamt explain", "follows one robustness to the sample that decided it"
+        )
     asked, paths = read_arguments(options)
     rows = judge_files(asked, paths, workers=1, explain=tuple(Verdict))
     texts = []
@@ -45,7 +49,9 @@ def run(options: argparse.Namespace) -> int:
     if texts:
         print(*texts, sep="\n\n", flush=True)
     matrix = matrix_of(asked, rows)
-    hollow = unasked(matrix, "trace", fails=options.require_asked)
+    if notes := note_lines(matrix):
+        print("", *notes, sep="\n", flush=True)
+    hollow = unasked(matrix, "trace", fails=options.require_asked) + too_short(asked, rows)
     tell(hollow)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
     return exit_code([matrix.word], hollow)

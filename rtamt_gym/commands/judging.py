@@ -15,18 +15,29 @@ from multiprocessing import get_context
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
+from rtamt_gym.commands.exit_codes import Hollow
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.tables import number
 
-__all__ = ["Judged", "failure_lines", "judge_file", "judge_files", "matrix_of", "row_of"]
+__all__ = [
+    "Judged",
+    "failure_lines",
+    "judge_file",
+    "judge_files",
+    "matrix_of",
+    "row_of",
+    "too_short",
+]
 
 
 @dataclass(slots=True)
@@ -199,19 +210,34 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
             cells[name] = _failure(error)
     if judged.trace is None:
         return Trial.of_trace(judged.path, "", cells)
-    described = judge.described(judged.trace, judged.period)
+    extent = judge.extent_of(judged.trace, judged.period)
     notes = [*judged.trace.notes]
     timed = any(spec.timed for spec in asked.specs.values())
     untimed = isinstance(judged.trace, Trace) and judged.trace.times is None
     if timed and untimed and judged.period is None:
         notes.append("no column is one of times, so that bounds count samples")
-    return Trial.of_trace(judged.path, described, cells, notes)
+    described = f"{judged.trace.source}: {extent.text}"
+    if asked.min_duration is not None and extent.shorter(asked.min_duration):
+        notes.append(
+            f"it lasts {number(extent.length or 0.0)} s, which is shorter than "
+            f"{number(float(asked.min_duration))} s (--min-duration)"
+        )
+    return Trial.of_trace(judged.path, described, cells, notes, extent)
 
 
 def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """The rows, with the formulas of the requirements."""
     texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
+
+
+def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
+    """What says which traces are shorter than was asked for; nothing if none is."""
+    if asked.min_duration is None:
+        return []
+    extents = {row.name: row.extent for row in rows if row.extent is not None}
+    said = short_text(extents, asked.min_duration)
+    return [Hollow(said, fails=True)] if said else []
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
@@ -280,7 +306,14 @@ def _outcome(
         explanation=explanation,
         asked=found.asked,
         vacuous=found.vacuous,
+        defaults=_defaults(spec, judged),
     )
+
+
+def _defaults(spec: rtamt.Specification, judged: Judged) -> dict[str, float]:
+    """The variables of a requirement that have their default in the trace."""
+    found = {} if judged.trace is None else judged.trace.defaults
+    return {name: value for name, value in found.items() if name in spec.variables}
 
 
 def _failure(error: Exception) -> Failure:

@@ -13,7 +13,12 @@ from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
-from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
+from rtamt_gym.commands.traces import (
+    TracesAsked,
+    add_min_duration,
+    read_arguments,
+    refuse_unknown,
+)
 from rtamt_gym.commands.traces import add_arguments as add_traces
 
 if TYPE_CHECKING:
@@ -49,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the outcomes to standard output as strict JSON, in place of the report",
     )
     add_require_asked(parser, "trace")
+    add_min_duration(parser)
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
     add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
     add_output(
@@ -83,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
         judge_files,
         matrix_of,
         row_of,
+        too_short,
     )
 
     for option in _OVER_TIME:
@@ -112,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
-    hollow = unasked(matrix, "trace", fails=options.require_asked)
+    hollow = unasked(matrix, "trace", fails=options.require_asked) + too_short(asked, rows)
     code = exit_code([matrix.word], hollow)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
@@ -138,11 +145,13 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
         return [*matrix_lines(matrix), ""]
     if judged.trace is None or not judged.judgements:
         return []
+    from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.report import report
     from rtamt_gym.results.provenance import ids_lines
 
-    (row,) = matrix.rows
-    lines = report(judged.judgements, row.described, judged.trace.notes)
+    trace = judged.trace
+    head = extent_of(trace, judged.period).lines(trace.source)
+    lines = report(judged.judgements, head, trace.notes)
     return [*lines, *ids_lines(matrix.provenance), ""]
 
 
@@ -167,6 +176,8 @@ def _rules(asked: TracesAsked) -> dict[str, str]:
     names = ("end", "view", "semantics", "align", "period")
     rules = {name: getattr(asked.reading, name) for name in names}
     said = {name: str(value) for name, value in rules.items() if value is not None}
+    if asked.min_duration is not None:
+        said["min_duration"] = str(asked.min_duration)
     return said | {"time": "dense" if asked.reading.dense else "sampled"}
 
 

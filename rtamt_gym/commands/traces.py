@@ -19,7 +19,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_reading, read_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
-from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
+from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns, read_seconds
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten
 
@@ -27,7 +27,14 @@ if TYPE_CHECKING:
     from rtamt_gym.judging.reading import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
-__all__ = ["TracesAsked", "add_arguments", "read_arguments", "read_trace_of", "refuse_unknown"]
+__all__ = [
+    "TracesAsked",
+    "add_arguments",
+    "add_min_duration",
+    "read_arguments",
+    "read_trace_of",
+    "refuse_unknown",
+]
 
 
 @dataclass(frozen=True)
@@ -38,11 +45,13 @@ class TracesAsked:
         specs: The requirements by name.
         reading: How traces are judged.
         columns: How their columns are read.
+        min_duration: How long each trace is to last, in seconds; None: any time.
     """
 
     specs: Mapping[str, rtamt.Specification]
     reading: Reading
     columns: Columns
+    min_duration: Fraction | None = None
 
 
 _SPECS = (
@@ -156,6 +165,36 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         help="refuse a bag of which a topic is without a message for longer than this (default: "
         "its last value holds, and a long silence is said)",
     )
+    group.add_argument(
+        "--max-gap",
+        metavar="TIME",
+        help="how long a value holds until the next record of its column, such as 10s, 500ms or "
+        "2h: where two are farther apart, nothing is known between them (default: any time, and a "
+        "gap of more than 10 usual steps is said)",
+    )
+    group.add_argument(
+        "--default",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="take the declared default of this variable where a trace has no column of it, though "
+        "one is called nearly so, and under --no-defaults; may be repeated",
+    )
+    group.add_argument(
+        "--no-defaults",
+        action="store_true",
+        help="refuse a trace in which a variable would have its declared default (default: it has "
+        "it, and a note says so)",
+    )
+
+
+def add_min_duration(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--min-duration``."""
+    parser.add_argument(
+        "--min-duration",
+        metavar="TIME",
+        help="exit 3 if a trace is shorter, such as 10s or 2h, and nothing is violated",
+    )
 
 
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
@@ -178,10 +217,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     for spec in requirements.values():
         viewed(spec, reading.view)
     if reading.period is not None:
-        if reading.dense:
-            raise InputError("expected --period or --dense, which reads events at any time")
-        if options.jitter is not None and not all(map(is_bag, found)):
-            raise InputError("expected --period, which leaves the times aside, or --jitter")
+        _check_period(options, found, dense=reading.dense)
         reading = reading.having(period=reading.seconds)
     columns = read_columns(
         signals=options.signal,
@@ -192,20 +228,51 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         missing=options.missing,
         jitter=options.jitter,
         stale=options.stale,
+        max_gap=options.max_gap,
+        defaults=options.default,
+        no_defaults=options.no_defaults,
     )
     if reading.dense:
         columns.check_dense()
-    variables = variables_of(every)
-    for name in columns.signals:
-        if name not in variables and name not in _messages(every):
-            hint = nearest(name, variables) or f"; they read {listing(variables)}"
-            raise InputError(f"--signal: no specification reads {name!r}{hint}")
+    _check_signals(columns, every)
     starts_of(requirements, columns)
+    _check_defaults(columns, every)
     if any(map(is_bag, found)):
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
-    return TracesAsked(requirements, reading, columns), found
+    least = getattr(options, "min_duration", None)
+    duration = None if least is None else read_seconds("--min-duration", least)
+    return TracesAsked(requirements, reading, columns, duration), found
+
+
+def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
+    """Refuses ``--period`` beside what reads times."""
+    if dense:
+        raise InputError("expected --period or --dense, which reads events at any time")
+    if all(map(is_bag, traces)):
+        return
+    for option, given in {"--jitter": options.jitter, "--max-gap": options.max_gap}.items():
+        if given is not None:
+            raise InputError(f"expected --period, which leaves the times aside, or {option}")
+
+
+def _check_signals(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
+    """Refuses ``--signal`` for what no specification reads."""
+    variables = variables_of(specs)
+    for name in columns.signals:
+        if name not in variables and name not in _messages(specs):
+            hint = nearest(name, variables) or f"; they read {listing(variables)}"
+            raise InputError(f"--signal: no specification reads {name!r}{hint}")
+
+
+def _check_defaults(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
+    """Refuses ``--default`` for what has none."""
+    known = sorted({name for spec in specs.values() for name in spec.defaults})
+    for name in columns.defaults:
+        if name not in known:
+            hint = nearest(name, known) or f"; they declare one for {listing(known)}"
+            raise InputError(f"--default: no specification declares one for {name!r}{hint}")
 
 
 def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None:
@@ -224,6 +291,11 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
             f"--missing: {command} {does}, which a sample that is not known does not have; give "
             "--missing hold or --missing drop"
         )
+    if options.max_gap is not None:
+        raise InputError(
+            f"--max-gap: {command} {does}, which a sample that is not known does not have; leave "
+            "one of them out"
+        )
 
 
 def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
@@ -233,9 +305,16 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
         InputError: If the trace cannot be read, or is too short to have a period.
         OSError: If there is no such file.
     """
+    from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.ruled import read_ruled
 
-    return read_ruled(path, asked.specs, asked.reading, asked.columns)
+    trace, period = read_ruled(path, asked.specs, asked.reading, asked.columns)
+    if asked.min_duration is not None and extent_of(trace, period).length is None:
+        raise InputError(
+            f"{trace.source}: expected a column of times, by which --min-duration measures, got "
+            "none; give --time COLUMN or --period"
+        )
+    return trace, period
 
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:

@@ -21,13 +21,20 @@ class ArrayRecording:
     Args:
         source: Name of the file, for messages.
         arrays: The columns, whose lengths are compared where they are read.
+        invalid: The cells of columns that are nan though there is a record; the reader says so.
     """
 
-    def __init__(self, source: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def __init__(
+        self,
+        source: str,
+        arrays: Mapping[str, NDArray[Any]],
+        invalid: Mapping[str, NDArray[np.bool_]] | None = None,
+    ) -> None:
         self.source = source
         self.names: Sequence[str] = list(arrays)
         self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
         self._arrays = arrays
+        self._invalid = invalid or {}
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns."""
@@ -45,12 +52,14 @@ class ArrayRecording:
 
         numbers = {name: self._numbers(name) for name in wanted.numbers}
         for name, values in numbers.items():
-            check_gaps(values, wanted, name, where)
+            if not (name in self._invalid and self._invalid[name].any()):  # that has its own error
+                check_gaps(values, wanted, name, where)
         texts = {name: [str(text) for text in columns[name]] for name in wanted.texts}
         times = None
         if wanted.time is not None:
             times = times_of(columns[wanted.time], f"{self.source}, column '{wanted.time}'")
-        return Rows(numbers, texts, lengths.pop(), where, self.source, times)
+        count = lengths.pop()
+        return Rows(numbers, texts, count, where, self.source, times, invalid=self._invalid)
 
     def _numbers(self, name: str) -> Floats:
         values = self._arrays[name]

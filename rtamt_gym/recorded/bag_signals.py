@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from rtamt_gym.recorded.bag_reader import Bag
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.starts import default_note, starts_of
+from rtamt_gym.recorded.starts import starts_of, take_default
 from rtamt_gym.tables import counted, number
 
 __all__ = ["CLOCKS", "BagSignals", "read_signals"]
@@ -49,6 +49,8 @@ class BagSignals:
         end: The time up to which the last values hold.
         epoch: What time 0 s was on the clock that recorded.
         notes: What was read otherwise than it is written, in sentences to print.
+        recorded: When each variable was recorded, in seconds since ``zero``, and the end.
+        defaults: The variables that have their default up to their first message, or throughout.
     """
 
     source: str
@@ -57,6 +59,8 @@ class BagSignals:
     end: int
     epoch: int
     notes: Sequence[str]
+    recorded: Mapping[str, Floats]
+    defaults: Mapping[str, float]
 
 
 @dataclass(slots=True)
@@ -120,14 +124,20 @@ def read_signals(
     if clock == "log":  # the metadata of a bag in several files may tell of the first alone
         zero, end = min(zero, bag.begin), max(end, bag.end)
     starts = starts_of(specs, columns)
-    notes += _started(signals, starts, zero, {v: m.topic for m in read for v in m.variables})
+    topics = {v: m.topic for m in read for v in m.variables}
+    recorded = {name: times for name, (times, _) in signals.items()}
+    known = replace(columns, starts=starts)
+    defaults, said = _started(bag.source, signals, known, zero, topics)
+    notes += said
     offset = min(apart.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
-    found = BagSignals(bag.source, ordered, zero, end, epoch, notes)
+    ends = {name: np.unique(np.append(times, end)) for name, times in recorded.items()}
+    seconds = {name: (times - zero) / 1e9 for name, times in ends.items()}
+    found = BagSignals(bag.source, ordered, zero, end, epoch, notes, seconds, defaults)
     notes += _missing(read, columns)
     awaited = {m.topic for m in read if not starts.keys() >= {*m.variables}}
-    notes += _silences(found, spans, awaited, columns.stale)
+    notes += _silences(found, spans, awaited, columns)
     return found
 
 
@@ -253,14 +263,19 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
 
 
 def _started(
+    source: str,
     signals: dict[str, tuple[Stamps, Floats]],
-    starts: Mapping[str, float],
+    columns: Columns,
     zero: int,
     topics: Mapping[str, str],
-) -> list[str]:
-    """Gives variables the values that they have before their first message, and says so."""
-    notes = []
-    for name, start in starts.items():
+) -> tuple[dict[str, float], list[str]]:
+    """Gives variables the values that they have before their first message, and says so.
+
+    Raises:
+        InputError: If their defaults are refused.
+    """
+    defaults, notes = {}, []
+    for name, start in columns.starts.items():
         times, values = signals.get(name, (np.array([], np.int64), np.array([])))
         if len(times) and times[0] <= zero:
             continue
@@ -269,19 +284,20 @@ def _started(
         if len(times):
             until = f"its first message comes at {number((int(times[0]) - zero) / 1e9)} s"
         of = f" of {topics[name]}" if name in topics else ""
-        notes.append(default_note(name, start, until, of))
-    return notes
+        notes.append(take_default(source, name, columns, until, of))
+        defaults[name] = start
+    return defaults, notes
 
 
 def _silences(
-    found: BagSignals, spans: Mapping[str, Stamps], awaited: Collection[str], stale: float | None
+    found: BagSignals, spans: Mapping[str, Stamps], awaited: Collection[str], columns: Columns
 ) -> list[str]:
     """Says which topics begin late, pause or end early, so that what is judged was held.
 
     Raises:
         InputError: If a topic is silent for longer than it may.
     """
-    notes = []
+    notes, stale = [], columns.stale
     for topic, times in spans.items():
         if topic not in awaited:  # their variables have a value from the begin on
             continue
@@ -302,7 +318,7 @@ def _silences(
                 f"none for {number(gaps[at])} s after {number(since)} s; a longer --stale lets it "
                 "hold so long"
             )
-        if gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
+        if columns.most >= gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
             until = "to the end" if at == len(times) - 1 else "until the next"
             notes.append(
                 f"{topic}: the message at {number(since)} s is held for {number(gaps[at])} s, "

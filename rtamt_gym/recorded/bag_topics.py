@@ -12,6 +12,7 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.bag_paths import FieldPath, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.names import near_name
 from rtamt_gym.recorded.starts import starts_of
 
 if TYPE_CHECKING:
@@ -98,6 +99,7 @@ def topic_fields(
         if (variable in starts and unnamed) or variable in columns.starts:
             where, _ = read_source(columns.signals.get(variable) or wish.whole)
             if not any(bag.counts[topic] for topic in _alike(bag, where)):
+                _check_near(bag, variable, where, wishes, columns)
                 continue
         topic, whole = _placed(bag, variable, message, path, wish, columns)
         fields = bag.fields(topic)
@@ -121,6 +123,29 @@ def topic_fields(
                 f"defaults alone say nothing of a trace; the topics are {_listed(bag.types)}"
             )
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
+
+
+def _check_near(
+    bag: Bag, variable: str, where: str, wishes: Mapping[str, _Wish], columns: Columns
+) -> None:
+    """Checks that no topic is there for a variable that would have its default.
+
+    Raises:
+        InputError: If one has nearly the name, and is no other variable's.
+    """
+    if variable in columns.defaults:
+        return
+    others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
+    read = {topic for each in others for topic in _alike(bag, read_source(each)[0])}
+    near = near_name(
+        where, (topic for topic in bag.types if bag.counts[topic] and topic not in read)
+    )
+    if near is not None:
+        raise InputError(
+            f"{bag.source}: no topic '{where}' of '{variable}', which has a default, but '{near}'; "
+            f"give --signal {variable}={near}.FIELD to read it, or --default {variable} to take "
+            "the default"
+        )
 
 
 def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError
@@ -15,6 +16,8 @@ from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.bag_reader import open_bag
 from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.event_rows import measured
+from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -51,13 +54,16 @@ def read_bag(
     with open_bag(path) as bag:
         signals = read_signals(bag, specs, columns)
     if reading.seconds is None:
-        return _events(signals), None
+        return _events(signals, columns), None
     groups = [spec.variables for spec in specs.values()]
-    return sampled(signals, groups, reading.seconds, columns.time or "log"), reading.seconds
+    return sampled(signals, groups, reading.seconds, columns), reading.seconds
 
 
 def sampled(
-    signals: BagSignals, groups: Sequence[Collection[str]], period: Fraction, clock: str
+    signals: BagSignals,
+    groups: Sequence[Collection[str]],
+    period: Fraction,
+    columns: Columns | None = None,
 ) -> Trace:
     """Samples a bag at the multiples of a period since its begin, up to its end.
 
@@ -68,7 +74,7 @@ def sampled(
         signals: The values at the times of their messages.
         groups: The variables of each specification.
         period: Seconds between samples.
-        clock: What the times are called.
+        columns: What the times are called, and for how long a message holds.
 
     Raises:
         InputError: If there would be no sample, or more than ten million.
@@ -90,20 +96,32 @@ def sampled(
     # A message at a fraction of a nanosecond there is not: rounding down loses none.
     after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
     places: Stamps = zero + after.astype(np.int64)
+    columns = columns or Columns()
     held = {name: _held(*found, places) for name, found in signals.signals.items()}
+    records = {name: Records.of(times) for name, times in signals.recorded.items()}
+    notes = [*signals.notes]
+    if hole := hole_note(records, columns.most):
+        notes.append(hole)
+        for name, each in records.items():
+            silent = signals.signals[name][0][-1] < signals.end
+            holes = _in_holes(each, (places - zero) / 1e9, columns.most, silent=bool(silent))
+            held[name][holes] = np.nan
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
     start = float(first * period)
-    times = TimeAxis(clock, since, start, 1e-9, certain=True, step=period)
+    times = TimeAxis(columns.time or "log", since, start, 1e-9, certain=True, step=period)
+    late = {name: at - first for name, at in known.items() if at > first}
     return Trace(
         signals.source,
         held,
         count,
         times,
         lambda sample: f"{signals.source}, at {start + since[sample]:.9g} s",
-        notes=signals.notes,
+        notes=notes,
         epoch=signals.epoch,
-        known_from={name: at - first for name, at in known.items() if at > first},
-        unknown=[name for name, (_, values) in signals.signals.items() if np.isnan(values).any()],
+        known_from=late,
+        unknown=[name for name, each in held.items() if np.isnan(each[late.get(name, 0) :]).any()],
+        defaults=signals.defaults,
+        gap=longest_gap(records),
     )
 
 
@@ -113,12 +131,39 @@ def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
     return np.where(at >= 0, values[at], np.nan)
 
 
-def _events(signals: BagSignals) -> EventTrace:
+def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDArray[np.bool_]:
+    """Which of some times lie between two records that are farther apart than values hold.
+
+    The times of both are known, but for the end of the bag if it is silent: no message is there.
+    """
+    last = len(records.steps) - 1
+    if last < 0:
+        return np.zeros(len(at), bool)
+    place = np.clip(np.searchsorted(records.times, at, side="right") - 1, 0, last)
+    ends = records.times[place + 1]
+    inside: NDArray[np.bool_] = (at > records.times[place]) & (
+        (at < ends) | (silent & (place == last))
+    )
+    inside &= records.steps[place] > most
+    return inside
+
+
+def _events(signals: BagSignals, columns: Columns) -> EventTrace:
     """The messages as events; the last value of each variable holds to the end of the bag."""
     events = {}
     for name, (times, values) in signals.signals.items():
         at, held = times, values
         if at[-1] < signals.end:
-            at, held = np.append(at, signals.end), np.append(held, held[-1])
+            silent = (signals.end - at[-1]) / 1e9 > columns.most and name in signals.recorded
+            at = np.append(at, signals.end)
+            held = np.append(held, np.nan if silent else held[-1])
         events[name] = (at - signals.zero) / 1e9, held
-    return EventTrace(signals.source, events, signals.notes, signals.epoch)
+    trace = EventTrace(
+        signals.source,
+        events,
+        signals.notes,
+        signals.epoch,
+        columns.max_gap,
+        signals.defaults,
+    )
+    return measured(trace, signals.recorded, columns)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Literal, get_args
 
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
 
-__all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns"]
+__all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns", "read_seconds"]
 
 Missing = Literal["raise", "hold", "drop", "unknown"]
 """What an empty cell does: it is an error, has the value before, lets its row go, or is unknown."""
@@ -48,8 +51,14 @@ class Columns:
             None: 0.05, and such a trace is refused.
         stale: The longest time in seconds for which a topic of a bag may be without a message; one
             that is longer is refused. None: any time, and a long one is said.
+        max_gap: The longest time in seconds for which a value holds until the next record of its
+            variable; where two are farther apart, nothing is known between them. A number or text,
+            such as ``"500ms"``. None: any time.
         starts: The value of variables before the first record of theirs, or without one; the
             default that a text declares is such a value too.
+        defaults: The variables that have their default also beside a column of nearly the same
+            name.
+        no_defaults: Whether to refuse the defaults of all others.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -63,9 +72,14 @@ class Columns:
     missing: Missing = "raise"
     jitter: float | None = None
     stale: float | None = None
+    max_gap: Fraction | None = None
     starts: Mapping[str, float] = field(default_factory=dict)
+    defaults: Collection[str] = ()
+    no_defaults: bool = False
 
     def __post_init__(self) -> None:
+        if self.max_gap is not None:
+            object.__setattr__(self, "max_gap", read_seconds("--max-gap", str(self.max_gap)))
         _check_choice("--time-unit", self.time_unit, UNITS)
         _check_choice("--decimal", self.decimal, (".", ","))
         _check_choice("--missing", self.missing, get_args(Missing))
@@ -88,13 +102,19 @@ class Columns:
         """Checks that events in dense time can be read so.
 
         Raises:
-            InputError: If empty cells are unknown, which a value that holds between events is not.
+            InputError: If something is unknown, which a value that holds between events is not.
         """
-        if self.missing == "unknown":
+        option = "--missing unknown" if self.missing == "unknown" else ""
+        if option := option or ("" if self.max_gap is None else "--max-gap"):
             raise InputError(
-                "expected --missing unknown or --dense: a value in dense time holds until its next "
+                f"expected {option} or --dense: a value in dense time holds until its next "
                 "event, and no event of it is unknown; give --missing hold or --missing drop"
             )
+
+    @property
+    def most(self) -> float:
+        """The longest time in seconds for which a value holds: infinite if nothing is said."""
+        return math.inf if self.max_gap is None else float(self.max_gap)
 
     def column(self, variable: str) -> str:
         """The column of a variable."""
@@ -118,6 +138,9 @@ def read_columns(
     missing: Missing = "raise",
     jitter: str | None = None,
     stale: float | None = None,
+    max_gap: str | None = None,
+    defaults: Sequence[str] = (),
+    no_defaults: bool = False,
 ) -> Columns:
     r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
@@ -143,7 +166,49 @@ def read_columns(
             raise InputError(f"--signal: expected one column for {variable!r}, got two")
         named[variable] = column
     mark = "\t" if separator in ("tab", r"\t") else separator
-    return Columns(named, time, time_unit, mark, decimal, missing, _share(jitter), stale)
+    return Columns(
+        named,
+        time,
+        time_unit,
+        mark,
+        decimal,
+        missing,
+        _share(jitter),
+        stale,
+        None if max_gap is None else read_seconds("--max-gap", max_gap),
+        defaults=tuple(dict.fromkeys(defaults)),
+        no_defaults=no_defaults,
+    )
+
+
+def read_seconds(option: str, text: str) -> Fraction:
+    """Reads a length of time: a number of seconds, or with a unit behind it.
+
+    Args:
+        option: The option, for messages.
+        text: The length, such as ``10``, ``10s``, ``500ms``, ``1.5h``.
+
+    Raises:
+        InputError: If it is no such text, or not above 0.
+
+    Example:
+        >>> read_seconds("--max-gap", "500ms"), read_seconds("--max-gap", "1.5 h")
+        (Fraction(1, 2), Fraction(5400, 1))
+    """
+    found = _LENGTH.fullmatch(text.strip())
+    unit = UNITS.get((found and found["unit"]) or "s")
+    if found is None or unit is None or not Fraction(found["number"]) > 0:
+        raise InputError(
+            f"{option}: expected a time above 0, such as 10s, 500ms or 2h, got {text!r}; units are "
+            f"{', '.join(UNITS)}"
+        )
+    return Fraction(found["number"]) * unit / UNITS["s"]
+
+
+_LENGTH = re.compile(
+    r"(?P<number>\d+/[1-9]\d*|(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[a-z]*)",
+    re.ASCII,
+)
 
 
 def _share(text: str | None) -> float | None:

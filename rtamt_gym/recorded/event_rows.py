@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,22 +11,25 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
+from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import (
     VALUE,
     VARIABLE,
     are_long,
     check_names,
+    check_near,
     check_recorded,
     needed_columns,
     recorded_variables,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.starts import default_note
+from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
 from rtamt_gym.recorded.trace import EventTrace, read_rows
 from rtamt_gym.tables import number
 
-__all__ = ["read_events"]
+__all__ = ["measured", "read_events"]
 
 
 def read_events(
@@ -57,20 +61,26 @@ def read_events(
     if are_long(recording.names, variables):
         return _read_long(recording, variables, columns, time)
     check_names(recording, (time,))
+    check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     needed = needed_columns(recording, there, columns)
     nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
     rows = read_rows(recording, Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time))
-    times = _event_times(rows, time, columns)
+    check_valid(rows, columns)
+    axis = _event_times(rows, time, columns)
+    times = axis.seconds
     _check_order(rows, times, np.arange(len(times)))
     signals = {}
     for name in there:
-        values = rows.numbers[columns.column(name)]
-        (given,) = np.nonzero(~np.isnan(values))
-        if not len(given) and name not in columns.starts:
+        column = columns.column(name)
+        values = rows.numbers[column]
+        given = ~np.isnan(values)
+        if columns.missing == "unknown":
+            given |= rows.invalid.get(column, np.True_)
+        if not given.any() and name not in columns.starts:
             raise InputError(f"{recording.source}: expected events of '{name}', got none")
-        signals[name] = times[given], values[given]
-    return _events(rows, signals, variables, columns, times)
+        signals[name] = (times, values) if given.all() else (times[given], values[given])
+    return _events(rows, signals, variables, columns, axis)
 
 
 def _events(
@@ -78,23 +88,57 @@ def _events(
     signals: Mapping[str, tuple[Floats, Floats]],
     variables: Sequence[str],
     columns: Columns,
-    times: Floats,
+    axis: TimeAxis,
 ) -> EventTrace:
     """The trace, with defaults from its first row on; one without events lasts to the last row."""
+    times = axis.seconds
     begin, end, notes = times.min(), times.max(), [*rows.notes]
-    made = {}
+    made, defaults = {}, {}
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))
         start = columns.starts.get(name)
-        if start is not None and not len(at):
-            at, values = np.unique([begin, end]), np.full(1 + (begin < end), start)
-            notes.append(default_note(name, start, "no event is there"))
-        elif start is not None and begin < at[0]:
-            at, values = np.append(begin, at), np.append(start, values)
-            until = f"its first event comes at {number(float(at[1]))} s"
-            notes.append(default_note(name, start, until))
+        if start is not None and not (len(at) and at[0] <= begin):
+            why = "no event is there"
+            if len(at):
+                why = f"its first event comes at {number(float(at[0]))} s"
+                at, values = np.append(begin, at), np.append(start, values)
+            else:
+                at, values = np.unique([begin, end]), np.full(1 + (begin < end), start)
+            notes.append(take_default(rows.source, name, columns, why))
+            defaults[name] = start
         made[name] = at, values
-    return EventTrace(rows.source, made, notes)
+    trace = EventTrace(rows.source, made, notes, max_gap=columns.max_gap, defaults=defaults)
+    trace = measured(trace, {name: at for name, (at, _) in signals.items()}, columns)
+    gap = trace.gap.note if trace.gap and trace.gap.long and columns.max_gap is None else ""
+    return replace(trace, notes=[*trace.notes, *filter(None, [axis.unit_note, gap])])
+
+
+def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns) -> EventTrace:
+    """The trace with its longest gap, and a note on holes.
+
+    Args:
+        trace: The trace.
+        recorded: When each variable was recorded, in seconds.
+        columns: For how long values hold.
+    """
+    alike: dict[int, Records] = {}
+    for times in recorded.values():
+        if id(times) not in alike:
+            alike[id(times)] = Records.of(times).measured()
+    records = {name: alike[id(times)] for name, times in recorded.items()}
+    usual = [each.usual for each in alike.values() if each.usual is not None]
+    hole = hole_note(records, columns.most)
+    some = columns.missing == "unknown" or columns.max_gap is not None
+    unknown = [
+        name for name, (_, values) in trace.signals.items() if some and np.isnan(values).any()
+    ]
+    return replace(
+        trace,
+        notes=[*trace.notes, *([hole] if hole else [])],
+        gap=longest_gap(records),
+        step=min(usual, default=1.0),
+        unknown=unknown,
+    )
 
 
 def _read_long(
@@ -103,11 +147,13 @@ def _read_long(
     """Reads events from rows of which each is one event."""
     check_names(recording, (time, VARIABLE, VALUE))
     rows = read_rows(recording, Wanted((VALUE,), (VARIABLE,), time=time))
-    times = _event_times(rows, time, columns)
+    axis = _event_times(rows, time, columns)
+    times = axis.seconds
     named = np.array(rows.texts[VARIABLE])
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
     signals = {}
     check_recorded(recording.source, known, variables, columns)
+    check_near(recording.source, known, variables, columns)
     for name in recorded_variables(known, variables, columns):
         called = columns.column(name)
         if called not in known:
@@ -118,13 +164,13 @@ def _read_long(
         (given,) = np.nonzero(named == called)
         _check_order(rows, times, given, f" of '{called}'")
         signals[name] = times[given], rows.numbers[VALUE][given]
-    return _events(rows, signals, variables, columns, times)
+    return _events(rows, signals, variables, columns, axis)
 
 
-def _event_times(rows: Rows, time: str, columns: Columns) -> Floats:
-    times = TimeAxis.of(rows, time, columns)
-    times.check_unit(rows.source)
-    return times.seconds
+def _event_times(rows: Rows, time: str, columns: Columns) -> TimeAxis:
+    axis = TimeAxis.of(rows, time, columns)
+    axis.check_unit(rows.source)
+    return axis
 
 
 def _check_order(rows: Rows, times: Floats, given: NDArray[np.intp], what: str = "") -> None:

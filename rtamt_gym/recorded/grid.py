@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from rtamt_gym.recorded.columns import NEAR
 from rtamt_gym.recorded.times import TimeAxis, simple
 
-__all__ = ["Grid", "Resampled", "resampled"]
+__all__ = ["HOLE", "Grid", "Resampled", "resampled"]
 
 _DRIFT = 0.01
 """The part by which every step may differ from the usual one, however far a slow clock drifts."""
 
-_FINEST = 100
-"""The most samples for each row that resampling makes."""
+_FINEST, _MANY = 100, 1_000_000
+"""The most samples for each row that resampling makes, and how many it makes of any trace."""
+
+HOLE = 1.75
+"""A step of so many usual ones and more is one over samples that are not there."""
 
 
 class Grid:
@@ -79,6 +82,23 @@ class Grid:
         return near or bool(drifts.all())
 
     @property
+    def even_between_holes(self) -> bool:
+        """Whether the samples are even but for steps over samples that are not there."""
+        if not self.rises or not np.isfinite(self.slope):
+            return False
+        off = np.abs(self.steps - self.usual)
+        near = off <= 2 * self.jitter * self.usual + self._precision
+        return bool((near | (self.steps >= HOLE * self.usual)).all())
+
+    @property
+    def fitted(self) -> Fraction:
+        """The distance of samples between holes, as simple as their rounding allows."""
+        steps = self.steps[self.steps < HOLE * self.usual]
+        blur = (self._precision + float(steps.max() - steps.min())) / len(steps)
+        slope = float(steps.mean())
+        return simple(slope, max(1e-9 * slope, blur))
+
+    @property
     def odd(self) -> int:
         """The place of the first step that two samples near to the grid do not explain.
 
@@ -107,6 +127,7 @@ class Resampled:
     Attributes:
         rows: The row of each sample.
         period: Seconds between the samples.
+        held: Whether each sample lies behind its row, by more than the jitter.
         off: The number of rows that lay off the grid.
         gap: The longest distance of two rows, in seconds.
         at: The row before that distance.
@@ -114,6 +135,7 @@ class Resampled:
 
     rows: NDArray[np.intp]
     period: Fraction
+    held: NDArray[np.bool_]
     off: int
     gap: float
     at: int
@@ -123,20 +145,22 @@ def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
     """Takes samples every usual distance, from the first row to the last, where values hold.
 
     A row that lies behind a sample by no more than the jitter counts as on it. None: there would
-    be more than a hundred samples for every row.
+    be more than a hundred samples for every row, and more than a million.
 
     Args:
         times: Times that rise.
         grid: The grid beside them, which is not even.
     """
-    period = simple(grid.usual, 0.01 * grid.usual)
+    fits = grid.even_between_holes
+    period = grid.fitted if fits else simple(grid.usual, 0.01 * grid.usual)
     near = grid.jitter * grid.usual
     count = int((float(times.since[-1]) + near) / period) + 1
-    if count > _FINEST * len(times.since):
+    if count > max(_FINEST * len(times.since), _MANY):
         return None
     samples = np.arange(count) * period.numerator / period.denominator
     rows = np.searchsorted(times.since, samples + near, side="right") - 1
     places = times.since / float(period)
     off = int((np.abs(places - np.rint(places)) > grid.jitter + 1e-9).sum())
     at = int(grid.steps.argmax())
-    return Resampled(rows, period, off, float(grid.steps[at]), at)
+    held = samples - times.since[rows] > near
+    return Resampled(rows, period, held, off, float(grid.steps[at]), at)

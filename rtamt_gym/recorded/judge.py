@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +17,15 @@ from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.extent import Extent
 from rtamt_gym.results.outcome import Moment
-from rtamt_gym.tables import counted, number, sample_text, time_text
+from rtamt_gym.tables import number, sample_text, time_text
 
 __all__ = [
     "RESULT",
     "Series",
     "TraceJudgement",
-    "described",
+    "extent_of",
     "judge",
     "judge_events",
     "signals_of",
@@ -173,16 +175,9 @@ class TraceJudgement:
         return robustness_text(value, self.semantics, Verdict.UNDECIDED)
 
 
-def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
-    """Describes a trace in words: the number of its samples or events, its first and last time."""
-    if isinstance(trace, EventTrace):
-        begin, end = (time_text(time, trace.step) for time in trace.span)
-        return f"{trace.source}: {counted(trace.events, 'event')}, {begin} to {end}"
-    samples = f"{trace.source}: {counted(trace.samples, 'sample')}"
-    if period is None:
-        return f"{samples}, bounds count samples"
-    begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
-    return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
+def extent_of(trace: Trace | EventTrace, period: Fraction | None = None) -> Extent:
+    """How much of a trace was recorded, samples at a period."""
+    return trace.extent() if isinstance(trace, EventTrace) else trace.extent(period)
 
 
 RESULT = "(result)"
@@ -298,14 +293,26 @@ def judge_events(
         SpecificationError: If an operator counts samples, and as `viewed` does.
         InputError: If the variables have no time in common.
     """
-    semantics, signals = reading.semantics, trace.tables
-    found = rtamt.judge_dense(viewed(spec, reading.view), signals, reading.end, semantics=semantics)
+    semantics, signals, whole = reading.semantics, trace.tables, viewed(spec, reading.view)
+    found = rtamt.judge_dense(
+        whole,
+        {name: signals[name] for name in whole.variables},
+        reading.end,
+        semantics=semantics,
+        **_not_known(trace),
+    )
     series = {}
-    for name, part in (_parts(spec) if formulas else {}).items():
+    for name, part in (_parts(spec) if formulas and not found.unknown else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
     return TraceJudgement(found, series, semantics, 0.0, None, trace.step, dense=True)
+
+
+def _not_known(trace: EventTrace) -> dict[str, Any]:
+    """What says where values of a trace are not known."""
+    nan = {"nan": "unknown"} if trace.unknown else {}
+    return nan if trace.max_gap is None else {**nan, "max_gap": trace.max_gap}
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:

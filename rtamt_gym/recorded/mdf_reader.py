@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
 class MdfRecording:
     """The channels of a measurement, and the column ``time`` of the times at which one has a value.
 
-    A channel that has no value at a time where another one has is an empty cell there.
+    A channel that has no value at a time where another one has is an empty cell there. A sample
+    that its invalidation bit marks as not valid, and one that is nan, holds no number.
 
     Args:
         file: The open file.
@@ -68,14 +70,25 @@ class MdfRecording:
         signals: dict[str, Any] = {}
         for name, group, index in self._places:
             if name in names or (not names and not signals):
-                signals[name] = self._file.get(name, group=group, index=index)
+                # Else invalid samples are left out, and the one before them seems to hold.
+                signals[name] = self._file.get(
+                    name, group=group, index=index, ignore_invalidation_bits=True
+                )
         times = np.unique(np.concatenate([s.timestamps for s in signals.values()] or [np.zeros(0)]))
-        arrays = {TIME: times}
+        arrays, invalid = {TIME: times}, {}
         for name, signal in signals.items():
             samples = np.asarray(signal.samples)
             if samples.dtype.kind in "biuf":
+                places = np.searchsorted(times, signal.timestamps)
+                bits = signal.invalidation_bits
+                wrong = np.isnan(samples.astype(np.float64))
+                if bits is not None:
+                    wrong |= np.asarray(bits, bool)
                 values = np.full(len(times), np.nan)
-                values[np.searchsorted(times, signal.timestamps)] = samples
+                values[places] = np.where(wrong, np.nan, samples)
                 samples = values
+                invalid[name] = np.zeros(len(times), bool)
+                invalid[name][places] = wrong
             arrays[name] = samples
-        return ArrayRecording(self.source, arrays).read(wanted)
+        marked = ArrayRecording(self.source, arrays, invalid)
+        return replace(marked.read(wanted), unit="s")

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import closest, nearest
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME
+from rtamt_gym.tables import number
 
 __all__ = [
     "VALUE",
     "VARIABLE",
     "are_long",
     "check_names",
+    "check_near",
     "check_recorded",
+    "near_name",
     "needed_columns",
     "recorded_variables",
 ]
@@ -70,6 +73,67 @@ def check_recorded(
         f"{source}: expected a record of {', '.join(map(repr, needed))}, got none: defaults alone "
         f"say nothing of a trace; it has {', '.join(names)}{near}"
     )
+
+
+def check_near(
+    source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
+) -> None:
+    """Checks that no column is there for a variable that would have its default.
+
+    Such a column has nearly the name of the variable, and is no other variable's.
+
+    Args:
+        source: Name of the file, for messages.
+        names: The columns, or the variables of events, or the topics of a bag.
+        variables: The variables of the specifications.
+        columns: How they are called in the file, and which may have their defaults.
+
+    Raises:
+        InputError: If one is.
+    """
+    read = {columns.column(name) for name in variables} | {columns.time, TIME}
+    free = [name for name in names if name not in read]
+    there = recorded_variables(names, variables, columns)
+    for name in variables:
+        if name in there or name in columns.defaults:
+            continue
+        near = near_name(name, free)
+        if near is not None:
+            signal = shlex.quote(f"{name}={near}")
+            raise InputError(
+                f"{source}: no column '{name}', which has a default, but '{near}'; give --signal "
+                f"{signal} to read it, or --default {name} to take the default "
+                f"{number(columns.starts[name])}"
+            )
+
+
+_ALIKE = 0.8
+"""How similar two names are of which one is taken for a slip of the other."""
+
+
+def near_name(variable: str, names: Iterable[str]) -> str | None:
+    """The name that is a variable's but for case, blanks, a unit or a slip; None if none is.
+
+    Example:
+        >>> near_name("speed", ["time", "Speed [km/h]"]), near_name("limit", ["limti"])
+        ('Speed [km/h]', 'limti')
+        >>> near_name("x1", ["x2"]), near_name("limit", ["speed"])
+        (None, None)
+    """
+    plain = {name: _plain(name) for name in names}
+    wanted = _plain(variable)
+    for name, other in plain.items():
+        if other == wanted:
+            return name
+    near = closest(wanted, plain.values(), _ALIKE) if len(wanted) > 2 else None
+    if near is None or re.sub(r"\d", "", near) == re.sub(r"\d", "", wanted):
+        return None  # x1 and x2 are two signals
+    return next(name for name, other in plain.items() if other == near)
+
+
+def _plain(name: str) -> str:
+    """A name without case, marks between words, and a unit in brackets."""
+    return re.sub(r"\s*[\[(].*[\])]$|[\s_./-]", "", name).lower()
 
 
 def needed_columns(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -48,6 +48,9 @@ class Rows:
         times: The column of times as doubles, integers, ``datetime64[ns]`` or ``timedelta64[ns]``;
             None if there is none.
         notes: What was read otherwise than it is written, in sentences to print.
+        unit: The unit of the times, where the format of the file says it; else empty.
+        invalid: Of columns of numbers the cells that hold no number though there is a record, such
+            as samples that a measurement marks as not valid: nan, where others are empty.
     """
 
     numbers: Mapping[str, Floats]
@@ -57,6 +60,8 @@ class Rows:
     source: str
     times: NDArray[Any] | None = None
     notes: Sequence[str] = ()
+    unit: str = ""
+    invalid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
 
 class Recording(Protocol):

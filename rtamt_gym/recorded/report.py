@@ -12,14 +12,14 @@ __all__ = ["report"]
 
 
 def report(
-    judgements: Mapping[str, TraceJudgement], trace: str, notes: Iterable[str] = ()
+    judgements: Mapping[str, TraceJudgement], trace: Iterable[str], notes: Iterable[str] = ()
 ) -> list[str]:
     """Writes judgements in words and as a table.
 
     Args:
         judgements: The judgements by name of the specification, which is shown if there are
             several.
-        trace: A description of the trace.
+        trace: The lines that describe the trace.
         notes: What was read otherwise than it is written.
     """
     several = len(judgements) > 1
@@ -50,7 +50,7 @@ def report(
     notes = [*notes, *_left_out(unknown, several=several)]
     return [
         *verdicts,
-        trace,
+        *trace,
         *(line for note in notes for line in indented(f"note: {note}", "")),
         *(["", *table(cells, "<<>>>>")] if len(rows) > 1 else []),
     ]

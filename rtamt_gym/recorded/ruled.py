@@ -7,15 +7,18 @@ from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 
+import numpy as np
+
 import rtamt
 from rtamt import InputError
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded
 from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.starts import starts_of
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
+from rtamt_gym.tables import number
 
 __all__ = ["read_ruled"]
 
@@ -29,8 +32,6 @@ def read_ruled(
         InputError: If the trace cannot be read, or is too short to have a period.
         OSError: If there is no such file.
     """
-    if reading.dense:
-        columns.check_dense()
     row = format_of(path)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
@@ -49,9 +50,10 @@ def read_ruled(
             return read_events(recording, variables, columns), None
         if_events = "give --dense to take rows as events at any time"
         trace = read_trace(recording, variables, columns, if_events=if_events)
-    if reading.period is not None:
-        return trace, reading.seconds
+    if reading.seconds is not None:
+        return _under(trace, reading.seconds), reading.seconds
     period = trace.period()
+    trace = _noted(trace, columns)
     timed = any(spec.timed for spec in specs.values())
     if period is None and trace.times is not None and timed:
         raise InputError(
@@ -59,3 +61,32 @@ def read_ruled(
             "give --period in seconds"
         )
     return trace, period
+
+
+def _noted(trace: Trace, columns: Columns) -> Trace:
+    """The trace with what is to say of its times."""
+    said = [] if trace.times is None else [trace.times.unit_note]
+    if trace.gap is not None and trace.gap.long and columns.max_gap is None:
+        said.append("" if columns.missing == "unknown" else trace.gap.note)
+    return replace(trace, notes=[*trace.notes, *filter(None, said)])
+
+
+def _under(trace: Trace, period: Fraction) -> Trace:
+    """The trace under a period that its times do not give; says where they say another one."""
+    grid, times = trace.grid, trace.times
+    if grid is None or times is None:
+        return trace
+    said, wanted = "in an order that does not increase", float(period)
+    if grid.rises:
+        if float(np.abs(grid.steps - wanted).max()) <= NEAR * wanted:
+            return trace
+        at = int(grid.steps.argmax())
+        said = f"{number(grid.usual)} s apart most of the time"
+        if float(grid.steps[at]) > 2 * grid.usual:
+            said += f", {number(float(grid.steps[at]))} s after {trace.where(at)}"
+    note = (
+        f"--period leaves the column '{times.column}' aside, which has the rows {said}: "
+        f"{number(float(times.since[-1]))} s in all, not "
+        f"{number(float((trace.samples - 1) * period))} s"
+    )
+    return replace(trace, notes=[*trace.notes, note], gap=None)

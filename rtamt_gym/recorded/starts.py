@@ -9,7 +9,7 @@ from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.tables import number
 
-__all__ = ["default_note", "starts_of"]
+__all__ = ["starts_of", "take_default"]
 
 
 def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dict[str, float]:
@@ -31,6 +31,23 @@ def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dic
     return found | {name: start for name, start in columns.starts.items() if name in read}
 
 
-def default_note(name: str, start: float, why: str, of: str = "") -> str:
-    """Says that a variable has its default, and why."""
-    return f"'{name}'{of} is {number(start)}, its default: {why}"
+def take_default(source: str, name: str, columns: Columns, why: str, of: str = "") -> str:
+    """Says that a variable has its default, and why.
+
+    Args:
+        source: Name of the file, for messages.
+        name: The variable.
+        columns: The values that variables have without a record, and whether they may.
+        why: Why it has its default.
+        of: What it is of, such as the topic of a bag.
+
+    Raises:
+        InputError: If the defaults of columns are refused, this one too.
+    """
+    value = number(columns.starts[name])
+    if columns.no_defaults and name not in columns.defaults:
+        raise InputError(
+            f"{source}: expected records of '{name}'{of}, as --no-defaults says, got its default "
+            f"{value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
+        )
+    return f"'{name}'{of} is {value}, its default: {why}"

@@ -17,6 +17,7 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows
+from rtamt_gym.tables import number
 
 __all__ = ["TIME", "RawTimes", "TimeAxis", "find_times", "read_dates", "simple"]
 
@@ -25,6 +26,8 @@ TIME = "time"
 
 RawTimes = NDArray[Any]
 """Times as a file holds them: doubles, integers, or dates of ``datetime64[ns]``."""
+
+_FEW = 100
 
 _ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
 """Seconds between samples, and since 1970 or a start, from which on a number of unknown unit is no
@@ -147,7 +150,7 @@ class TimeAxis:
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             step = _step(whole, 1)
             return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
-        said = columns.time_unit or unit_of_times(column) or ""
+        said = columns.time_unit or rows.unit or unit_of_times(column) or ""
         if said and said not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "
@@ -186,6 +189,26 @@ class TimeAxis:
         raise InputError(
             f"{where}: expected times in seconds in the column '{self.column}', got {got}; "
             "say the unit with --time-unit, such as ns, ms or s"
+        )
+
+    @property
+    def unit_note(self) -> str:
+        """Says that the times may be milliseconds; empty if they can hardly be, or are not.
+
+        These are times whose unit nobody has said, and which are whole numbers 1 or more apart.
+        """
+        if self.certain or len(self.since) < 2:
+            return ""
+        steps = np.diff(self.since[:_FEW])
+        if not (steps >= 1).all() or (steps % 1).any():  # most times say it in a few
+            return ""
+        steps = np.diff(self.since)
+        if not (steps >= 1).all() or (steps % 1).any():
+            return ""
+        length = number(float(self.since[-1]))
+        return (
+            f"the times have no unit and count as seconds, {length} s in all: if these are "
+            "milliseconds, --time-unit ms"
         )
 
     def text(self, at: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -12,14 +13,14 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import NEAR, Columns
-from rtamt_gym.recorded.grid import Grid, resampled
-from rtamt_gym.recorded.names import (
-    needed_columns,
-    recorded_variables,
-)
+from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
+from rtamt_gym.recorded.grid import HOLE, Grid, Resampled, resampled
+from rtamt_gym.recorded.invalid import check_valid
+from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.starts import default_note
+from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TimeAxis, find_times
+from rtamt_gym.results.extent import Extent, Gap
 
 __all__ = ["EventTrace", "Trace", "read_rows", "read_trace"]
 
@@ -47,6 +48,9 @@ class Trace:
         known_from: The first sample of each variable that has none before, as a topic of a bag that
             began late; its values before are nan.
         unknown: The variables of which some values are not known; these are nan.
+        defaults: The variables that have their default in part of the trace or in all of it.
+        gap: The longest time between two records of one variable, if there are times.
+        grid: The grid beside the times, if it is known already.
     """
 
     source: str
@@ -60,6 +64,9 @@ class Trace:
     epoch: int = 0
     known_from: Mapping[str, int] = field(default_factory=dict)
     unknown: Collection[str] = ()
+    defaults: Mapping[str, float] = field(default_factory=dict)
+    gap: Gap | None = None
+    grid: Grid | None = None
 
     def known(self, variables: Collection[str]) -> Trace:
         """The trace from the first sample on at which all of some variables have a value.
@@ -93,7 +100,7 @@ class Trace:
         """
         if self.times is None or self.samples < 2:
             return None
-        times, grid = self.times, Grid(self.times, self.jitter)
+        times, grid = self.times, self.grid or Grid(self.times, self.jitter)
         aside = f"--period to leave the column '{times.column}' aside"
         if grid.usual > 0 and not _LEAST <= grid.usual <= _MOST:
             raise InputError(
@@ -108,12 +115,21 @@ class Trace:
         ways = [aside]
         if grid.rises:
             ways.insert(0, f"--jitter {100 * NEAR:g}% to resample by holding values")
+            if grid.even_between_holes:
+                ways.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
             ways[:0] = filter(None, [self.if_events.removeprefix("give ")])
         raise InputError(
             f"{self.where(at + 1)}: expected samples at even distances, "
             f"got time {times.text(at + 1)} after {times.text(at)}{rest}; "
             f"give {_either(ways)}"
         )
+
+    def extent(self, period: Fraction | None) -> Extent:
+        """How much of the trace was recorded, at a period."""
+        if period is None:
+            return Extent(self.samples)
+        end = self.start + float((self.samples - 1) * period)
+        return Extent(self.samples, None, period, self.start, end, float(period), self.gap)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,12 +141,22 @@ class EventTrace:
         signals: Times and values of the events of each variable.
         notes: What was read otherwise than it is written, in sentences to print.
         epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
+        max_gap: The longest time in seconds for which a value holds; None: any.
+        defaults: The variables that have their default in part of the trace or in all of it.
+        gap: The longest time between two events of one variable.
+        step: The usual distance of two events of the most frequent variable, in seconds.
+        unknown: The variables of which some events hold no number, which is not known then.
     """
 
     source: str
     signals: Mapping[str, tuple[Floats, Floats]]
     notes: Sequence[str] = ()
     epoch: int = 0
+    max_gap: Fraction | None = None
+    defaults: Mapping[str, float] = field(default_factory=dict)
+    gap: Gap | None = None
+    step: float = 1.0
+    unknown: Collection[str] = ()
 
     @property
     def tables(self) -> dict[str, Floats]:
@@ -148,12 +174,10 @@ class EventTrace:
         ends = [(float(times[0]), float(times[-1])) for times, _ in self.signals.values()]
         return max(first for first, _ in ends), min(last for _, last in ends)
 
-    @property
-    def step(self) -> float:
-        """The usual distance of two events of the most frequent variable, in seconds."""
-        with np.errstate(over="ignore"):  # rtamt refuses times so far apart
-            gaps = [float(np.median(np.diff(t))) for t, _ in self.signals.values() if len(t) > 1]
-        return min(gaps, default=1.0)
+    def extent(self) -> Extent:
+        """How much of the trace was recorded."""
+        begin, end = self.span
+        return Extent(None, self.events, None, begin, end, self.step, self.gap)
 
 
 def read_trace(
@@ -182,24 +206,34 @@ def read_trace(
     """
     columns = columns or Columns()
     time = find_times(recording, columns)
-    if time is None and (columns.jitter is not None or columns.time_unit is not None):
-        option = "--time-unit" if columns.jitter is None else "--jitter"
+    about_times = {
+        "--max-gap": columns.max_gap,
+        "--jitter": columns.jitter,
+        "--time-unit": columns.time_unit,
+    }
+    option = next((name for name, value in about_times.items() if value is not None), None)
+    if time is None and option is not None:
         raise InputError(
             f"{recording.source}: expected a column of times, which {option} speaks of; the "
             f"columns are {', '.join(recording.names)}; give --time COLUMN"
         )
+    check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     needed = needed_columns(recording, there, columns, if_events)
     empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
     gaps = () if columns.missing == "raise" else needed
-    rows = read_rows(recording, Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time))
+    wanted = Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time)
+    rows = read_rows(recording, wanted)
+    check_valid(rows, columns)
     values = {name: rows.numbers[columns.column(name)] for name in there}
-    notes = [*rows.notes]
+    notes, defaults = [*rows.notes], {}
     for name in variables:
         if name not in there:
             values[name] = np.full(rows.count, columns.starts[name])
-            why = f"there is no such column{nearest(name, recording.names)}"
-            notes.append(default_note(name, columns.starts[name], why))
+            near = "" if name in columns.defaults else nearest(name, recording.names)
+            why = f"there is no such column{near}"
+            notes.append(take_default(recording.source, name, columns, why))
+            defaults[name] = columns.starts[name]
     times = None if time is None else TimeAxis.of(rows, time, columns)
     trace = Trace(
         recording.source,
@@ -210,8 +244,29 @@ def read_trace(
         columns.jitter,
         if_events,
         notes,
+        defaults=defaults,
     )
-    return _on_grid(_filled(trace, columns))
+    return _on_grid(_filled(_measured(trace, columns), columns), columns, absent=defaults)
+
+
+def _measured(trace: Trace, columns: Columns) -> Trace:
+    """The trace with its grid, its longest gap, and a note on holes."""
+    times = trace.times
+    if times is None or trace.samples < 2:
+        return trace
+    grid = Grid(times, trace.jitter)
+    if not grid.rises:
+        return replace(trace, grid=grid)  # period() refuses it
+    rows = Records(times.since, grid.steps, grid.usual)
+    records = dict.fromkeys(trace.columns, rows) or {"": rows}
+    for name, values in trace.columns.items() if columns.missing != "raise" else ():
+        given = ~np.isnan(values)
+        if not given.all():
+            given[-1] = True  # a value lasts to the end
+            records[name] = Records.of(times.since[given])
+    hole = hole_note(records, columns.most, trace.start)
+    notes = [*trace.notes, *([hole] if hole else [])]
+    return replace(trace, notes=notes, gap=longest_gap(records, trace.start), grid=grid)
 
 
 def _filled(trace: Trace, columns: Columns) -> Trace:
@@ -239,14 +294,22 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
             last = np.maximum.accumulate(np.where(empty[name], 0, np.arange(trace.samples)))
             first = columns.starts.get(name, np.nan)
             held[name] = np.where(np.isnan(values[last]), first, values[last])
-        each = ", ".join(f"{name}: {count}" for name, count in counts.items())
-        note = f"empty cells hold the value before ({each})"
-        late = [
-            default_note(name, columns.starts[name], "its first cell is empty")
-            for name in counts
-            if empty[name][0]
+            if trace.times is not None and columns.max_gap is not None:
+                after = _next(~empty[name])
+                since = trace.times.since
+                hole = ~np.isnan(values[last]) & (since[after] - since[last] > columns.most)
+                hole &= empty[name]
+                held[name][hole] = np.nan
+        filled = {n: count - int(np.isnan(held[n]).sum()) for n, count in counts.items()}
+        each = ", ".join(f"{name}: {count}" for name, count in filled.items() if count)
+        note = f"empty cells hold the value before ({each})" if each else ""
+        late = [name for name in counts if empty[name][0]]
+        said = [
+            take_default(trace.source, name, columns, "its first cell is empty") for name in late
         ]
-        return replace(trace, columns=held, notes=[*trace.notes, note, *late])
+        defaults = {**trace.defaults, **{name: columns.starts[name] for name in late}}
+        notes = [*trace.notes, *filter(None, [note]), *said]
+        return replace(trace, columns=held, notes=notes, defaults=defaults)
     (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
     if not len(rows):
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
@@ -255,13 +318,30 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
     return replace(_taken(trace, rows), notes=[*trace.notes, note])
 
 
-def _on_grid(trace: Trace) -> Trace:
-    """The trace, resampled if that is asked for and its samples lie off the grid."""
-    if trace.jitter is None or trace.times is None or trace.samples < 2:
-        return trace
-    grid = Grid(trace.times, trace.jitter)
+def _next(given: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """The place of the next value that is given at each place or behind it; the last if none is."""
+    places = np.where(given, np.arange(len(given)), len(given) - 1)
+    return np.minimum.accumulate(places[::-1])[::-1]
+
+
+def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trace:
+    """The trace, resampled if that is asked for and its samples lie off the grid.
+
+    Args:
+        trace: The trace.
+        columns: How far samples may lie off, and for how long values hold.
+        absent: The variables that have their default throughout.
+    """
+    named = _with_unknown(trace, columns)
+    if trace.times is None or trace.samples < 2:
+        return named
+    if trace.jitter is None and columns.max_gap is None:
+        return named
+    grid = trace.grid or Grid(trace.times, trace.jitter)
     if grid.even or not grid.rises or not _LEAST <= grid.usual <= _MOST:
-        return trace  # period() refuses what is not even
+        return named  # period() refuses what is not even
+    if trace.jitter is None and not grid.even_between_holes:
+        return named
     trace.times.check_unit(trace.source)
     new = resampled(trace.times, grid)
     if new is None:
@@ -269,16 +349,44 @@ def _on_grid(trace: Trace) -> Trace:
             f"{trace.where(int(grid.steps.argmax()) + 1)}: expected a gap that can be resampled "
             f"every {grid.usual:.6g} s, got {float(grid.steps.max()):.6g} s; cut the trace there"
         )
-    period = float(new.period)
-    note = (
-        f"resampled every {period:.6g} s by holding values: {new.off} of {trace.samples} rows lay "
-        f"more than {100 * trace.jitter:g}% of that off the grid; the longest gap, "
-        f"{new.gap:.6g} s, follows {trace.where(new.at)}"
-    )
     since = np.arange(float(len(new.rows))) * new.period.numerator / new.period.denominator
     taken = _taken(trace, new.rows)
     times = replace(trace.times, since=since, step=new.period)
-    return replace(taken, times=times, notes=[*trace.notes, note])
+    notes = [*trace.notes, *_resampled_notes(trace, grid, new, columns.most)]
+    # A sample in a hole has no value, and neither has one between two rows, the second unknown.
+    hole = new.held & (np.append(grid.steps, 0.0)[new.rows] > columns.most)
+    after = np.minimum(new.rows + 1, trace.samples - 1)
+    made = dict(taken.columns)
+    for name in made.keys() - {*absent} if columns.max_gap is not None else ():
+        unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
+        made[name] = np.where(unknown, np.nan, made[name])
+    return _with_unknown(replace(taken, columns=made, times=times, notes=notes), columns)
+
+
+def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> list[str]:
+    """Says what a trace has on the grid that its rows do not say, but for what is unknown."""
+    every = f"resampled every {float(new.period):.6g} s"
+    if new.off or most == math.inf:
+        said = (
+            f"{every} by holding values: {new.off} of {trace.samples} rows lay more than "
+            f"{100 * grid.jitter:g}% of that off the grid; the longest gap, {new.gap:.6g} s, "
+            f"follows {trace.where(new.at)}"
+        )
+        return [said]
+    steps = np.where(grid.steps <= most, grid.steps, 0.0)
+    at = int(steps.argmax())
+    if steps[at] <= HOLE * grid.usual:
+        return []
+    where = trace.where(at)
+    return [f"{every}: values hold in shorter gaps, the longest of {steps[at]:.6g} s after {where}"]
+
+
+def _with_unknown(trace: Trace, columns: Columns) -> Trace:
+    """The trace with the names of the variables of which values are not known."""
+    if columns.max_gap is None:
+        return trace
+    names = [name for name, values in trace.columns.items() if np.isnan(values).any()]
+    return replace(trace, unknown=names)
 
 
 def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
@@ -294,6 +402,7 @@ def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
         columns={name: values[rows] for name, values in trace.columns.items()},
         samples=len(rows),
         times=times,
+        grid=None,
         where=lambda sample: trace.where(int(rows[sample])),
     )
 
@@ -308,6 +417,10 @@ def read_rows(recording: Recording, wanted: Wanted) -> Rows:
     if not rows.count:
         raise InputError(f"{rows.source}: expected at least one sample below the line of names")
     return rows
+
+
+def _decimal(value: float) -> str:
+    return np.format_float_positional(float(f"{value:.3g}"), trim="-")
 
 
 def _either(ways: Sequence[str]) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.extent import Extent
 from rtamt_gym.results.outcome import Failure, Moment, Outcome, asked_of
 from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
@@ -105,6 +106,8 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
     kept |= found.evidence or {}
+    if found.defaults:
+        kept["defaults"] = found.defaults
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -114,6 +117,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
     kept = {
         "name": trial.name or None,
         "described": trial.described or None,
+        "extent": trial.extent and trial.extent.written(),
         "case": trial.case or None,
         "seed": trial.seed,
         "ended": trial.ended,
@@ -193,6 +197,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         explanation=kept.get("explanation", ""),
         asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
+        defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
     )
 
 
@@ -212,6 +217,7 @@ def trial_of(kept: Mapping[str, Any]) -> Trial:
         described=kept.get("described", ""),
         notes=tuple(kept.get("notes", ())),
         failures={name: each for name, each in cells.items() if isinstance(each, Failure)},
+        extent=Extent.read(kept["extent"]) if "extent" in kept else None,
     )
 
 

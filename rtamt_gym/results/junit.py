@@ -10,6 +10,7 @@ from rtamt import RequirementId, Verdict
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.tables import number
 
 __all__ = ["to_junit"]
 
@@ -74,6 +75,8 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
     if isinstance(cell, Outcome) and cell.occasions is not None:
         found["asked"] = str(cell.occasions)
         found |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
+    if isinstance(cell, Outcome):
+        found |= {f"default:{name}": number(value) for name, value in cell.defaults.items()}
     return {key: value for key, value in found.items() if value}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
-from rtamt_gym.results.matrix import LEGEND, Matrix, cell_text, label, summary, times_text
+from rtamt_gym.results.matrix import Matrix, cell_text, label, legend, summary, times_text
 from rtamt_gym.results.outcome import Failure, Outcome
 
 __all__ = ["to_markdown"]
@@ -31,7 +31,7 @@ def to_markdown(matrix: Matrix) -> str:
             cells.append(cell_text(row.cell(name)).strip())
             cells += [times_text(row.cell(name))] * (name in asked)
         lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
-    lines += ["", f"{LEGEND}."]
+    lines += ["", f"{legend(matrix)}."]
     for name, each in matrix.provenance.ids.items():
         shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
         lines += ["", f"{_escaped(name)}: {shown}"]

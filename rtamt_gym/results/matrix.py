@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import get_args
 
 from rtamt import Verdict
 from rtamt_gym.results.asked import asked_in, asked_line
+from rtamt_gym.results.extent import gap_summary, length_text
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
 from rtamt_gym.results.provenance import ids_lines
 from rtamt_gym.results.table import Results
@@ -19,7 +21,9 @@ __all__ = [
     "cell_text",
     "indented",
     "label",
+    "legend",
     "matrix_lines",
+    "note_lines",
     "summary",
     "times_text",
     "undecided_lines",
@@ -122,24 +126,38 @@ def matrix_lines(matrix: Matrix) -> list[str]:
     """
     names = ["trace", *(_cut(row.name, 36) for row in matrix.rows)]
     words = ["verdict", *(label(row.word) for row in matrix.rows)]
-    columns = [_column(matrix, name) for name in matrix.requirements]
+    marked = _on_defaults(matrix)
+    columns = [_column(matrix, name, on_defaults=marked) for name in matrix.requirements]
     lines = []
-    for head, part in _blocks(names, words, columns):
+    for head, part in _blocks([names, *_lengths(matrix), words], columns):
         align = "<" * len(head) + ">" * len(part)
+        if len(head) > 1:
+            align = "<" + ">" * (len(head) - 2) + "<" + ">" * len(part)
         lines += [*table(list(zip(*head, *part, strict=True)), align), ""]
-    wrapped = (textwrap.wrap(text, _WIDTH, subsequent_indent="    ") for text in summary(matrix))
-    lines += [LEGEND, *(line for text in wrapped for line in text), *ids_lines(matrix.provenance)]
+    for text in (legend(matrix), *summary(matrix)):
+        lines += textwrap.wrap(text, _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+    lines += ids_lines(matrix.provenance)
     return lines + [line for name in matrix.requirements for line in _open(matrix, name)]
 
 
-def _column(matrix: Matrix, name: str) -> list[str]:
+def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
     """The head and the cells of a requirement, with a second column if it could be asked."""
-    column = [f"{shorten(name, 16)}  ", *(cell_text(row.cell(name)) for row in matrix.rows)]
+    cells = [cell_text(row.cell(name), on_defaults=on_defaults) for row in matrix.rows]
+    column = [f"{shorten(name, 16)}  {' ' * on_defaults}", *cells]
     if asked_in(matrix, name) is None:
         return column
     asked = ["asked", *(times_text(row.cell(name)) for row in matrix.rows)]
     width, other = max(map(len, column)), max(map(len, asked))
     return [f"{a:>{width}}{b:>{other}}" for a, b in zip(column, asked, strict=True)]
+
+
+def _lengths(matrix: Matrix) -> list[list[str]]:
+    """The columns of the lengths of the traces and of their periods, those that have cells."""
+    extents = [row.extent for row in matrix.rows]
+    lengths = [length_text(each.length if each else None) for each in extents]
+    periods = [length_text(each.period if each else None) for each in extents]
+    columns = {"length": lengths, "period": periods}
+    return [[head, *cells] for head, cells in columns.items() if any(cells)]
 
 
 def summary(matrix: Matrix) -> Iterator[str]:
@@ -159,17 +177,53 @@ def summary(matrix: Matrix) -> Iterator[str]:
             yield f"worst {what}: {worst[0]}, {worst[1]}"
     if asked := asked_line(matrix):
         yield asked
-    noted = [row for row in matrix.rows if row.notes]
-    if noted:
-        yield f"note on {noted[0].name}{_more(len(noted))}: {'; '.join(noted[0].notes)}"
+    if gaps := gap_summary({row.name: row.extent for row in matrix.rows if row.extent}):
+        yield gaps
+    yield from _notes(matrix)
 
 
-def cell_text(cell: Outcome | Failure) -> str:
-    """A robustness with the letter of its verdict, which is a blank if that is satisfied."""
+def note_lines(matrix: Matrix) -> list[str]:
+    """What was read otherwise than it is written, in lines for a terminal."""
+    return [line for note in _notes(matrix) for line in indented(note, "")]
+
+
+def _notes(matrix: Matrix) -> Iterator[str]:
+    """What was read otherwise than it is written; what many traces share is said of the first."""
+    noted: dict[str, list[tuple[str, str]]] = {}
+    for row in matrix.rows:
+        for note in row.notes:
+            noted.setdefault(_shape(note, row.name), []).append((row.name, note))
+    for (name, note), *others in noted.values():
+        on = f" on {name}{_more(1 + len(others))}" if len(matrix.rows) > 1 else ""
+        yield f"note{on}: {note}"
+
+
+def _shape(note: str, trace: str) -> str:
+    """A note without the numbers and the name of its trace: notes of one shape say one thing."""
+    return re.sub(r"[\d.]+(?:e[+-]?\d+)?", "", note.replace(trace, ""))
+
+
+def legend(matrix: Matrix) -> str:
+    """What the cells of the table say."""
+    return f"{LEGEND}; d: rests on a default" if _on_defaults(matrix) else LEGEND
+
+
+def _on_defaults(matrix: Matrix) -> bool:
+    return any(outcome.defaults for row in matrix.rows for outcome in row.outcomes.values())
+
+
+def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
+    """A robustness with the letter of its verdict, which is a blank if that is satisfied.
+
+    Args:
+        cell: What became of a requirement.
+        on_defaults: Whether some cell of the table rests on a default; a letter says which.
+    """
     if isinstance(cell, Failure):
         return "E"
     letter = {Verdict.VIOLATED: "V", Verdict.UNDECIDED: "U"}.get(cell.verdict, " ")
-    return f"{cell.robustness + 0.0:.4g} {letter}"
+    mark = "d" if cell.defaults else " " * on_defaults
+    return f"{cell.robustness + 0.0:.4g} {letter}{mark}"
 
 
 def times_text(cell: Outcome | Failure) -> str:
@@ -179,10 +233,10 @@ def times_text(cell: Outcome | Failure) -> str:
 
 
 def _blocks(
-    names: list[str], words: list[str], columns: Sequence[list[str]]
+    first: list[list[str]], columns: Sequence[list[str]]
 ) -> Iterator[tuple[list[list[str]], list[list[str]]]]:
-    """Parts of the columns that fit beside the names, the first with the verdicts too."""
-    head, part = [names, words], list[list[str]]()
+    """Parts of the columns that fit beside the names, the first with lengths and verdicts too."""
+    names, head, part = first[0], first, list[list[str]]()
     room = _WIDTH - sum(2 + max(map(len, column)) for column in head)
     for column in columns:
         width = 2 + max(map(len, column))

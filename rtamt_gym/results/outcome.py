@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
@@ -63,6 +63,8 @@ class Outcome:
         asked: For each implication of the requirement how often it was put to the test, as
             `rtamt.Judgement.asked` counts it; empty if it has none, None if nobody has counted.
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
+        defaults: The variables of which it read a declared default, in part of a recorded trace or
+            in all of it, with the values.
     """
 
     robustness: float
@@ -76,6 +78,7 @@ class Outcome:
     explanation: str = ""
     asked: tuple[Asked | DenseAsked, ...] | None = None
     vacuous: bool = False
+    defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     @classmethod
     def at(

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, NamedTuple, Self, get_args
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.extent import Extent
 from rtamt_gym.results.outcome import Failure, Moment, Outcome, Word, asked_of, word
 
 __all__ = ["MEASURES", "OF_TRIAL", "STOPPED", "Measure", "RunEnd", "Trial", "open_at_stop"]
@@ -93,6 +94,7 @@ class Trial:
             read.
         notes: What was read otherwise than it is written, such as a trace that was resampled.
         failures: Why requirements have no outcome, by name, where each has a reason of its own.
+        extent: How much of a recorded trace there is; None if it was not read, and of a run.
     """
 
     case: Case
@@ -107,6 +109,7 @@ class Trial:
     described: str = ""
     notes: tuple[str, ...] = ()
     failures: Mapping[str, Failure] = field(default_factory=dict)
+    extent: Extent | None = None
 
     @classmethod
     def of_trace(
@@ -115,6 +118,7 @@ class Trial:
         described: str,
         cells: Mapping[str, Outcome | Failure],
         notes: Sequence[str] = (),
+        extent: Extent | None = None,
     ) -> Self:
         """A recorded trace, with what each requirement came to, or why it came to nothing."""
         return cls(
@@ -128,6 +132,7 @@ class Trial:
             described=described,
             notes=tuple(notes),
             failures={key: cell for key, cell in cells.items() if isinstance(cell, Failure)},
+            extent=extent,
         )
 
     @classmethod

@@ -109,9 +109,11 @@ def test_several_specifications_are_judged_each(capsys: Output) -> None:
     assert main(["monitor", "spec.stl", "first=calm.stl", "always(gnt < 5)", "even.csv"]) == 1
     assert capsys.readouterr().out == (
         "out: VIOLATED, robustness -2, certain from 1 s on\n"
+        "    asked 1x, first at 0.5 s\n"
         "first: SATISFIED, robustness 4, at the end of the trace\n"
         "spec3: SATISFIED, robustness 1, at the end of the trace\n"
         "even.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
+        "  1.5 s long, longest gap 0.5 s\n"
         "\n"
         "spec   formula   at the start  least   at  violated from\n"
         "out    granted             -3     -3  0 s            0 s\n"
@@ -195,8 +197,9 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
     assert main(["monitor", "--dense", "spec.stl", "calm.stl", trace, "--out", "r.csv"]) == 1
     assert capsys.readouterr().out == (
         "out: VIOLATED, robustness -2, certain from 0.85 s on\n"
+        "    asked 1x, first at 0.35 s\n"
         "calm: SATISFIED, robustness 4, at the end of the trace\n"
-        f"{trace}: 6 events, 0 s to 1.5 s\n"
+        f"{trace}: 6 events, 0 s to 1.5 s, 1.5 s long, longest gap 1.15 s of req\n"
         "\n"
         "spec  formula   at the start  least   at  violated from\n"
         "out   granted             -3     -3  0 s            0 s\n"

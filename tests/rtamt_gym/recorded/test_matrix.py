@@ -44,11 +44,11 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
     assert main(["monitor", "req.stl", "--", "runs"]) == 1
     out, err = capsys.readouterr()
     assert out == (
-        "trace       verdict    near    slow    answered  asked\n"
-        "runs/a.csv  SATISFIED     2      16           2     1x\n"
-        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3     0x\n"
-        "runs/c.csv  VIOLATED      0 V    16          -1 U   1x\n"
-        "runs/d.csv  UNDECIDED     2       1          -1 U   1x\n"
+        "trace       length  period  verdict    near    slow    answered  asked\n"
+        "runs/a.csv   1.5 s   0.5 s  SATISFIED     2      16           2     1x\n"
+        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x\n"
+        "runs/c.csv   1.5 s   0.5 s  VIOLATED      0 V    16          -1 U   1x\n"
+        "runs/d.csv   1.5 s   0.5 s  UNDECIDED     2       1          -1 U   1x\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "4 traces, 3 requirements: 3 violated, 2 undecided, 7 satisfied\n"
@@ -108,19 +108,19 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     workers: str, folder: Path, capsys: Output
 ) -> None:
     (folder / "runs" / "aa.csv").write_text(HEAD + "0,1,2,x,4\n")
-    (folder / "runs" / "bb.csv").write_text("time,gap\n0,1\n1,2\n")
+    (folder / "runs" / "bb.csv").write_text("time,gap\n0,1\n0.5,2\n")
     traces = ["runs", "no.csv"]
     assert main(["monitor", "req.stl", "--", *traces, "-j", workers]) == 2
     out, err = capsys.readouterr()
     assert out == (
-        "trace        verdict    near    slow    answered  asked\n"
-        "runs/a.csv   SATISFIED     2      16           2     1x\n"
-        "runs/aa.csv  ERROR        -1 V    28             E\n"
-        "runs/b.csv   VIOLATED   -0.5 V    -1 V         3     0x\n"
-        "runs/bb.csv  ERROR        -1 V       E           E\n"
-        "runs/c.csv   VIOLATED      0 V    16          -1 U   1x\n"
-        "runs/d.csv   UNDECIDED     2       1          -1 U   1x\n"
-        "no.csv       ERROR           E       E           E\n"
+        "trace        length  period  verdict    near    slow    answered  asked\n"
+        "runs/a.csv    1.5 s   0.5 s  SATISFIED     2      16           2     1x\n"
+        "runs/aa.csv                  ERROR        -1 V    28             E\n"
+        "runs/b.csv    1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x\n"
+        "runs/bb.csv   0.5 s   0.5 s  ERROR        -1 V       E           E\n"
+        "runs/c.csv    1.5 s   0.5 s  VIOLATED      0 V    16          -1 U   1x\n"
+        "runs/d.csv    1.5 s   0.5 s  UNDECIDED     2       1          -1 U   1x\n"
+        "no.csv                       ERROR           E       E           E\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "7 traces, 3 requirements: 6 errors, 5 violated, 2 undecided, 8 satisfied\n"
@@ -159,8 +159,8 @@ def test_a_requirement_that_does_not_fit_a_trace_is_an_error_of_it_alone(
     assert main(["monitor", text, "--", "runs/a.csv", "runs/b.csv"]) == 2
     out, err = capsys.readouterr()
     assert out.splitlines()[1:3] == [
-        "runs/a.csv  SATISFIED     2      4",
-        "runs/b.csv  ERROR           E    1",
+        "runs/a.csv   1.5 s   0.5 s  SATISFIED     2      4",
+        "runs/b.csv   0.8 s   0.4 s  ERROR           E    1",
     ]
     assert err.startswith(
         "rtamt: error: runs/b.csv: STL:1:14: bound 0.5 s is not a multiple of the period 0.4 s"
@@ -179,11 +179,11 @@ def test_many_requirements_stand_in_tables_of_80_columns(capsys: Output) -> None
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     heads = [line.split() for line in lines if line.startswith("trace ")]
-    assert heads[0][:2] == ["trace", "verdict"]
-    shown = [name for head in heads for name in head[1:] if name != "verdict"]
+    assert heads[0][:4] == ["trace", "length", "period", "verdict"]
+    shown = [name for head in heads for name in head[1:] if name not in heads[0][1:4]]
     assert shown == [name if len(name) <= 16 else "requirement_n..." for name in names]
     cells = [line.split()[1:] for line in lines if line.startswith("runs/a.csv ")]
-    numbers = [c for row in cells for c in row if c not in ("VIOLATED", "V")]
+    numbers = [c for row in cells for c in row if c not in ("VIOLATED", "V", "s")][2:]
     assert [float(number) for number in numbers] == pytest.approx(
         [4 - i - 0.123456 for i in range(30)], rel=1e-3
     )
@@ -277,8 +277,8 @@ def test_an_error_of_ours_is_code_2_and_keeps_no_other_trace_from_being_judged(
     assert main(["monitor", "req.stl", "--", "runs"]) == 2
     out, err = capsys.readouterr()
     assert out.splitlines()[1:3] == [
-        "runs/a.csv  ERROR           E       E           E",
-        "runs/b.csv  VIOLATED   -0.5 V    -1 V         3     0x",
+        "runs/a.csv   1.5 s   0.5 s  ERROR           E       E           E",
+        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x",
     ]
     assert err.startswith("Traceback (most recent call last):\n")
     assert err.count("ZeroDivisionError: division by zero") == 2

@@ -48,6 +48,7 @@ robustness -1 at 0 s, decided by gap > 2 at 0.5 s
   0 s     -1  near = always(gap > 2)
 0.5 s     -1  gap > 2
 0.5 s      1  gap"""
+DESCRIBED = "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s, 1 s long, longest gap 0.5 s"
 WHY_OPEN = "eventually[0:1](gnt >= 3) at 0.5 s: not recorded: 1 s to 1.5 s"
 WAY_OUT = "if the trace is all there is, --end complete says VIOLATED"
 BAD = "bad.csv, line 2: expected 4 values (time, gap, req, gnt), got 3"
@@ -76,7 +77,9 @@ def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
         "bad.csv": ("2", "0", "2", "0"),
     }
     assert [each.tag for each in root[0]] == ["properties", "testcase", "testcase", "system-out"]
-    assert root[0][-1].text == "good.csv: 3 samples, one every 0.5 s, 0 s to 1 s"
+    assert root[0][-1].text == (
+        "good.csv: 3 samples, one every 0.5 s, 0 s to 1 s, 1 s long, longest gap 0.5 s"
+    )
     said = {}
     for case in root.iter("testcase"):
         for found in case:
@@ -267,7 +270,16 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     near, bad = kept["trials"]
     assert near == {
         "name": "near.csv",
-        "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+        "described": DESCRIBED,
+        "extent": {
+            "samples": 3,
+            "period": "1/2",
+            "begin": 0.0,
+            "end": 1.0,
+            "length": 1.0,
+            "usual_step": 0.5,
+            "gap": {"seconds": 0.5, "begin": 0.0, "usual": 0.5},
+        },
         "ended": "recorded",
         "outcomes": {
             "near": {
@@ -330,7 +342,7 @@ def test_the_keys_of_version_1_stand_beside_those_of_version_2(capsys: Output) -
         {
             "trace": "near.csv",
             "verdict": "VIOLATED",
-            "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+            "described": DESCRIBED,
             "notes": [],
             "requirements": {
                 "near": {

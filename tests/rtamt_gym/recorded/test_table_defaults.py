@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -13,6 +14,7 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.codec import trials_of
 
 TEXT = "input float64 x; input float64 limit = 0.5; out = always(x < limit)"
 SPEC = rtamt.parse(TEXT)
@@ -46,7 +48,7 @@ def table(folder: Path, text: str) -> str:
 def test_a_default_counts_where_a_table_has_no_value_yet(
     tmp_path: Path, text: str, missing: Missing, limits: list[float], notes: list[str]
 ) -> None:
-    columns = Columns(missing=missing)
+    columns = Columns(missing=missing, time_unit="s")
     trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Reading(), columns)
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == limits
@@ -83,7 +85,9 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
 def test_a_default_is_an_event_at_the_first_row(
     tmp_path: Path, text: str, limits: list[list[float]], notes: list[str]
 ) -> None:
-    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Reading(dense=True), Columns())
+    trace, _ = read_ruled(
+        table(tmp_path, text), {"": SPEC}, Reading(dense=True), Columns(time_unit="s")
+    )
     assert isinstance(trace, EventTrace)
     assert list(trace.signals) == ["x", "limit"]
     assert trace.tables["limit"].tolist() == limits
@@ -99,12 +103,121 @@ def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     )
 
 
-def test_a_column_of_nearly_the_same_name_is_named(tmp_path: Path) -> None:
-    path = table(tmp_path, "time,x,Limit\n1,0.25,1\n2,0.125,1\n")
+NEAR = """\
+'{variable}', which has a default, but '{near}'; give --signal {signal} to read it, or --default \
+{variable} to take the default 0.5"""
+
+
+@pytest.mark.parametrize("reading", [Reading(), Reading(dense=True)])
+@pytest.mark.parametrize(
+    ("variable", "near"),
+    [
+        *[("limit", each) for each in ("Limit", "LIMIT", "limit [m/s]", "limti", "limits")],
+        ("speed_limit", "SpeedLimit"),
+        ("speed_limit", "speed limit (m/s)"),
+    ],
+)
+def test_a_default_beside_a_column_of_nearly_the_same_name_is_refused(
+    variable: str, near: str, reading: Reading, tmp_path: Path
+) -> None:
+    path = table(tmp_path, f"time,x,{near}\n1,0.25,1\n2,0.125,1\n")
+    specs = {"": rtamt.parse(TEXT.replace("limit", variable))}
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(path, specs, reading, Columns())
+    said = f"{variable}={near}"
+    signal = said if near.isalnum() else f"'{said}'"
+    expected = NEAR.format(variable=variable, near=near, signal=signal)
+    assert str(caught.value) == f"{path}: no column {expected}"
+    # Both ways out lead out.
+    found, _ = read_ruled(path, specs, reading, Columns({variable: near}))
+    assert not found.defaults
+    found, _ = read_ruled(path, specs, reading, Columns(defaults=[variable]))
+    assert found.defaults == {variable: 0.5}
+
+
+@pytest.mark.parametrize("other", ["x1", "delimiter", "limit2", "speed", "li"])
+def test_a_column_of_another_name_is_no_slip(other: str, tmp_path: Path) -> None:
+    path = table(tmp_path, f"time,x,{other}\n1,0.25,1\n2,0.125,1\n")
     trace, _ = read_ruled(path, {"": SPEC}, Reading(), Columns())
-    assert trace.notes == [
-        "'limit' is 0.5, its default: there is no such column; did you mean 'Limit'?"
+    assert trace.defaults == {"limit": 0.5}
+
+
+def test_a_column_that_another_variable_reads_is_no_slip(tmp_path: Path) -> None:
+    text = "input float64 limit = 0.5; input float64 limits; always(limits < limit)"
+    path = table(tmp_path, "time,limits\n1,0.25\n2,0.125\n")
+    trace, _ = read_ruled(path, {"": rtamt.parse(text)}, Reading(), Columns())
+    assert trace.defaults == {"limit": 0.5}
+
+
+def test_an_event_of_nearly_the_same_name_is_refused(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,variable,value\n1,x,0.25\n2,x,0.125\n2,Limit,0.75\n")
+    with pytest.raises(rtamt.InputError, match="but 'Limit'; give --signal limit=Limit"):
+        read_ruled(path, {"": SPEC}, Reading(dense=True), Columns())
+
+
+@pytest.mark.parametrize("reading", [Reading(), Reading(dense=True)])
+@pytest.mark.parametrize(("text", "missing"), [(ABSENT, "raise"), (LATE, "hold")])
+def test_defaults_are_refused_where_that_is_asked_for(
+    text: str, missing: Missing, reading: Reading, tmp_path: Path
+) -> None:
+    path = table(tmp_path, text)
+    columns = Columns(missing=missing, no_defaults=True)
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(path, {"": SPEC}, reading, columns)
+    said = str(caught.value)
+    assert said.startswith(f"{path}: expected records of 'limit', as --no-defaults says, got its ")
+    assert said.endswith("; give --signal limit=COLUMN, or --default limit to take it")
+    columns = Columns(missing=missing, no_defaults=True, defaults=("limit",))
+    trace, _ = read_ruled(path, {"": SPEC}, reading, columns)
+    assert trace.defaults == {"limit": 0.5}
+
+
+def test_verdicts_that_rest_on_a_default_say_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("absent.csv").write_text(ABSENT.replace("time", "time_s"))
+    Path("whole.csv").write_text("time_s,x,limit\n1,0.25,0.125\n2,0.125,1\n3,0,1\n")
+    specs = [TEXT, "other = always(x < 1)"]
+    files = ["--junit", "o.xml", "--markdown", "o.md"]
+    assert main(["monitor", *specs, *files, "--", "absent.csv", "whole.csv"]) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[:6] == [
+        "trace       length  period  verdict       out     other",
+        "absent.csv     2 s     1 s  SATISFIED    0.25  d   0.75",
+        "whole.csv      2 s     1 s  VIOLATED   -0.125 V    0.75",
+        "",
+        "numbers are robustness; V: violated, U: undecided, E: error, else satisfied; d:",
+        "    rests on a default",
     ]
+    assert "| 0.25  d |" in Path("o.md").read_text()
+    root = ET.parse("o.xml").getroot()  # noqa: S314 - our own
+    found = [
+        (case.get("classname"), case.get("name"), each.get("name"), each.get("value"))
+        for case in root.iter("testcase")
+        for each in case.iter("property")
+    ]
+    assert found == [("absent.csv", "out", "default:limit", "0.5")]
+    assert main(["monitor", *specs, "--json", "--", "absent.csv", "whole.csv"]) == 1
+    kept = json.loads(capsys.readouterr().out)
+    defaults = [[cell.get("defaults") for cell in t["outcomes"].values()] for t in kept["trials"]]
+    assert defaults == [[{"limit": 0.5}, None], [None, None]]
+    again = trials_of(kept)[0].outcomes["out"]
+    assert again.defaults == {"limit": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--default", "limti"], "no specification declares one for 'limti'; did you mean 'limit'"),
+        (["--default", "gear"], "no specification declares one for 'gear'; they declare one for '"),
+    ],
+)
+def test_a_default_that_nothing_declares_is_refused(
+    options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["monitor", TEXT, table(tmp_path, ABSENT), *options]) == 2
+    assert f"--default: {said}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -165,7 +278,7 @@ def test_a_default_is_kept_with_the_outcomes(
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["out"])
     trace, _ = read_ruled(path, {"": again}, Reading(), Columns(**outcomes["reading"]["columns"]))
-    assert trace.notes == ["'limit' is 0.5, its default: there is no such column"]
+    assert "'limit' is 0.5, its default: there is no such column" in trace.notes
 
 
 def test_a_default_holds_in_every_command(

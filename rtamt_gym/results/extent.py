@@ -1,0 +1,196 @@
+"""How far a recorded trace reaches, and where nothing was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Final, Self
+
+from rtamt_gym.tables import counted, number, time_text
+
+__all__ = ["Extent", "Gap", "gap_summary", "length_text", "short_text"]
+
+_LONG: Final = 10
+"""A gap of more than so many usual steps is noted."""
+
+_WIDTH: Final = 80
+
+_NAMED: Final = 3
+"""The traces that are named where some are too short."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The time between two neighbouring records of a variable.
+
+    Attributes:
+        seconds: How long it is.
+        begin: When it begins, in seconds on the clock of the trace.
+        usual: The usual time between two records there, their median in seconds.
+        of: The variables, joined by commas; empty where all have it.
+    """
+
+    seconds: float
+    begin: float
+    usual: float
+    of: str = ""
+
+    @property
+    def long(self) -> bool:
+        """Whether it is so much longer than usual that it is noted."""
+        return self.seconds > _LONG * self.usual
+
+    @property
+    def note(self) -> str:
+        """What is to say of it, where values are taken to hold."""
+        of = f" of {self.of}" if self.of else ""
+        steps = f", {number(self.seconds / self.usual)} usual steps" if self.usual else ""
+        return (
+            f"nothing{of} was recorded for {number(self.seconds)} s after "
+            f"{time_text(self.begin, self.seconds)}{steps}: what was recorded before is taken to "
+            "hold; --max-gap says for how long it may"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How much of a trace was recorded.
+
+    Attributes:
+        samples: The number of samples; None in dense time.
+        events: The number of events of all variables; None of samples.
+        period: Seconds between samples; None in dense time, or if bounds count samples.
+        begin: The time of its begin in seconds; None if bounds count samples.
+        end: The time of its end.
+        step: The usual distance of two times; None if bounds count samples.
+        gap: The longest gap; None if there are no times, or a single one.
+    """
+
+    samples: int | None = None
+    events: int | None = None
+    period: Fraction | None = None
+    begin: float | None = None
+    end: float | None = None
+    step: float | None = None
+    gap: Gap | None = None
+
+    @property
+    def length(self) -> float | None:
+        """Seconds from the begin to the end; None if bounds count samples."""
+        if self.period is not None and self.samples is not None:
+            return float((self.samples - 1) * self.period)
+        return None if self.begin is None or self.end is None else self.end - self.begin
+
+    def shorter(self, least: Fraction) -> bool:
+        """Whether it is shorter than so many seconds, by more than the rounding of its times."""
+        return self.length is not None and self.length < float(least) * (1 - 1e-9)
+
+    def written(self) -> dict[str, Any]:
+        """It as JSON holds it; what nobody knows is left out."""
+        gap = self.gap
+        kept = {
+            "samples": self.samples,
+            "events": self.events,
+            "period": self.period and str(self.period),
+            "begin": self.begin,
+            "end": self.end,
+            "length": self.length,
+            "usual_step": self.step,
+            "gap": gap
+            and {
+                "seconds": gap.seconds,
+                "begin": gap.begin,
+                "usual": gap.usual,
+                **({"of": gap.of} if gap.of else {}),
+            },
+        }
+        return {name: each for name, each in kept.items() if each is not None}
+
+    @classmethod
+    def read(cls, kept: Mapping[str, Any]) -> Self:
+        """Reads what `written` has made."""
+        period, gap = kept.get("period"), kept.get("gap")
+        return cls(
+            kept.get("samples"),
+            kept.get("events"),
+            None if period is None else Fraction(period),
+            kept.get("begin"),
+            kept.get("end"),
+            kept.get("usual_step"),
+            None if gap is None else Gap(**gap),
+        )
+
+    @property
+    def text(self) -> str:
+        """The words of it: how many samples or events, the times, the longest gap."""
+        return ", ".join(filter(None, (self._times, self._length)))
+
+    def lines(self, source: str) -> list[str]:
+        """It in lines of a terminal: one if it fits in 80 columns, else two.
+
+        Args:
+            source: The name of the trace.
+        """
+        whole = f"{source}: {self.text}"
+        if len(whole) <= _WIDTH or not self._length:
+            return [whole]
+        return [f"{source}: {self._times}", f"  {self._length}"]
+
+    @property
+    def _times(self) -> str:
+        what = counted(self.samples or 0, "sample")
+        if self.events is not None:
+            what = counted(self.events, "event")
+        if self.begin is None or self.end is None:
+            return f"{what}, bounds count samples"
+        every = "" if self.period is None else f"one every {number(float(self.period))} s, "
+        begin, end = (time_text(time, self.step) for time in (self.begin, self.end))
+        return f"{what}, {every}{begin} to {end}"
+
+    @property
+    def _length(self) -> str:
+        if self.length is None:
+            return ""
+        length = f"{time_text(self.length, self.step)} long"
+        if self.gap is None:
+            return length
+        of = f" of {self.gap.of}" if self.gap.of else ""
+        return f"{length}, longest gap {number(self.gap.seconds)} s{of}"
+
+
+def length_text(seconds: float | Fraction | None) -> str:
+    """A length of time as a cell of a table; empty if nobody knows it."""
+    return "" if seconds is None else f"{number(float(seconds))} s"
+
+
+def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
+    """Says which traces are shorter than asked for; empty if none is.
+
+    Args:
+        extents: The extent of each trace, by its name.
+        least: How long they are to be, in seconds.
+    """
+    short = {name: each.length or 0.0 for name, each in extents.items() if each.shorter(least)}
+    if not short:
+        return ""
+    named = [f"{name} ({number(each)} s)" for name, each in list(short.items())[:_NAMED]]
+    more = f" and {len(short) - _NAMED} more" if len(short) > _NAMED else ""
+    return f"shorter than {number(float(least))} s: {', '.join(named)}{more}"
+
+
+def gap_summary(extents: Mapping[str, Extent]) -> str:
+    """Says how many traces have a long gap, and which is the longest; empty if none has one.
+
+    Args:
+        extents: The extent of each trace, by its name.
+    """
+    gaps = {name: extent.gap for name, extent in extents.items() if extent.gap is not None}
+    long = {name: gap for name, gap in gaps.items() if gap.long}
+    if not long:
+        return ""
+    name = max(long, key=lambda each: long[each].seconds)
+    return (
+        f"gaps of more than {_LONG} usual steps in {len(long)} of "
+        f"{counted(len(extents), 'trace')}, the longest {number(long[name].seconds)} s in {name}"
+    )

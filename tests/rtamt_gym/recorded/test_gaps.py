@@ -1,0 +1,427 @@
+"""Holes in recordings: what the head says of them, and `--max-gap`, which makes them unknown."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import tempfile
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import START, twist, write_bag
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym import Reading
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.columns import Columns, read_seconds
+from rtamt_gym.recorded.judge import extent_of, judge
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import Trace
+
+FORMULAS = [
+    "always(x > 1 implies eventually[0:1](y > 0))",
+    "eventually(x > 0 and once[0:1](y < 1))",
+    "(x > -1) until[0:2] (y > 0)",
+    "always[0:2](x > y)",
+    "eventually[2:4](x > 1)",
+]
+Output = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(
+    rows: Sequence[tuple[float, ...]], path: str | Path = "run.csv", head: str = "time,x"
+) -> str:
+    lines = [",".join(f"{cell:.15g}" for cell in row) for row in rows]
+    Path(path).write_text("\n".join([head, *lines]))
+    return str(path)
+
+
+def read(path: str | Path, columns: Columns, text: str = "always(x > 0)") -> Trace:
+    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, Reading(), columns)
+    assert isinstance(trace, Trace)
+    return trace
+
+
+# The head says what was recorded. -----------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    step=st.sampled_from(["0.1", "0.5", "2", "0.04"]),
+    start=st.sampled_from([0, 5, 1_700_000_000]),
+    count=st.integers(4, 30),
+    data=st.data(),
+)
+def test_the_head_counts_what_a_reader_counts_by_hand(
+    step: str, start: int, count: int, data: st.DataObject
+) -> None:
+    kept = sorted(data.draw(st.sets(st.integers(0, count), min_size=3, max_size=count)))
+    times = [start + k * Fraction(step) for k in kept]
+    with tempfile.TemporaryDirectory() as folder:
+        path = write([(float(t), 1.0) for t in times], Path(folder) / "run.csv", "time_s,x")
+        specs = {"": rtamt.parse("always(x > 0)")}
+        trace, _ = read_ruled(path, specs, Reading(dense=True), Columns())
+        found = extent_of(trace)
+    gaps = [b - a for a, b in itertools.pairwise(times)]
+    assert found.events == len(kept)
+    assert found.gap is not None
+    assert found.gap.seconds == pytest.approx(float(max(gaps)))
+    assert found.length == pytest.approx(float(times[-1] - times[0]))
+    assert found.gap.usual == pytest.approx(float(np.median([float(gap) for gap in gaps])))
+    longest = [float(t) for t, gap in zip(times, gaps, strict=False) if gap == max(gaps)]
+    assert any(found.gap.begin == pytest.approx(t) for t in longest)
+
+
+HEADS = {
+    "sampled": (
+        [(i / 2, 1.0) for i in range(7)],
+        [],
+        "run.csv: 7 samples, one every 0.5 s, 0 s to 3 s, 3 s long, longest gap 0.5 s",
+    ),
+    "one sample": ([(0.5, 1.0)], [], "run.csv: 1 sample, bounds count samples"),
+    "dense": (
+        [(0.0, 1.0), (0.5, 1.0), (2.0, 1.0)],
+        ["--dense"],
+        "run.csv: 3 events, 0 s to 2 s, 2 s long, longest gap 1.5 s",
+    ),
+    "one event": ([(0.5, 1.0)], ["--dense"], "run.csv: 1 event, 0.5 s to 0.5 s, 0 s long"),
+    "a period": (
+        [(i / 2, 1.0) for i in range(7)],
+        ["--period", "500ms"],
+        "run.csv: 7 samples, one every 0.5 s, 0 s to 3 s, 3 s long, longest gap 0.5 s",
+    ),
+}
+
+
+@pytest.mark.parametrize(("rows", "options", "head"), HEADS.values(), ids=HEADS)
+@pytest.mark.usefixtures("folder")
+def test_the_head_of_a_judgement_says_its_length_and_its_longest_gap(
+    rows: list[tuple[float, ...]], options: list[str], head: str, capsys: Output
+) -> None:
+    assert main(["monitor", "always(x > 0)", write(rows), *options]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == head
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_gap_of_a_variable_is_that_of_its_own_records(capsys: Output) -> None:
+    Path("run.csv").write_text("time,x,y\n0,1,1\n0.5,1,\n1,1,\n1.5,1,1\n2,1,1\n")
+    assert main(["monitor", "always(x > 0 and y > 0)", "run.csv", "--missing", "hold"]) == 0
+    assert ", 2 s long, longest gap 1.5 s of y\n" in " ".join(
+        capsys.readouterr().out.splitlines(keepends=True)[1:3]
+    ).replace("\n   ", ", ")
+
+
+HOLE = [(i / 10, 5.0) for i in range(200) if not 50 <= i < 160]
+LONG = (
+    "note: nothing was recorded for 11.1 s after 4.9 s, 111 usual steps: what was\n"
+    "  recorded before is taken to hold; --max-gap says for how long it may\n"
+)
+
+
+@pytest.mark.parametrize("options", [["--dense"], ["--jitter", "5%"]])
+@pytest.mark.usefixtures("folder")
+def test_a_long_gap_is_noted_in_every_format(options: list[str], capsys: Output) -> None:
+    write(HOLE)
+    assert main(["monitor", "always(x > 0)", "run.csv", *options]) == 0
+    assert LONG in capsys.readouterr().out
+    files = ["--junit", "o.xml", "--markdown", "o.md"]
+    write([(i / 10, 5.0) for i in range(20)], "short.csv")
+    words = ["monitor", "always(x > 0)", *options, *files, "--", "short.csv", "run.csv"]
+    assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "note on run.csv: nothing was recorded for 11.1 s after 4.9 s, 111 usual steps" in said
+    assert (
+        "gaps of more than 10 usual steps in 1 of 2 traces, the longest 11.1 s in run.csv" in said
+    )
+    for path in ("o.xml", "o.md"):
+        assert "nothing was recorded for 11.1 s after 4.9 s" in Path(path).read_text()
+    assert main(["monitor", "always(x > 0)", "run.csv", "--json", *options]) == 0
+    (trial,) = json.loads(capsys.readouterr().out)["trials"]
+    assert any("nothing was recorded for 11.1 s" in note for note in trial["notes"])
+    assert trial["extent"]["gap"] == pytest.approx({"seconds": 11.1, "begin": 4.9, "usual": 0.1})
+
+
+@pytest.mark.parametrize("steps", [10, 11])
+@pytest.mark.usefixtures("folder")
+def test_a_gap_is_long_above_ten_usual_steps(steps: int, capsys: Output) -> None:
+    times = [*range(8), *(7 + steps + i for i in range(8))]
+    write([(t / 2, 1.0) for t in times])
+    assert main(["monitor", "always(x > 0)", "run.csv", "--dense"]) == 0
+    assert ("nothing was recorded for" in capsys.readouterr().out) is (steps > 10)
+
+
+# A time column beside --period, and one without a unit. -------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "period", "said"),
+    [
+        ([(i / 10, 1.0) for i in range(10)], "0.1", None),
+        ([(i / 10 + 0.003 * (i % 2), 1.0) for i in range(10)], "100ms", None),
+        (
+            [(i / 10, 1.0) for i in range(10)],
+            "0.2",
+            "0.1 s apart most of the time: 0.9 s in all, not 1.8 s",
+        ),
+        (
+            [(0.0, 1.0), (0.1, 1.0), (0.2, 1.0), (36000.2, 1.0)],
+            "0.1",
+            "0.1 s apart most of the time, 36000 s after run.csv, line 4: 36000.2 s in all",
+        ),
+        (
+            [(0.0, 1.0), (0.2, 1.0), (0.1, 1.0)],
+            "0.1",
+            "in an order that does not increase: 0.1 s in all, not 0.2 s",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_times_that_contradict_the_period_are_said(
+    rows: list[tuple[float, ...]], period: str, said: str | None, capsys: Output
+) -> None:
+    assert main(["monitor", "always(x > 0)", write(rows), "--period", period]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    head = "note: --period leaves the column 'time' aside, which has the rows "
+    assert (head in out) is (said is not None)
+    assert said is None or f"{head}{said}" in out
+
+
+@pytest.mark.parametrize(
+    ("column", "step", "options", "noted"),
+    [
+        ("time", 10, [], 1),
+        ("t", 1, ["--dense"], 1),
+        ("timestamp", 1, ["--max-gap", "5s"], 1),
+        ("time", 0.5, [], 0),
+        ("time", 1.5, [], 0),
+        ("time", 10, ["--time-unit", "ms"], 0),
+        ("time", 10, ["--time-unit", "s"], 0),
+        ("time_ms", 10, [], 0),
+        ("Time [s]", 1, [], 0),
+        ("time", 10, ["--period", "10"], 0),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_whole_times_without_a_unit_are_noted_with_the_length_they_give(
+    column: str, step: float, options: list[str], noted: int, capsys: Output
+) -> None:
+    write([(i * step, 1.0) for i in range(1001)], head=f"{column},x")
+    assert main(["monitor", "always(x > 0)", "run.csv", *options]) == 0
+    said = (
+        f"note: the times have no unit and count as seconds, {1000 * step:g} s in all: if these "
+        "are milliseconds, --time-unit ms"
+    )
+    assert " ".join(capsys.readouterr().out.split()).count(said) == noted
+
+
+# Short traces. ------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> None:
+    for name, count in {"a": 21, "b": 5, "c": 3, "d": 4, "e": 5}.items():
+        write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
+    words = ["always(x > 0)", "--min-duration", "10s"]
+    for command in ("monitor", "explain"):
+        assert main([command, *words, "a.csv"]) == 0
+        assert "shorter than" not in capsys.readouterr().out
+        assert main([command, *words, "b.csv"]) == 3
+        assert capsys.readouterr().out.endswith("\nshorter than 10 s: b.csv (2 s)\n")
+    assert main(["monitor", *words, "--", *(f"{name}.csv" for name in "abcde")]) == 3
+    said = "\nshorter than 10 s: b.csv (2 s), c.csv (1 s), d.csv (1.5 s) and 1 more\n"
+    assert capsys.readouterr().out.endswith(said)
+    assert main(["monitor", *words, "b.csv", "--json"]) == 3
+    out, err = capsys.readouterr()
+    assert err == "shorter than 10 s: b.csv (2 s)\n"
+    kept = json.loads(out)
+    assert kept["exit_code"] == 3
+    assert kept["reading"]["min_duration"] == "10"
+    assert kept["trials"][0]["extent"]["length"] == 2.0
+    assert kept["trials"][0]["notes"] == [
+        "it lasts 2 s, which is shorter than 10 s (--min-duration)"
+    ]
+    assert main(["monitor", "always(x > 2)", *words[1:], "b.csv"]) == 1
+    Path("none.csv").write_text("x\n1\n1\n")
+    assert main(["monitor", *words, "none.csv"]) == 2
+    assert "expected a column of times, by which --min-duration measures" in capsys.readouterr().err
+    assert main(["monitor", *words, "none.csv", "--period", "20"]) == 0
+
+
+# Values are unknown where nothing was recorded. ---------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    count=st.integers(8, 16),
+    text=st.sampled_from(FORMULAS),
+    end=st.sampled_from(["complete", "cut", "open"]),
+    data=st.data(),
+)
+def test_every_filling_of_the_holes_lies_within_the_bounds(
+    count: int, text: str, end: rtamt.End, data: st.DataObject
+) -> None:
+    cell = st.integers(-2, 3)
+    rows = data.draw(st.lists(st.tuples(cell, cell), min_size=count, max_size=count))
+    removed = data.draw(st.sets(st.integers(1, count - 2), min_size=1, max_size=count // 3))
+    kept = [k for k in range(count) if k not in removed]
+    steps = np.diff(kept)
+    assume(float(np.median(steps)) == 1)
+    spec = rtamt.parse(text)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.csv"
+        write([(k / 2, *rows[k]) for k in kept], path, "time,x,y")
+        columns = Columns(max_gap=Fraction(1, 2))
+        trace, period = read_ruled(str(path), {"": spec}, Reading(end=end), columns)
+    assert isinstance(trace, Trace)
+    assert (trace.samples, period) == (count, Fraction(1, 2))
+    for name, values in trace.columns.items():
+        assert np.flatnonzero(np.isnan(values)).tolist() == sorted(removed), name
+    found = judge(spec, trace, period, Reading(end=end)).found
+    for _ in range(4):
+        filled = [
+            row if k not in removed else data.draw(st.tuples(cell, cell))
+            for k, row in enumerate(rows)
+        ]
+        signals = {name: [float(row[i]) for row in filled] for i, name in enumerate("xy")}
+        whole = rtamt.judge(spec, signals, period, end)
+        assert found.lower <= whole.lower
+        assert whole.upper <= found.upper
+        assert found.verdict in (whole.verdict, rtamt.Verdict.UNDECIDED)
+
+
+@given(
+    count=st.integers(10, 20), hole=st.integers(2, 9), most=st.integers(1, 12), phase=st.booleans()
+)
+@settings(max_examples=40, deadline=None)
+def test_a_hole_is_unknown_from_its_length_on(
+    count: int, hole: int, most: int, *, phase: bool
+) -> None:
+    late = 0.5 * phase
+    times = [*range(count), *(count - 1 + hole + late + k for k in range(count))]
+    with tempfile.TemporaryDirectory() as folder:
+        path = write([(t, k) for k, t in enumerate(times)], Path(folder) / "run.csv", "time_s,x")
+        trace = read(path, Columns(max_gap=Fraction(most)))
+    assert trace.period() == 1
+    values = trace.columns["x"]
+    for at, value in enumerate(values):
+        if count - 1 < at < times[count]:
+            assert np.isnan(value) if hole + late > most else value == count - 1
+        else:
+            assert value == max(k for k, t in enumerate(times) if t <= at)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_hole_is_said_and_the_verdict_goes_by_what_is_known(capsys: Output) -> None:
+    write(HOLE)
+    assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
+    assert capsys.readouterr().out == (
+        "UNDECIDED, robustness between -inf and 1\n"
+        "    no --end decides it: it hangs on values of x that are not known\n"
+        "run.csv: 200 samples, one every 0.1 s, 0 s to 19.9 s\n"
+        "  19.9 s long, longest gap 11.1 s\n"
+        "note: values are unknown where nothing was recorded for more than 1 s (a hole of\n"
+        "  11.1 s after 4.9 s)\n"
+        "note: no robustness over time: values of x are not known\n"
+    )
+    assert main(["monitor", "always[0:3](x > 4)", "run.csv", "--max-gap", "1s"]) == 0
+    assert main(["monitor", "always(x > 5)", "run.csv", "--max-gap", "1s"]) == 1
+    capsys.readouterr()
+    assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "20"]) == 0
+    said = "note: resampled every 0.1 s: values hold in shorter gaps, the longest of 11.1 s\n"
+    assert said in capsys.readouterr().out
+    assert main(["explain", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
+    assert "not explained: values of x are not known" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("folder")
+def test_cells_hold_for_no_longer_than_the_gap() -> None:
+    rows = [f"{i / 10},5,{'' if 10 <= i < 30 or i in (40, 41) else 1}" for i in range(50)]
+    Path("run.csv").write_text("\n".join(["time,x,y", *rows]))
+    trace = read("run.csv", Columns(missing="hold", max_gap=Fraction(1)), "always(x > y)")
+    assert np.flatnonzero(np.isnan(trace.columns["y"])).tolist() == list(range(10, 30))
+    assert not np.isnan(trace.columns["x"]).any()
+    assert trace.unknown == ["y"]
+    hole = "a hole of 2.1 s after 0.9 s"
+    assert trace.notes == [
+        f"values are unknown where nothing was recorded for more than 1 s (y: {hole})",
+        "empty cells hold the value before (y: 2)",
+    ]
+    Path("end.csv").write_text(
+        "time,x\n" + "\n".join(f"{i},{1 if i < 3 else ''}" for i in range(9))
+    )
+    trace = read("end.csv", Columns(missing="hold", max_gap=Fraction(2), time_unit="s"))
+    assert np.flatnonzero(np.isnan(trace.columns["x"])).tolist() == list(range(3, 9))
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        ("x\n1\n1\n", ["--max-gap", "1"], "expected a column of times, which --max-gap speaks of"),
+        ("time,x\n0,1\n1,1\n", ["--max-gap", "1", "--period", "1"], "or --max-gap"),
+        ("time,x\n0,1\n1,1\n", ["--max-gap", "0"], "--max-gap: expected a time above 0, such as"),
+        ("time,x\n0,1\n1,1\n", ["--max-gap", "5 days"], "--max-gap: expected a time above 0"),
+        ("time,x\n0,1\n1,1\n", ["--min-duration", "-1"], "--min-duration: expected a time above 0"),
+        ("time,x\n0,1\n1,1\n", ["--max-gap", "1", "--out", "o.csv"], "--max-gap: --out needs the"),
+        (
+            "time,x\n0,1\n1,1\n1.3,1\n2.9,1\n4,1\n5,1\n",
+            ["--max-gap", "1"],
+            "expected samples at even distances, got time 1.3 after 1",
+        ),
+        (
+            "time,x\n0,1\n0.1,1\n0.2,1\n1000000,1\n1000000.1,1\n",
+            ["--max-gap", "1"],
+            "expected a gap that can be resampled every 0.1 s, got 1e+06 s; cut the trace there",
+        ),
+        (
+            "time,x\n0,1\n0.1,1\n0.2,1\n9,1\n9.1,1\n9.2,1\n",
+            [],
+            "or --max-gap 0.1s to take holes for unknown",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_what_no_gap_can_be_told_of_is_refused(
+    text: str, options: list[str], said: str, capsys: Output
+) -> None:
+    Path("run.csv").write_text(text)
+    assert main(["monitor", "always(x > 0)", "run.csv", *options]) == 2
+    assert said.replace("or --max-gap 0.1s", "--max-gap 0.1s") in capsys.readouterr().err
+
+
+def test_lengths_of_time_are_read_with_their_units() -> None:
+    texts = {"10": 10.0, "10s": 10.0, "500ms": 0.5, "1.5h": 5400.0, "2 min": 120.0, "5e-1": 0.5}
+    assert [read_seconds("--x", text) for text in texts] == [*texts.values()]
+    assert Columns(max_gap="1/2").max_gap == Fraction(1, 2)  # type: ignore[arg-type]
+    for text in ("", "s", "-1", "nan", "inf", "1/0", "1 day", "٣", "1e999"):
+        with pytest.raises(InputError, match="expected a time above 0"):
+            read_seconds("--x", text)
+
+
+def test_a_topic_that_falls_silent_is_unknown_after_the_gap(folder: Path, capsys: Output) -> None:
+    said = [twist(START + i * 10**8, 0.5) for i in (*range(20), *range(60, 80))]
+    path = str(write_bag(folder / "quiet.bag", said))
+    text = "cmd = always(speed < 1)"
+    words = [text, path, "--period", "0.1", "--signal", "speed=/robot0/cmd_vel.linear.x"]
+    assert main(["monitor", *words]) == 0
+    assert "longest gap 4.1 s\n" in capsys.readouterr().out
+    assert main(["monitor", *words, "--max-gap", "1s"]) == 3
+    out = " ".join(capsys.readouterr().out.split())
+    assert "for more than 1 s (a hole of 4.1 s after 1.9 s)" in out
+    assert "is held for" not in out
+    columns = Columns({"speed": "/robot0/cmd_vel.linear.x"}, max_gap=Fraction(1))
+    spec = rtamt.parse(text)
+    trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1, 10)), columns)
+    assert isinstance(trace, Trace)
+    assert np.flatnonzero(np.isnan(trace.columns["speed"])).tolist() == list(range(20, 60))
