@@ -79,8 +79,6 @@ def robustness_panel(
 
 
 def show_verdict(ax: Axes, verdict: Verdict, text: str) -> None:
-    """Writes a verdict in its colour below a panel, with a text behind it."""
+    """Writes the words about a verdict in its colour below a panel."""
     colour = VERDICT_COLOURS.get(verdict, OPEN)
-    ax.set_xlabel(
-        f"{verdict.name}, {text}", color=colour, fontsize=9, loc="right", fontweight="bold"
-    )
+    ax.set_xlabel(text, color=colour, fontsize=9, loc="right", fontweight="bold")

@@ -15,7 +15,7 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.monitors.asked import Asked, Evidence, SampledQuestion, evidence_of, reads_hidden
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.holds import zero_text
+from rtamt.monitors.holds import holds, zero_text
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
     SampleOptions,
@@ -171,8 +171,9 @@ class Judgement:
         return self._evidence().never_asked
 
     def _robustness_text(self) -> str:
-        if self.robustness == 0.0 and self.complete is not Verdict.UNDECIDED:
-            return zero_text(held=self.complete is Verdict.SATISFIED)
+        open_ = {self.verdict, self.complete} == {Verdict.UNDECIDED}
+        if self.robustness == 0.0 and not open_:
+            return zero_text(held=bool(holds(self.robustness)))
         return _number(self.robustness)
 
     def _values(self) -> tuple[object, ...]:

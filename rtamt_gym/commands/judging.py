@@ -251,12 +251,16 @@ def failure_lines(matrix: Matrix) -> list[str]:
 
 
 def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: Reading) -> str:
-    unknown = judged.judgements[name].found.unknown
+    judgement = judged.judgements[name]
+    unknown = judgement.found.unknown
     if unknown:
         return f"not explained: values of {', '.join(unknown)} are not known"
     whole, trace = judge.viewed(spec, reading.view), judged.trace
+    head = ""
+    if judgement.otherwise_complete:
+        head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
-        return str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
+        return head + str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
     if trace is None:
         msg = "a trace that was not read has no judgement to explain"
         raise AssertionError(msg)
@@ -268,7 +272,7 @@ def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: 
         start=trace.start,
         **reading.having(period=judged.period).of_monitors({"": whole})[""],
     )
-    return str(explanation)
+    return head + str(explanation)
 
 
 def _judge(

@@ -60,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
+    from rtamt_gym.results.outcome import verdict_text
     from rtamt_gym.search.runs.report import case_lines
 
     course = made.courses[saved.name]
@@ -71,14 +72,17 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
     last = sample_text(made.last_sample, made.period)
     yield f"{counted(made.steps + 1, 'sample')} to {last}, ended by {made.ended}{seed}"
     yield ""
-    got = f"{course.verdict.name}, robustness {course.final_text('.6g')}"
+    verdict = verdict_text(course.verdict, course.final)
+    got = f"{verdict}, robustness {course.final_text('.6g')}"
     if saved.repeats(made):
         yield f"{got}: as expected, to the last bit"
         return
     yield got
     other = "another robustness" if saved.gives(made) else "another verdict"
     yield from _wrapped(
-        f"expected {saved.verdict.name}, robustness {number(saved.robustness)}: {other}", ""
+        f"expected {verdict_text(saved.verdict, saved.robustness)}, robustness "
+        f"{number(saved.robustness)}: {other}",
+        "",
     )
     changes = [f"{name} {now} (then {then})" for name, (then, now) in saved.newer().items()]
     if changes:

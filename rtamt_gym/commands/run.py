@@ -79,8 +79,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
     from rtamt_gym.judging.specs import own_requirements
+    from rtamt_gym.results.trial import end_note
     from rtamt_gym.simulation.environments import make
-    from rtamt_gym.simulation.outcomes import failed_note, report, saved_note, to_json
+    from rtamt_gym.simulation.outcomes import report, saved_note, to_json
     from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
@@ -105,8 +106,7 @@ def run(options: argparse.Namespace) -> int:
         ]
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
-    failed = failed_note(runs) if reading.at_termination == "failure" else []
-    shown_below = [*failed, *saved_note(runs), *notes]
+    shown_below = [*end_note([run.trial() for run in runs]), *saved_note(runs), *notes]
     print("", *report(runs), "", *shown_below, sep="\n")
     if options.json:
         readings = {

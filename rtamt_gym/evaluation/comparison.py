@@ -19,6 +19,7 @@ from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.codec import document, read_as, save
+from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.search.runs.requirements import Requirements
@@ -277,6 +278,12 @@ def _notes(
             )
         if failed := sum(bool(pair[side].error) for pair in rows):
             yield f"{counted(failed, 'episode')} of {name} failed, which counts as not satisfied"
+        if ended := sum(_by_end(pair[side]) for pair in rows):
+            was, its = ("is", "its") if ended == 1 else ("are", "their")
+            yield (
+                f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, beside a "
+                f"robustness that holds: {its} robustness judges the samples alone"
+            )
         if each.decision is not None:
             yield (
                 f"{name} ran until its answer was known, so its rate may lean to that answer; "
@@ -289,6 +296,11 @@ def _notes(
         )
     if 2 * 0.5 ** len(rows) * requirements > LEVEL:
         yield f"{counted(len(rows), 'pair')} cannot show a difference of rates, however they end"
+
+
+def _by_end(row: Trial) -> bool:
+    """Whether the end alone of an episode violates a requirement."""
+    return any(each.by_end for each in row.outcomes.values())
 
 
 def _cells(compared: Compared) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
 from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
-from rtamt_gym.results.trial import open_at_stop
+from rtamt_gym.results.trial import end_note, open_at_stop
 from rtamt_gym.search.runs.report import failures
 from rtamt_gym.tables import Terminal, counted, p_text, short
 
@@ -84,6 +84,7 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     of_robustness = ", ".join(each.heading for each in columns if each.robustness)
     yield terminal.cut(f"{of_robustness}: of the robustness{at_stop}")
     yield terminal.cut(f"95% interval: {promise(evaluation.interval)}")
+    yield from map(terminal.cut, end_note(evaluation.record))
     yield ""
     for each in evaluation.requirements.values():
         name = evaluation.record.provenance.called(each.name)

@@ -43,11 +43,13 @@ def step_info(
     violated: Lanewise,
     states: Mapping[str, Any] | None = None,
     costs: Mapping[str, Lanewise] | None = None,
+    of_instant: Lanewise | None = None,
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
     ``violated`` says whether a specification is violated; ``states`` has a `spec_state` for each
-    specification. States and costs, with their keys, are optional.
+    specification; ``of_instant`` is True where the robustness is that of an instant. States, costs
+    and ``of_instant``, with their keys, are optional.
     """
     made = {
         "robustness": robustness,
@@ -55,6 +57,8 @@ def step_info(
         "stl_upper": upper,
         "stl_violated": violated,
     }
+    if of_instant is not None:
+        made["stl_of_instant"] = of_instant
     if states is not None:
         made["stl"] = states
     if costs is not None:
@@ -63,22 +67,35 @@ def step_info(
 
 
 def spec_state(
-    robustness: Lanewise, lower: Lanewise, upper: Lanewise, verdict: Lanewise
+    robustness: Lanewise,
+    lower: Lanewise,
+    upper: Lanewise,
+    verdict: Lanewise,
+    of_instant: Lanewise | None = None,
 ) -> dict[str, Any]:
-    """The state of one specification, an entry of ``info["stl"]``."""
-    return {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
+    """The state of one specification, an entry of ``info["stl"]``.
+
+    ``of_instant``, True where the robustness is that of an instant, is optional.
+    """
+    made = {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
+    return made if of_instant is None else {**made, "of_instant": of_instant}
 
 
 def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:
     """The outcome of one specification, an entry of ``info["stl_episode"]``.
 
-    ``decided_at`` is the sample that decided the verdict, -1 while it is open.
+    ``decided_at`` is the sample that decided the verdict, -1 while it is open. What the end alone
+    violates, at a robustness that holds, has ``by_end``.
     """
+    by_end = np.less(verdict, 0) & ~np.signbit(robustness)
+    if not by_end.ndim:
+        by_end = bool(by_end)
     return {
         "robustness": robustness,
         "verdict": VERDICTS[verdict],
         "satisfied": verdict > 0,
         "decided_at": Where(decided_at >= 0, decided_at),
+        "by_end": Where(by_end, by_end),
     }
 
 

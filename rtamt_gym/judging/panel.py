@@ -47,6 +47,8 @@ class Panel:
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
         variables: The names that each specification reads.
+        of_instant: True if the robustness is that of an instant, as with ``view="step"``; else
+            None.
         settled: How many verdicts are decided.
         violated_by: The specification that was violated first; None while none is.
 
@@ -86,6 +88,7 @@ class Panel:
         self._reading = reading
         self._decided: dict[str, int] = {}
         self._failed: frozenset[str] = frozenset()  # by the end alone
+        self.of_instant = True if reading.view == "step" else None
         self.settled = 0
         self.violated_by: str | None = None
 
@@ -350,6 +353,7 @@ class Panel:
                 np.float64(judge.lower),
                 np.float64(self._upper(name, judge)),
                 _NAMES[self._verdict(name, judge)],
+                self.of_instant,
             )
             for name, (source, judge) in self.monitors.items()
         }

@@ -97,6 +97,12 @@ class VectorPanel:
         return self._owing.found
 
     @property
+    def of_instant(self) -> NDArray[np.bool_] | None:
+        """True everywhere if the robustness is that of an instant, as of `Panel`; a fresh array."""
+        num, reading, _ = self._reading
+        return np.ones(num, np.bool_) if reading.view == "step" else None
+
+    @property
     def period(self) -> Fraction | None:
         """Seconds between samples; None where bounds count samples."""
         return self._judges[0].period
@@ -254,6 +260,7 @@ class VectorPanel:
                 judge.lower,
                 upper,
                 VERDICTS[np.where(failed, -1, judge.verdict)],
+                self.of_instant,
             )
             for (name, (source, judge)), upper, failed in zip(
                 self.monitors.items(), self._uppers(), self._failed, strict=True

@@ -166,6 +166,15 @@ class TraceJudgement:
         return sample_text(int(at), self.period, self.start)
 
     @property
+    def otherwise_complete(self) -> str:
+        """What a trace that is all there is would have, if that is another verdict; else empty.
+
+        Robustness over time and explanations read the trace so.
+        """
+        verdicts = {self.verdict, self.found.complete}
+        return self.found.complete.name if verdicts == _DECIDED else ""
+
+    @property
     def robustness_text(self) -> str:
         """The robustness in words; a 0 says whether the specification holds."""
         return robustness_text(self.found.robustness, self.semantics, self.found.complete)
@@ -173,6 +182,9 @@ class TraceJudgement:
     def text_of(self, value: float) -> str:
         """The robustness of a formula at some time, in words."""
         return robustness_text(value, self.semantics, Verdict.UNDECIDED)
+
+
+_DECIDED = {Verdict.VIOLATED, Verdict.SATISFIED}
 
 
 def extent_of(trace: Trace | EventTrace, period: Fraction | None = None) -> Extent:

@@ -78,7 +78,10 @@ def draw_trace(
         (values,) = drawing.robustness_panel(ax, label, series.text, 96, [series.values])
         _line(ax, series, values, end, drawing.ROBUSTNESS)
         if name == list(judgement.series)[-1]:
-            drawing.show_verdict(ax, judgement.verdict, judgement.robustness_text)
+            words = f"{judgement.verdict.name}, {judgement.robustness_text}"
+            if judgement.otherwise_complete:
+                words += " (curve: --end complete)"
+            drawing.show_verdict(ax, judgement.verdict, words)
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
     if left_out:

@@ -48,6 +48,13 @@ def report(
         if judgement.found.unknown:
             unknown[name] = judgement.found.unknown
     notes = [*notes, *_left_out(unknown, several=several)]
+    for name, judgement in judgements.items():
+        if judgement.series and judgement.otherwise_complete:
+            of = f" of {name}" if several else ""
+            notes.append(
+                f"robustness over time{of} is that of a trace that is all there is, of which "
+                f"--end complete says {judgement.otherwise_complete}"
+            )
     return [
         *verdicts,
         *trace,

@@ -14,7 +14,7 @@ import numpy as np
 from rtamt_gym.reports.model import Section, ShownEpisode, ShownRequirement, plain
 from rtamt_gym.reports.texts import aligned, number, time
 from rtamt_gym.reports.views import Cases, ComparedRequirement, Convergence, HeatMap
-from rtamt_gym.results.outcome import Word
+from rtamt_gym.results.outcome import BY_END, Word
 from rtamt_gym.tables import counted
 
 __all__ = ["Chart", "Table", "bins", "charts_of", "episode_chart", "pairs_chart"]
@@ -311,11 +311,17 @@ def _cases(cases: Cases, name: str) -> Chart:
     )
 
 
+def _verdict(episode: ShownEpisode) -> str:
+    """The verdict on an episode; of a violation by the end alone it says that."""
+    by_end = episode.verdict == "violated" and math.copysign(1.0, episode.final) > 0
+    return f"violated {BY_END}" if by_end else episode.verdict
+
+
 def episode_chart(episode: ShownEpisode, unit: str) -> Chart:
     """The plot of one episode: signals, robustness, predicates, one below the other."""
     panels = len(episode.signals) + len(episode.predicates)
     summary = (
-        f"Robustness {number(episode.final)} at the end, {episode.verdict}"
+        f"Robustness {number(episode.final)} at the end, {_verdict(episode)}"
         + (
             f"; the violation was certain from {time(episode.decided_at.time, unit)} on."
             if episode.decided_at is not None
@@ -323,6 +329,8 @@ def episode_chart(episode: ShownEpisode, unit: str) -> Chart:
         )
         + " Diamonds mark the samples that decided." * bool(episode.deciding and episode.predicates)
     )
+    if episode.of_instant and episode.robustness:
+        summary += " The curve of robustness is of each instant, its bounds are about all of them."
     if len(episode.times) < episode.samples:
         summary += f" {len(episode.times)} of {episode.samples} samples are shown."
     data = {

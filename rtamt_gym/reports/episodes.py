@@ -150,7 +150,8 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
         curves={key: getattr(course, key) for key in ("robustness", "lower", "upper")},
         first=run.first_sample,
     )
-    return played.episode(room, episodes, seed=run.seed, case=case_texts(run.case or {}))
+    given = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
+    return played.episode(room, episodes, **given)
 
 
 def rounded_moment(moment: Moment) -> Moment:

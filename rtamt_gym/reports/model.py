@@ -172,6 +172,7 @@ class ShownEpisode:
         frames: Pictures, if some were kept.
         note: What the reader should know, such as that a stopped episode was played to its end;
             may be empty.
+        of_instant: Whether the robustness is that of each instant, and the bounds are about all.
     """
 
     label: str
@@ -191,6 +192,7 @@ class ShownEpisode:
     explanation: str = ""
     frames: tuple[Picture, ...] = ()
     note: str = ""
+    of_instant: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from rtamt_gym.reports.series import evenly, six, spaced
 from rtamt_gym.reports.texts import number
 from rtamt_gym.reports.views import Cases
 from rtamt_gym.results.intervals import quantiles
-from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.outcome import BY_END, Outcome, Word, word
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
@@ -105,7 +105,7 @@ def trials_of(
 def _text_of(row: Trial, outcome: Outcome | None) -> str:
     """Why a requirement has no outcome, or what would decide it."""
     if outcome is not None:
-        return outcome.way_out
+        return f"violated {BY_END}" if outcome.by_end else outcome.way_out
     return next((each.message for each in row.failures.values()), "")
 
 
@@ -188,7 +188,7 @@ def statistics_of(heights: Sequence[float]) -> tuple[Fact, ...]:
 def _by_end(trial: ShownTrial) -> bool:
     """Whether it is violated by its end alone: its robustness, which says so else, is above."""
     height = trial.robustness
-    return trial.verdict == "violated" and height is not None and height > 0
+    return trial.verdict == "violated" and height is not None and math.copysign(1.0, height) > 0
 
 
 def at_stop(record: Record, name: str, noun: str) -> str:

@@ -105,6 +105,8 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         "decided_at": found.decided,
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
+    if found.by_end:
+        kept["by_end"] = True
     kept |= found.evidence or {}
     if found.defaults:
         kept["defaults"] = found.defaults

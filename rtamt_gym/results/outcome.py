@@ -4,13 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
 from rtamt import Asked, DenseAsked, Evidence, Verdict
 
-__all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "asked_of", "order", "word"]
+__all__ = [
+    "BY_END",
+    "WORDS",
+    "Failure",
+    "Moment",
+    "Outcome",
+    "Word",
+    "asked_of",
+    "order",
+    "verdict_text",
+    "violated_by_end",
+    "word",
+]
+
+BY_END: Final = "by how it ended"
+"""What is said of a violation beside a robustness that holds."""
 
 Word = Literal["failed", "violated", "undecided", "satisfied"]
 """What became of a requirement; failed: an error ended the run, or it could not be judged."""
@@ -80,6 +95,11 @@ class Outcome:
     vacuous: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
 
+    def __repr__(self) -> str:
+        shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]
+        shown += ["by_end=True"] * self.by_end
+        return f"{type(self).__name__}({', '.join(shown)})"
+
     @classmethod
     def at(
         cls,
@@ -141,8 +161,11 @@ class Outcome:
 
     @property
     def by_end(self) -> bool:
-        """Whether it is violated at a robustness above 0: by how the run ended, not by a sample."""
-        return self.verdict is Verdict.VIOLATED and self.robustness > 0
+        """Whether it is violated at a robustness that holds: by how the run ended, not by a sample.
+
+        Nothing but ``at_termination="failure"`` does that.
+        """
+        return violated_by_end(self.verdict, self.robustness)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -181,6 +204,26 @@ WORDS: Final[Mapping[Verdict, Word]] = {
 def word(found: Outcome | Failure | None) -> Word:
     """What became of a requirement, in a word; of a failure, or of nothing, ``"failed"``."""
     return WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
+
+
+def violated_by_end(verdict: Verdict, robustness: float) -> bool:
+    """Whether the end alone violates a requirement: its robustness holds.
+
+    Example:
+        >>> violated_by_end(Verdict.VIOLATED, 0.0), violated_by_end(Verdict.VIOLATED, -0.0)
+        (True, False)
+    """
+    return verdict is Verdict.VIOLATED and math.copysign(1.0, robustness) > 0
+
+
+def verdict_text(verdict: Verdict, robustness: float) -> str:
+    """The name of a verdict; of a violation by the end alone it says that.
+
+    Example:
+        >>> verdict_text(Verdict.VIOLATED, -1.0), verdict_text(Verdict.VIOLATED, 1.0)
+        ('VIOLATED', 'VIOLATED by how it ended')
+    """
+    return f"{verdict.name} {BY_END}" if violated_by_end(verdict, robustness) else verdict.name
 
 
 def order(robustness: float) -> tuple[float, float]:

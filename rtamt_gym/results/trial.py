@@ -10,9 +10,26 @@ from typing import Any, Final, Literal, NamedTuple, Self, get_args
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.extent import Extent
-from rtamt_gym.results.outcome import Failure, Moment, Outcome, Word, asked_of, word
+from rtamt_gym.results.outcome import (
+    BY_END,
+    Failure,
+    Moment,
+    Outcome,
+    Word,
+    asked_of,
+    word,
+)
 
-__all__ = ["MEASURES", "OF_TRIAL", "STOPPED", "Measure", "RunEnd", "Trial", "open_at_stop"]
+__all__ = [
+    "MEASURES",
+    "OF_TRIAL",
+    "STOPPED",
+    "Measure",
+    "RunEnd",
+    "Trial",
+    "end_note",
+    "open_at_stop",
+]
 
 RunEnd = Literal[
     "violation",
@@ -59,6 +76,7 @@ MEASURES: Final = (
     Measure("verdict", lambda outcome: outcome.verdict.name, "text"),
     Measure("decided_at", lambda outcome: outcome.decided_at),
     Measure("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
+    Measure("violated", lambda outcome: BY_END if outcome.by_end else None, "text", optional=True),
     Measure("asked", lambda outcome: outcome.occasions, "whole", optional=True),
     Measure("evidence", _evidence, "text", optional=True),
 )
@@ -199,6 +217,16 @@ class Trial:
         if self.error or not words:
             return "failed"
         return next(each for each in get_args(Word) if each in words)
+
+
+def end_note(trials: Iterable[Trial]) -> list[str]:
+    """Explains violations beside a robustness that holds, in two lines; none if there are none."""
+    if not any(each.by_end for trial in trials for each in trial.outcomes.values()):
+        return []
+    return [
+        f"VIOLATED beside a robustness that holds: violated {BY_END}. The robustness",
+        "judges the samples alone (--at-termination failure).",
+    ]
 
 
 def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:

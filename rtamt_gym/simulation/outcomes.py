@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rtamt import Verdict, holds
 from rtamt_gym.results.codec import document, plain_results, plain_trial
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.table import Results
@@ -47,17 +46,6 @@ def saved_note(runs: Sequence[Run]) -> list[str]:
     return [
         "saved: simulated time from the stop to the time limit. An environment that ends",
         "by itself, as after a fall or a crash, might not have used all of it.",
-    ]
-
-
-def failed_note(runs: Sequence[Run]) -> list[str]:
-    """Explains violations beside a robustness that holds; no lines if there is none."""
-    courses = [course for run in runs for course in run.courses.values()]
-    if not any(course.verdict is Verdict.VIOLATED and holds(course.final) for course in courses):
-        return []
-    return [
-        "VIOLATED beside a robustness that holds: violated by how it ended. The robustness",
-        "judges the samples alone (--at-termination failure).",
     ]
 
 

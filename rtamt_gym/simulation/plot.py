@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +13,18 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from rtamt_gym import drawing
+from rtamt_gym.judging.reading import View
+from rtamt_gym.results.outcome import verdict_text
 from rtamt_gym.simulation.record import Course, RunRecord
 from rtamt_gym.tables import sample_text
 
 __all__ = ["draw"]
+
+_CURVES: Final[Mapping[View, str]] = {
+    "episode": "robustness if it ended now",
+    "step": "robustness of the newest instant",
+}
+"""What the curve of robustness shows."""
 
 _AFTER = 0.2
 """Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
@@ -42,7 +51,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
     verdicts = {c.verdict for run in runs for c in run.courses.values()}
     figure.legend(
         handles=[
-            Line2D([], [], color=drawing.ROBUSTNESS, label="robustness if it ended now"),
+            Line2D([], [], color=drawing.ROBUSTNESS, label=_CURVES[runs[0].view]),
             Patch(color=drawing.BOUNDS, alpha=0.5, label="what it can still become"),
             *(
                 Patch(color=c, alpha=0.4, label=v.name)
@@ -71,7 +80,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
         _draw_course(ax, name, course, run, end)
-        text = course.final_text("+.3g")
+        text = f"{verdict_text(course.verdict, course.final)}, {course.final_text('+.3g')}"
         if course.decided_at is not None:
             text += f", at {sample_text(course.decided_at, run.period)}"
         drawing.show_verdict(ax, course.verdict, text)

@@ -14,7 +14,7 @@ from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdic
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import robustness_text
 from rtamt_gym.judging.reading import PredicateReading, View
-from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.outcome import Outcome, verdict_text
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.tables import sample_text
 
@@ -135,8 +135,8 @@ class Course(_ComparesArrays):
 
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"
-        final = self.final_text(".3g")
-        return f"<Course of {self.formula}: {self.verdict.name}{at}, robustness {final}>"
+        verdict = verdict_text(self.verdict, self.final)
+        return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -164,8 +164,10 @@ class Run(RunRecord):
 
         They are ``time``, the signals, and ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``
         of every specification. The index is the number of the sample, so that
-        ``frame.loc[run.violated_at]`` is the row that showed the violation. Needs the extra
-        ``pandas``.
+        ``frame.loc[run.violated_at]`` is the row that showed the violation. ``frame.attrs["view"]``
+        is the view: with ``"step"`` the robustness is that of the newest instant, and the bounds
+        are about all instants. ``frame.attrs["by_end"]``, if it is there, has the specifications
+        that the end alone violates. Needs the extra ``pandas``.
 
         Example:
             >>> from rtamt_gym import simulate
@@ -183,7 +185,12 @@ class Run(RunRecord):
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Run.to_frame") from error
         samples = pd.RangeIndex(self.first_sample, self.last_sample + 1, name="sample")
-        return pd.DataFrame(self.columns(), index=samples)
+        frame = pd.DataFrame(self.columns(), index=samples)
+        frame.attrs["view"] = self.view
+        by_end = [name for name, outcome in self.outcomes.items() if outcome.by_end]
+        if by_end:
+            frame.attrs["by_end"] = by_end
+        return frame
 
     def _check_whole(self, way_out: str) -> None:
         """Refuses a run that lacks the begin of its episode."""

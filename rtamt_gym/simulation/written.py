@@ -34,6 +34,7 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
         }
         | {"decided_at": course.outcome(run.period).decided}
         | dict(course.outcome(run.period).evidence or {})
+        | ({"by_end": True} if course.outcome(run.period).by_end else {})
         for name, course in run.courses.items()
     }
     found: dict[str, Any] = plain(kept)

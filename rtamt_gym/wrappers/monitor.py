@@ -56,7 +56,8 @@ class StlMonitor(
 
     * ``stl_episode`` (dict): ``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``;
       ``verdict`` is ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``, ``decided_at`` the sample
-      that decided it, absent from an open verdict
+      that decided it, absent from an open verdict; ``by_end`` is True, and else absent, where the
+      end alone violates it (``at_termination="failure"``), at a robustness that holds
     * ``stl_success`` (bool): all specifications are satisfied
     * ``stl_undecided`` (bool): the verdict on one is open
     * ``is_success`` (bool): ``stl_success``, unless the environment reports its own, which is kept
@@ -94,7 +95,10 @@ class StlMonitor(
 
     With ``view="step"`` a formula is a requirement on every instant, as in an online monitor:
     ``robustness`` is the robustness at the newest instant whose horizon has passed (before the
-    first, of the samples so far); bounds and verdict judge ``always(formula)``.
+    first, of the samples so far); bounds and verdict judge ``always(formula)``. Robustness and
+    verdict may differ in sign then, and ``info["stl_of_instant"]`` is True, in each
+    ``info["stl"][name]`` ``"of_instant"``; ``stl_episode`` has the robustness of
+    ``always(formula)``.
 
     ``observe="state"`` appends the state of the monitors to the observation, for a learner or a
     policy that is to act on it; the reward stays as it is, and signals read the observation of the
@@ -244,7 +248,8 @@ class StlMonitor(
         robustness, lower, upper = self._feed_reset(obs, None, None, info)
         panel.begin()
         found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
-        info = step_info(info, *found, panel.describe() if self._details else None)
+        states = panel.describe() if self._details else None
+        info = step_info(info, *found, states, of_instant=panel.of_instant)
         self._running = True
         return obs if self._state is None else self._observed(obs, self.values()), info
 
@@ -291,6 +296,7 @@ class StlMonitor(
             panel.violated_by is not None,
             panel.describe() if self._details else None,
             panel.take_costs() if self._cost is not None else None,
+            panel.of_instant,
         )
         if terminated or truncated:
             self._running = False

@@ -13,10 +13,11 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv
 from gymnasium.wrappers import RenderCollection
 
-from rtamt import InputError, InputTypeError
+from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
+from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import single_env
 from rtamt_gym.wrappers.overlay_panel import Gauge, OverlayPanel, PanelPlace, Pixels, Sight
@@ -142,17 +143,20 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
 
     def _look(self) -> None:
         """Keeps what is to be shown of the newest sample."""
-        monitor, gauges = self._monitor, []
+        monitor, gauges, of_instant = self._monitor, [], False
         for name, state in monitor.describe().items():
             robustness, lower, upper = state["robustness"], state["lower"], state["upper"]
             sizes = [abs(each) for each in (robustness, lower, upper) if math.isfinite(each)]
             if (most := max(sizes, default=0.0)) > self._scales[name]:
                 self._scales[name] = _rounded(most)
             scale = self._scales[name] or 1.0
-            gauges.append(Gauge(robustness, lower, upper, state["verdict"], scale))
+            verdict, of_instant = state["verdict"], state.get("of_instant", False)
+            by_end = not of_instant and violated_by_end(Verdict[verdict], robustness)
+            gauges.append(Gauge(robustness, lower, upper, verdict, scale, by_end))
         values = tuple(self._newest[name] for name in self._shown)
         sample = monitor.samples - 1
-        self._sights.append(Sight(sample, self._time(sample), tuple(gauges), values))
+        time = self._time(sample) + ", robustness of the instant" * of_instant
+        self._sights.append(Sight(sample, time, tuple(gauges), values))
 
     def _time(self, sample: int) -> str:
         period = self._monitor.period

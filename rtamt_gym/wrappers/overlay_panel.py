@@ -45,6 +45,7 @@ class Gauge(NamedTuple):
         upper: The greatest that it can still become.
         verdict: ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``.
         scale: The robustness at the right end of the bar; at the left end it is the same below 0.
+        by_end: Whether the end alone violates it: its robustness holds.
     """
 
     robustness: float
@@ -52,6 +53,12 @@ class Gauge(NamedTuple):
     upper: float
     verdict: str
     scale: float
+    by_end: bool = False
+
+    @property
+    def words(self) -> str:
+        """The verdict as the panel shows it."""
+        return f"{self.verdict} at end" if self.by_end else self.verdict
 
 
 class Sight(NamedTuple):
@@ -125,11 +132,12 @@ class OverlayPanel:
         self._text(draw, left, y, now.time, _WHITE)
         words = _summary(now.gauges)
         self._text(draw, right, y, words, _VERDICTS.get(words.split()[0], _GREY), "r")
-        verdicts = self._font.getlength("-0.00000 UNDECIDED")
+        longest = max(("UNDECIDED", *(gauge.words for gauge in now.gauges)), key=len)
+        verdicts = self._font.getlength(f"-0.00000 {longest}")
         names = min(0.3 * self._width, max(map(self._font.getlength, self._specs), default=0.0))
         if names + verdicts > 0.75 * self._width:  # too narrow for numbers beside their verdicts
-            verdicts = self._font.getlength("UNDECIDED")
-        wide = verdicts > self._font.getlength("UNDECIDED")
+            verdicts = self._font.getlength(longest)
+        wide = verdicts > self._font.getlength(longest)
         for name, gauge in zip(self._specs, now.gauges, strict=True):
             y += self._row
             self._text(draw, left, y, self._fitted(name, names), _WHITE)
@@ -138,7 +146,7 @@ class OverlayPanel:
             colour = _VERDICTS.get(gauge.verdict, _GREY)
             if wide:
                 self._text(draw, right - verdicts, y, _number(gauge.robustness), _WHITE)
-            shown = gauge.verdict if wide or gauge.verdict in _VERDICTS else None
+            shown = gauge.words if wide or gauge.verdict in _VERDICTS else None
             self._text(draw, right, y, shown or _number(gauge.robustness), colour, "r")
         cell = (self._width - gap) / self._columns
         names = min(0.35 * cell, max(map(self._font.getlength, self._signals), default=0.0))

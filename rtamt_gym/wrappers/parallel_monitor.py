@@ -303,7 +303,8 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         made = {}
         for agent in agents:
             states = panel.describe() if self._details else None
-            made[agent] = step_info(infos.get(agent, {}), *found, violated, states, costs)
+            info = infos.get(agent, {})
+            made[agent] = step_info(info, *found, violated, states, costs, panel.of_instant)
         return {**infos, **made}
 
     def _conclude(

@@ -16,10 +16,12 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.judging.specs import read_period
+from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
 
 __all__ = ["Keep", "RecordViolations"]
@@ -49,6 +51,9 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
       time in seconds and the number of the sample that showed it; null if none was
     * ``robustness``, ``verdict``: of every specification, at the end; infinite ones are ``"inf"``
       and ``"-inf"``
+    * ``by_end``: the specifications that the end alone violates, at a robustness that holds
+      (``at_termination="failure"``); ``of_instant``: true with ``view="step"``, where the
+      robustness is that of the newest instant; both only where there is something to say
     * ``ended``: ``"terminated"``, ``"truncated"``, ``"reset"`` or ``"closed"``
     * ``first_step``, ``frames``, ``fps``: the step after which the first frame was rendered (0 is
       the reset), and how many there are in all and in a second
@@ -225,6 +230,13 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         monitor = self._monitor
         violation, states = monitor.first_violation, monitor.describe()
         name, sample = violation or (None, None)
+        of_instant = any(state.get("of_instant", False) for state in states.values())
+        by_end = [
+            each
+            for each, state in states.items()
+            if not of_instant
+            and violated_by_end(rtamt.Verdict[state["verdict"]], state["robustness"])
+        ]
         at = None if sample is None or monitor.period is None else float(sample * monitor.period)
         return {
             "violated_by": name,
@@ -232,6 +244,8 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             "sample": sample,
             "robustness": {each: _strict(state["robustness"]) for each, state in states.items()},
             "verdict": {each: state["verdict"] for each, state in states.items()},
+            **({"of_instant": True} if of_instant else {}),
+            **({"by_end": by_end} if by_end else {}),
         }
 
 

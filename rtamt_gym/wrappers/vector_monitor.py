@@ -76,7 +76,8 @@ class _LaneMonitoring(Monitoring):
         panel = self._panel
         states = panel.describe() if self._details else None
         violated = panel.violated_at >= 0
-        added = step_info({}, panel.robustness, panel.lower, panel.upper, violated, states)
+        bounds = panel.robustness, panel.lower, panel.upper
+        added = step_info({}, *bounds, violated, states, of_instant=panel.of_instant)
         for key, value in added.items():
             put(infos, key, value, lanes, self.num_envs)
         for key, cost in (costs or {}).items():

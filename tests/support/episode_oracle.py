@@ -107,8 +107,10 @@ def report(
             "stl_upper": _least([it.upper for it in decided.values()]),
             "stl_violated": bool(violated),
         }
+        mark = {"of_instant": True} if options.view == "step" else {}
+        info |= {f"stl_{key}": each for key, each in mark.items()}
         if options.details:
-            info["stl"] = {name: _state(it) for name, it in decided.items()}
+            info["stl"] = {name: _state(it) | mark for name, it in decided.items()}
         if t and options.cost:
             info |= _costs(specs, trace, t, options, before, decided)
         terminated, truncated = ended_by
@@ -270,6 +272,8 @@ def _outcome(it: _Judgement) -> dict[str, Any]:
         "verdict": _NAMES[it.verdict],
         "satisfied": it.verdict > 0,
     }
+    if it.verdict < 0 and holds(it.overall):  # nothing but a failure does that
+        found["by_end"] = True
     return found if it.decided_at is None else {**found, "decided_at": it.decided_at}
 
 

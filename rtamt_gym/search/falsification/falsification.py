@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from rtamt import Explanation
+from rtamt import Explanation, Verdict
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.codec import document, plain_results
+from rtamt_gym.results.outcome import BY_END, violated_by_end
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.runs.record import Record
@@ -176,6 +177,7 @@ class Falsification:
                 "formula": self.record.requirements[self.requirement],
                 "falsified": self.falsified,
                 "robustness": self.robustness,
+                **({"by_end": True} if self._by_end else {}),
                 "input": self.input,
                 "found": self.found,
                 "simulation_seed": self.row.seed,
@@ -196,7 +198,7 @@ class Falsification:
         )
 
     def __repr__(self) -> str:
-        what = "falsified" if self.falsified else "not falsified"
+        what = f"falsified{self._how}" if self.falsified else "not falsified"
         return (
             f"<Falsification: {self.requirement} of {self.record.system} {what}, "
             f"{counted(self.simulations, 'simulation')}"
@@ -207,9 +209,17 @@ class Falsification:
     def __str__(self) -> str:
         return "\n".join(self._lines())
 
+    @property
+    def _by_end(self) -> bool:
+        return self.falsified and violated_by_end(Verdict.VIOLATED, self.robustness)
+
+    @property
+    def _how(self) -> str:
+        return f" {BY_END}" * self._by_end
+
     def _lines(self) -> list[str]:
         name, system = self.requirement, self.record.system
-        end = "is violated" if self.falsified else f"was {self.not_violated}"
+        end = f"is violated{self._how}" if self.falsified else f"was {self.not_violated}"
         # A blank that does not break is none to `wrap`.
         head = f"{name} of {system} {end}: robustness\xa0{number(self.robustness)}"
         lines = [line.replace("\xa0", " ") for line in _wrapped(head, "")]

@@ -117,7 +117,8 @@ class Record(Results):
         of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
         ``error``. What a row does not have is None. Where a requirement has an implication,
         ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
-        JSON has of that (docs/results.md).
+        JSON has of that (docs/results.md). A requirement that some row violates by its end alone,
+        at a robustness that holds, has ``violated(NAME)``, which says ``"by how it ended"`` there.
         """
         cells = [row.columns() for row in self.rows]
         return {name: [row.get(name) for row in cells] for name in self.kinds()}

@@ -11,6 +11,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.statistics import columns_of
+from rtamt_gym.results.trial import end_note
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
@@ -31,7 +32,8 @@ def summary(record: Record) -> list[str]:
     rows += [[each.name, *(column.cell(each) for column in columns)] for each in results]
     simulated = math.fsum(row.simulated for row in record)
     took = f"{counted(len(record), 'simulation')}, {simulated:.6g} simulated seconds"
-    return [*table(rows, "<" + ">" * len(columns), 80), "", took, *failures(record)]
+    below = [took, *end_note(record), *failures(record)]
+    return [*table(rows, "<" + ">" * len(columns), 80), "", *below]
 
 
 def failures(record: Record) -> list[str]:

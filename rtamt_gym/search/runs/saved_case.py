@@ -20,6 +20,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import ROWS, RunReading
 from rtamt_gym.results.codec import check_name, document, read_as
+from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.results.provenance import versions_in_use
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
@@ -217,6 +218,7 @@ class SavedCase:
             "expected": {
                 "verdict": self.verdict,
                 "robustness": self.robustness,
+                **({"by_end": True} if violated_by_end(self.verdict, self.robustness) else {}),
             },
             "versions": dict(self.versions),
         }
@@ -247,7 +249,7 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
     _check_keys("a case", kept, _KEYS)
     requirement, expected = kept["requirement"], kept["expected"]
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
-    _check_keys('"expected"', expected, ("verdict", "robustness"))
+    _check_keys('"expected"', expected, ("verdict", "robustness"), ("by_end",))
     _check_keys('"reading"', kept["reading"], (), _READING)
     for key, (types, what) in _TYPES.items():
         if not isinstance(kept[key], types) or isinstance(kept[key], bool):
