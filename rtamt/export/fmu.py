@@ -48,11 +48,9 @@ def export_fmu(
     constants that no formula uses are left out.
 
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its begin. ``robustness`` and named formulas are what `DenseMonitor` says, which has to be able
-    to wait for each. ``lower`` and ``upper`` bound the robustness at the start: for ``always p``
-    the least robustness so far is the upper bound, for ``eventually p`` the greatest is the lower
-    bound; for other formulas both are the robustness at the start once it is settled. Under
-    semantics in which predicates count 0 they stay infinite.
+    its begin. Robustness, bounds and verdict are to the bit what `DenseEpisodeMonitor` says after
+    these events; a named formula is what `DenseMonitor` has settled of it last, or, where that
+    cannot wait, what `DenseEpisodeMonitor` says of it.
 
     The unit has the library for the platform on which it is exported, Linux on x86-64. The same
     arguments give the same bytes.
@@ -72,8 +70,8 @@ def export_fmu(
         resolution: As for `DenseMonitor`.
 
     Raises:
-        SpecificationError: As `EpisodeMonitor` and `DenseMonitor` raise it, or on a name that the
-            monitor has itself, such as ``lower``.
+        SpecificationError: As `EpisodeMonitor` and `DenseEpisodeMonitor` raise it, or on a name
+            that the monitor has itself, such as ``lower``.
         InputError: On an argument that has no such value, a path that does not end in ``.fmu``,
             neither a period nor ``dense``, or where the library was not built or does not exist for
             this platform.

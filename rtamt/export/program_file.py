@@ -7,12 +7,11 @@ that is absent is ``-``, and a flag is 0 or 1. Numbers are written so that they 
 double (``repr``).
 
 =========================================  =========================================================
-``rtamt-program 2``                        first line: the version of the format
+``rtamt-program 3``                        first line: the version of the format
 ``token TOKEN``                            the guid (FMI 2) or instantiation token (FMI 3)
 ``samples NUMERATOR DENOMINATOR``          the period in seconds, of programs on samples
-``ticks SCALE TICKS UNITS BOUNDS``         over dense time: ticks in a second, in the form of
-                                           `EncodedDense.clock`, and what the robustness says of the
-                                           bounds (below)
+``ticks SCALE TICKS UNITS``                over dense time: ticks in a second, in the form of
+                                           `EncodedDense.clock`
 ``input NAME START``                       a variable, in the order of `Program.variables`
 ``formula NAME EPISODE``                   a named formula: the episode, counted from 0, whose
                                            robustness it is; without one the next observed register
@@ -32,7 +31,12 @@ double (``repr``).
                                            terms, so that it refuses what an episode refuses
 ``observed R LATENCY``                     the register of a named formula; over dense time without
                                            the latency
-``dense TERMS RESULT``                     an `EncodedDense` program begins
+``regions REACH``                          in place of ``episode`` over dense time: an
+                                           `EncodedRegions` begins, and by how many ticks it looks
+                                           away; ``sample-row``, ``initial``, ``streams`` as there
+``region-row`` and the fields of a row     `EncodedRegionRow`
+``unknowns R ...``                         streams that never settle
+``dense TERMS``                            in place of ``monitor``: an `EncodedDense` begins
 ``dense-row`` and the fields of a row      `DenseRow`
 ``end HASH``                               last line: FNV-1a, 64 bits, of all bytes before the line,
                                            in 16 hexadecimal digits
@@ -55,10 +59,8 @@ What the library does with it:
   it, or `EpisodeMonitor` where `Monitor` cannot wait. Before the first step the outputs are those
   from a new monitor: robustness and named formulas nan.
 - Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
-  `DenseMonitor` has settled then. BOUNDS says what is known of the trace's begin: ``first``, its
-  first robustness is both bounds as soon as it is there; ``least`` and ``greatest``, the robustness
-  is the upper or the lower bound (a top-level ``always p`` or ``eventually p``); ``none``, nothing
-  (neutral predicates). Until then they are -inf and inf.
+  `DenseEpisodeMonitor` says then; a named formula is what `DenseMonitor` has settled of it, or what
+  `DenseEpisodeMonitor` says where `DenseMonitor` cannot wait.
 - With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
   fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
 - Parameters may be set until initialization ends, inputs always (not after terminate).
@@ -68,22 +70,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import NamedTuple
 
 from rtamt.language.traced import Traced
-from rtamt.program.encoding import Encoded, EncodedDense, EncodedEpisode
+from rtamt.program.encoding import (
+    DiscreteRow,
+    Encoded,
+    EncodedDense,
+    EncodedEpisode,
+    EncodedRegions,
+)
 
 __all__ = [
     "DenseFile",
-    "EpisodeBounds",
     "Named",
     "ProgramFile",
+    "RegionFile",
     "SampledFile",
     "program_text",
 ]
-
-EpisodeBounds = Literal["first", "least", "greatest", "none"]
-"""What the robustness over dense time says of the bounds of the episode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,19 +122,40 @@ class SampledFile:
     sources: Sequence[int | None]
 
 
-@dataclass(frozen=True, slots=True)
-class DenseFile:
-    """The program of a unit over dense time.
+class RegionFile(NamedTuple):
+    """A program over the regions of dense time.
 
     Attributes:
-        program: The program, whose clock counts ticks in a second.
-        bounds: What the robustness says of the bounds.
-        observed: The register of each named formula.
+        reach: By how many ticks it looks away.
+        terms: Its terms.
+        regions: Its formulas.
     """
 
-    program: EncodedDense
-    bounds: EpisodeBounds
+    reach: int
+    terms: Sequence[DiscreteRow]
+    regions: EncodedRegions
+
+
+@dataclass(frozen=True, slots=True)
+class DenseFile:
+    """The programs of a unit over dense time, as `SampledFile` has those on samples.
+
+    Attributes:
+        clock: Ticks in a second.
+        readings: How many of the episodes are of the specification.
+        episodes: Their programs.
+        monitor: The program of the named formulas that can be waited for.
+        observed: The register of each of these.
+        sources: For every named formula the number of its episode, where those of the specification
+            are one, number 0; None: it is the next observed.
+    """
+
+    clock: tuple[float, int, int]
+    readings: int
+    episodes: Sequence[RegionFile]
+    monitor: EncodedDense | None
     observed: Sequence[int]
+    sources: Sequence[int | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,18 +184,16 @@ class ProgramFile:
 def program_text(file: ProgramFile) -> str:
     """The text of a file, which is written in UTF-8 with the line ends of Unix."""
     writer = _Writer([each.name for each in file.parameters])
-    writer.add("rtamt-program", 2)
+    writer.add("rtamt-program", 3)
     writer.add("token", file.token)
-    sources: Sequence[int | None] = [None] * len(file.formulas)
     match file.programs:
         case SampledFile(period):
             writer.add("samples", *period)
-            sources = file.programs.sources
-        case DenseFile(program, bounds):
-            writer.add("ticks", *program.clock, bounds)
+        case DenseFile(clock):
+            writer.add("ticks", *clock)
     for each in file.inputs:
         writer.add("input", each.name, float(each.start))
-    for name, source in zip(file.formulas, sources, strict=True):
+    for name, source in zip(file.formulas, file.programs.sources, strict=True):
         writer.add("formula", name, source)
     for each in file.parameters:
         writer.add("parameter", each.name, float(each.start))
@@ -200,9 +224,18 @@ def _sampled(writer: _Writer, programs: SampledFile) -> None:
 
 
 def _dense(writer: _Writer, programs: DenseFile) -> None:
-    writer.add("dense", programs.program.terms, programs.program.result)
-    writer.rows("dense-row", programs.program.rows)
-    writer.rows("observed", ((register,) for register in programs.observed))
+    writer.add("episodes", programs.readings)
+    for reach, terms, regions in programs.episodes:
+        writer.add("regions", reach)
+        writer.rows("sample-row", terms)
+        writer.rows("region-row", regions.rows)
+        writer.add("initial", *regions.initial)
+        writer.add("streams", *regions.streams)
+        writer.add("unknowns", *regions.unknowns)
+    if programs.monitor is not None:
+        writer.add("dense", programs.monitor.terms)
+        writer.rows("dense-row", programs.monitor.rows)
+        writer.rows("observed", ((register,) for register in programs.observed))
 
 
 class _Writer:

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.errors import Argument
 from rtamt.export.program_file import (
     DenseFile,
-    EpisodeBounds,
     Named,
     ProgramFile,
+    RegionFile,
     SampledFile,
 )
 from rtamt.language.specification import Specification
 from rtamt.language.traced import Traced
 from rtamt.monitors.options import Options, SampleOptions, compiled, compiled_dense
 from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.encoding import clock_of, encoded_dense, encoded_discrete, encoded_episode
-from rtamt.program.instructions import Const, Window
+from rtamt.program.dense_regions import compile_regions
+from rtamt.program.encoding import (
+    clock_of,
+    encoded_dense,
+    encoded_discrete,
+    encoded_episode,
+    encoded_regions,
+    encoded_terms,
+)
+from rtamt.program.instructions import Const
 from rtamt.program.memory import limit_discrete, limit_episode
+from rtamt.program.placement import place
 from rtamt.program.polarity import positive
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
@@ -75,88 +83,108 @@ def sampled_programs(
     step = Fraction(seconds or 1)
     running = program.running(*program.specification.formulas.values())
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
-    monitor = _monitor(running, [name for name, latency in late.items() if latency is not None])
-    # The others, for which no monitor can wait, have an episode of their own.
-    episodes, judges = _readings(program), dict[int, int]()
-    judges[program.result] = len(episodes) - 1
-    sources: list[int | None] = []
-    said = dict[str, str]()
-    for name, latency in late.items():
-        if latency is None:
-            register = program.outputs[name]
-            if register not in judges:
-                judges[register] = len(episodes)
-                episodes.append(_readings(replace(program, result=register))[-1])
-            sources.append(judges[register])
-            said[name] = "as if the run ended now"
-        else:
-            sources.append(None)
-            said[name] = _late(latency * step)
+    monitor = _monitor(running)
+    registers, sources = _judged(program, late)
+    readings = _readings(program)
+    episodes = [*readings, *(_readings(replace(program, result=r))[-1] for r in registers)]
+    for each in episodes:
+        limit_episode(each)
+    if monitor is not None:
+        limit_discrete(monitor)
     written = SampledFile(
         period=step.as_integer_ratio(),
-        readings=judges[program.result] + 1,
+        readings=len(readings),
         episodes=[encoded_episode(each) for each in episodes],
         monitor=None if monitor is None else encoded_discrete(monitor),
         observed=[]
         if monitor is None
         else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
-        sources=sources,
+        sources=[None if each is None else each + len(readings) - 1 for each in sources],
     )
-    return Programs(written, program, float(step), said)
+    return Programs(written, program, float(step), _said(late, step))
+
+
+def _judged(program: Program, late: Mapping[str, int | None]) -> tuple[list[int], list[int | None]]:
+    """Which named formulas have episodes, those for which no monitor can wait.
+
+    Args:
+        program: The program of the specification, which has an episode too.
+        late: The latency of each named formula; None if it needs the whole future.
+
+    Returns:
+        The registers that have an episode of their own, and for each named formula the number of
+        its episode: 0 is the specification's, and what `late` knows has none.
+    """
+    judges = {program.result: 0}
+    sources: list[int | None] = []
+    for name, latency in late.items():
+        source = None
+        if latency is None:
+            source = judges.setdefault(program.outputs[name], len(judges))
+        sources.append(source)
+    return list(judges)[1:], sources
+
+
+def _said(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
+    """What is said of each named formula, with latencies in steps of this length."""
+    return {
+        name: "as if the run ended now" if latency is None else _late(latency * step)
+        for name, latency in late.items()
+    }
 
 
 def _readings(program: Program) -> list[Program]:
     """The program of an episode; two if it has neutral predicates, with -0.0 and with 0.0."""
-    limit_episode(program)
     if not program.neutral:
         return [program]
     plain = positive(program)
     return [plain.reading(-0.0), plain.reading(0.0)]
 
 
-def _monitor(program: Program, names: Sequence[str]) -> Program | None:
-    """The program of these named formulas, each with a latency; None without named formulas.
+def _monitor(program: Program) -> Program | None:
+    """The program of the named formulas that have a latency; None without named formulas.
 
-    It has all terms, so that it refuses every sample that an episode refuses.
+    It has all terms, so that it refuses every sample or event that an episode refuses.
     """
     if not program.outputs:
         return None
-    outputs = {name: program.outputs[name] for name in names}
+    late = program.latencies
+    outputs = {name: r for name, r in program.outputs.items() if late[r] is not None}
     kept = sorted({*range(program.terms), *program.needed(*outputs.values())})
-    part = replace(program, result=0, outputs=outputs).reordered(kept, program.terms)
-    limit_discrete(part)
-    return part
+    return replace(program, result=0, outputs=outputs).reordered(kept, program.terms)
 
 
 def dense_programs(
     caller: Callable[..., object], spec: Specification, resolution: Period, options: Options
 ) -> Programs:
-    """The program of a unit over dense time; ``spec`` has traced constants."""
-    *_, whole = compiled_dense(caller, spec, resolution, options, online=False)
-    program = whole.program.running(*whole.program.specification.formulas.values())
-    online = program.online(
-        "an FMU over dense time", Argument("dense", words="use a period, which takes samples")
+    """The programs of a unit over dense time; ``spec`` has traced constants."""
+    _, interface, _, whole = compiled_dense(caller, spec, resolution, options, online=False)
+    program = whole.program
+    running = program.running(*program.specification.formulas.values())
+    late = {name: running.latencies[register] for name, register in running.outputs.items()}
+    monitor = _monitor(running)
+    regions = compile_regions(
+        program.specification, whole.resolution, interface=interface, named=True
     )
-    dense = DenseProgram(online, whole.resolution)
+    registers, sources = _judged(regions.program, late)
+    results = [regions, *(regions.of(register) for register in registers)]
+    readings = [_readings(each.program) for each in results]
     # The simulator's time is in seconds, whatever the unit of the specification is.
-    encoded = encoded_dense(dense)._replace(clock=clock_of(dense.resolution))
-    written = DenseFile(encoded, _bounds(whole.program), list(online.outputs.values()))
-    late = {
-        name: _late((online.latencies[register] or 0) * dense.resolution)
-        for name, register in online.outputs.items()
-    }
-    return Programs(written, online, None, late)
+    clock = clock_of(whole.resolution)
+    written = DenseFile(
+        clock=clock,
+        readings=len(readings[0]),
+        episodes=[
+            RegionFile(each.reach, encoded_terms(placed.program), encoded_regions(placed))
+            for i, (each, its) in enumerate(zip(results, readings, strict=True))
+            for placed in map(place, its if i == 0 else its[-1:])
+        ],
+        monitor=None if monitor is None else encoded_dense(DenseProgram(monitor, whole.resolution)),
+        observed=[] if monitor is None else list(monitor.outputs.values()),
+        sources=sources,
+    )
+    return Programs(written, program, None, _said(late, whole.resolution))
 
 
 def _late(time: Fraction) -> str:
     return f"late by {float(time):g} s" if time else ""
-
-
-def _bounds(program: Program) -> EpisodeBounds:
-    """How the robustness over dense time bounds the robustness of the whole episode."""
-    if program.neutral:
-        return "none"
-    root = program.instructions[program.result]
-    if isinstance(root, Window) and root.hi is None:
-        return "least" if root.fold == "min" else "greatest"
-    return "first"

@@ -14,7 +14,7 @@ it is what `until[a:b]` and its dual ask before any witness.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rtamt.language.node import Node
@@ -41,6 +41,11 @@ class RegionProgram:
     program: Program
     resolution: Fraction
     reach: int
+
+    def of(self, register: int) -> RegionProgram:
+        """The program with another result."""
+        program = replace(self.program, result=register)
+        return replace(self, program=program, reach=_reach(program))
 
 
 class _RegionBuilder(DenseBuilder):
@@ -93,7 +98,11 @@ def _own_reach(instruction: Instruction, reaches: list[int]) -> int:
 
 
 def compile_regions(
-    specification: Specification, resolution: Fraction, *, interface: Interface = STANDARD
+    specification: Specification,
+    resolution: Fraction,
+    *,
+    interface: Interface = STANDARD,
+    named: bool = False,
 ) -> RegionProgram:
     """The program of a specification over the regions of dense time.
 
@@ -101,12 +110,13 @@ def compile_regions(
         specification: What to compile.
         resolution: The length of a tick in seconds.
         interface: Whose robustness it computes; see `rtamt.program.interface`.
+        named: Whether it has the registers of all named formulas, not of the result alone.
 
     Raises:
         SpecificationError: As `compile_dense` does.
     """
     # Equal specifications may differ in their text, at which errors point.
-    return _cached(specification, specification.text, resolution, interface)
+    return _cached(specification, specification.text, resolution, interface, named)
 
 
 @functools.lru_cache(maxsize=512)
@@ -115,8 +125,10 @@ def _cached(
     text: str,  # noqa: ARG001 - a key of the cache
     resolution: Fraction,
     interface: Interface,
+    named: bool,  # noqa: FBT001 - a key of the cache
 ) -> RegionProgram:
     compile_dense(specification, resolution, interface=interface)  # raises what it refuses
     program = _RegionBuilder(specification, resolution, interface).program()
-    program = program.restricted(program.result, {})
+    if not named:
+        program = program.restricted(program.result, {})
     return RegionProgram(program, resolution, _reach(program))

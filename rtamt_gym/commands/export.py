@@ -79,10 +79,11 @@ def run(options: argparse.Namespace) -> int:
         align=reading.align,
     )
     print(f"{options.output}: FMI {options.fmi}.0, inputs {listing(spec.variables)}")
-    if not (reading.dense or spec.looks_ahead):
+    if not spec.looks_ahead:
+        first = "instant" if reading.dense else "sample"
         print(
-            "note: the specification speaks of the first sample only, and so do robustness, lower, "
-            f"upper and verdict; write always({shorten(str(spec.formula), 60)})"
+            f"note: the specification speaks of the first {first} only, and so do robustness, "
+            f"lower, upper and verdict; write always({shorten(str(spec.formula), 60)})"
         )
     return 0
 

@@ -6,7 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rtamt import EpisodeMonitor, Monitor, SpecificationError
+from rtamt import (
+    DenseEpisodeMonitor,
+    DenseMonitor,
+    EpisodeMonitor,
+    Monitor,
+    SpecificationError,
+)
 from rtamt.monitors.options import Spec
 
 
@@ -56,3 +62,43 @@ class Expected:
         """Robustness, bounds and verdict, and the named formulas."""
         e = self.episode
         return [e.robustness, e.lower, e.upper, float(e.verdict), *self._last]
+
+
+class DenseExpected:
+    """The monitors of Python over dense time: of the episode, and of the named formulas.
+
+    Args:
+        spec: What is exported.
+        *parts: The named formulas.
+        **options: Those of `DenseEpisodeMonitor`.
+    """
+
+    def __init__(self, spec: Spec, *parts: Spec, **options: Any) -> None:  # noqa: ANN401
+        options = {"backend": "python", **options}
+        self.episode = DenseEpisodeMonitor(spec, **options)
+        self._monitors: list[DenseMonitor | DenseEpisodeMonitor] = []
+        for part in parts:
+            try:
+                self._monitors.append(DenseMonitor(part, **options))
+            except SpecificationError:
+                self._monitors.append(DenseEpisodeMonitor(part, **options))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables of the episode."""
+        return self.episode.variables
+
+    def update(self, time: float, values: Mapping[str, float]) -> None:
+        """Give all variables an event."""
+        for monitor in (*self._monitors, self.episode):
+            monitor.update({name: [(time, values[name])] for name in monitor.variables})
+
+    @property
+    def values(self) -> list[float]:
+        """Robustness, bounds and verdict, and the named formulas."""
+        e = self.episode
+        named = [
+            m.robustness if isinstance(m, DenseEpisodeMonitor) else [*m.values.values()][-1]
+            for m in self._monitors
+        ]
+        return [e.robustness, e.lower, e.upper, float(e.verdict), *named]

@@ -63,6 +63,12 @@ public:
         if (decided_ < 0) return std::nullopt;
         return begin_ + decided_;
     }
+    // Whether positions are numbers if all variables have an event at a later time.
+    bool reaches(dense::Time time) const {
+        const auto ticks = static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(begin_);
+        return !sampler_.started() || ticks + static_cast<std::uint64_t>(reach_) <
+                                          static_cast<std::uint64_t>(dense::kTicks);
+    }
     // How many ticks a trace had that was too long, with what formulas look away.
     std::uint64_t too_long() const { return too_long_; }
     // The robustness if the trace is all there is: two zeros where it hangs on neutral predicates.

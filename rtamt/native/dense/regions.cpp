@@ -42,6 +42,8 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         require(row.a < terms + i && row.b < terms + i);
         require(row.kind == "MAP" || (row.kind == "WINDOW" && (row.lo || row.hi)));
         require(!row.guard || row.hi);
+        require(row.kind == "MAP" || (row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
+        require(!row.lo || !row.hi || *row.lo <= *row.hi);
         print.add(row.kind, row.name, row.a, row.b, row.lo.value_or(kEver), row.hi.value_or(kEver),
                   row.guard, row.endless);
     }

@@ -96,75 +96,104 @@ private:
     EpisodeMachine* best_;
 };
 
-// A monitor of events: every variable has one at the begin of every step.
+// An episode and named formulas over dense time: every variable has an event at the begin of every
+// step.
 class DenseEngine final : public Engine {
 public:
-    DenseEngine(const Program& program, const std::vector<double>& numbers)
-        : program_(program),
-          dense_(*program.dense),
-          machine_(dense_.rows.with(numbers), dense_.terms,
-                   std::vector<double>(program.inputs.size(), kNan), dense_.result,
-                   dense_.observed),
-          formulas_(dense_.observed.size(), kNan) {}
+    DenseEngine(const Program& program, const std::vector<double>& numbers) : program_(program) {
+        const std::vector<double> declared(program.inputs.size(), kNan);
+        if (program.dense) {
+            const DenseProgram& m = *program.dense;
+            monitor_ = std::make_unique<DenseMachine>(m.rows.with(numbers), m.terms, declared, 0,
+                                                      m.observed);
+            values_.assign(m.observed.size(), kNan);
+        }
+        std::vector<RegionProgram> readings;
+        for (const RegionEpisode& e : program.regions) {
+            readings.push_back({{}, e.rows, e.initial, e.streams, e.unknowns});
+            for (DiscreteRow& row : e.terms.with(numbers))
+                readings.back().terms.push_back(
+                    {row.kind, row.name, row.a, row.b, row.value, {}, {}});
+            if (episodes_.empty() && readings.size() < program.readings) continue;
+            episodes_.push_back(
+                std::make_unique<DenseEpisodeMachine>(readings, declared, e.reach, false));
+            readings.clear();
+        }
+    }
 
     void step(const double* inputs, double time, std::size_t) override {
         dense::Time tick = 0;
         if (!count(time, tick))
             throw Refusal("expected a time that ticks can count, got " + number_text(time) + " s");
-        std::vector<dense::Pending>& pending = machine_.pending();
-        for (std::size_t v = 0; v < pending.size(); ++v) {
+        for (std::size_t v = 0; v < program_.inputs.size(); ++v)
             if (std::isnan(inputs[v])) refuse(program_, inputs, time);
-            pending[v].times.assign(1, tick);
-            pending[v].values.assign(1, inputs[v]);
-            if (!machine_.sampler().fits(v, pending[v].events()))
-                throw Refusal("expected steps of a tick at least; two begin on the tick of " +
-                              number_text(time) + " s");
+        if (!(tick > episodes_.front()->settled()))
+            throw Refusal("expected steps of a tick at least; two begin on the tick of " +
+                          number_text(time) + " s");
+        for (const auto& episode : episodes_)
+            if (!episode->reaches(tick))
+                throw Refusal("expected a trace of less than 2^62 ticks with the bounds of the "
+                              "formula, got a step at " + number_text(time) +
+                              " s; export with a greater resolution");
+        // The monitor has the terms of the episodes: it refuses what they refuse.
+        if (monitor_) {
+            give(*monitor_, inputs, tick);
+            if (!monitor_->take()) refuse(program_, inputs, time);
+            monitor_->drain([](dense::Time, double) {});
+            values_ = monitor_->values();
         }
-        if (!machine_.take()) refuse(program_, inputs, time);
-        machine_.drain([this](dense::Time, double value) {
-            if (std::isnan(last_)) first_ = value;
-            last_ = value;
-        });
-        formulas_ = machine_.values();
+        for (const auto& episode : episodes_) {
+            give(*episode, inputs, tick);
+            if (episode->take() != DenseEpisodeMachine::Taken::all) refuse(program_, inputs, time);
+        }
     }
 
-    double robustness() const override { return last_; }
-    double lower() const override { return known(Bounds::greatest, -kInfinity); }
-    double upper() const override { return known(Bounds::least, kInfinity); }
-    double formula(std::size_t index) const override { return formulas_[index]; }
+    double robustness() const override { return episodes_.front()->result(); }
+    double lower() const override { return episodes_.front()->lower(); }
+    double upper() const override { return episodes_.front()->upper(); }
+    double formula(std::size_t index) const override {
+        const NamedFormula& formula = program_.formulas[index];
+        if (formula.episode) return episodes_[*formula.episode]->result();
+        return values_[formula.observed];
+    }
 
     void fields(Snapshot& s) override {
-        machine_fields(s, machine_);
-        s(first_, last_);
-        s.array(formulas_.data(), formulas_.size());
+        if (monitor_) machine_fields(s, *monitor_);
+        s.array(values_.data(), values_.size());
+        for (const auto& episode : episodes_) {
+            machine_fields(s, *episode);
+            s.require(episode->settled() == episodes_.front()->settled());
+        }
+        s.require(!monitor_ || monitor_->sampler().known() == episodes_.front()->settled());
     }
 
 private:
     bool count(double time, dense::Time& tick) const {
-        if (dense_.clock.count(time, tick)) return true;
+        if (program_.clock->count(time, tick)) return true;
         // In the middle between two ticks, or a double that no decimal of the clock reads as.
-        return dense_.clock.nearest(time, tick);
+        return program_.clock->nearest(time, tick);
     }
-    // A bound, which is unknown before the first robustness.
-    double known(Bounds running, double unknown) const {
-        if (std::isnan(last_)) return unknown;
-        if (dense_.bounds == Bounds::first) return first_;
-        return dense_.bounds == running ? last_ : unknown;
+
+    template <class M>
+    static void give(M& machine, const double* inputs, dense::Time tick) {
+        std::vector<dense::Pending>& pending = machine.pending();
+        for (std::size_t v = 0; v < pending.size(); ++v) {
+            pending[v].times.assign(1, tick);
+            pending[v].values.assign(1, inputs[v]);
+        }
     }
 
     const Program& program_;
-    const DenseProgram& dense_;
-    DenseMachine machine_;
-    std::vector<double> formulas_;
-    double first_ = kNan;  // robustness at the begin of the trace
-    double last_ = kNan;   // the last that is settled
+    std::unique_ptr<DenseMachine> monitor_;
+    std::vector<double> values_;  // of the named formulas that the monitor observes
+    std::vector<std::unique_ptr<DenseEpisodeMachine>> episodes_;
 };
 
 }  // namespace
 
 std::unique_ptr<Engine> make_engine(const Program& program, const std::vector<double>& parameters) {
     const std::vector<double> numbers = program.numbers(parameters);
-    if (program.dense) return std::make_unique<DenseEngine>(program, numbers);
+    if (program.clock) return std::make_unique<DenseEngine>(program, numbers);
     return std::make_unique<SampledEngine>(program, numbers);
 }
 

@@ -136,7 +136,7 @@ private:
     void record(const std::string& kind, Line& line) {
         if (kind == "rtamt-program") {
             const std::string version = line.word();
-            if (version != "2") line.refuse("version 2 of the format", version);
+            if (version != "3") line.refuse("version 3 of the format", version);
         } else if (kind == "token") {
             program_.token = line.word();
         } else if (kind == "samples") {
@@ -176,12 +176,7 @@ private:
         const auto units = line.number<std::int64_t>();
         if (!(scale > 0 && std::isfinite(scale) && counted >= 0 && units > 0))
             line.refuse("a clock that counts");
-        dense_.clock = Clock(scale, counted, units);
-        const std::string bounds = line.word();
-        if (bounds == "first") dense_.bounds = Bounds::first;
-        else if (bounds == "least") dense_.bounds = Bounds::least;
-        else if (bounds == "greatest") dense_.bounds = Bounds::greatest;
-        else if (bounds != "none") line.refuse("what the robustness says of the bounds", bounds);
+        program_.clock = Clock(scale, counted, units);
     }
 
     void row(const std::string& kind, Line& line) {
@@ -191,14 +186,25 @@ private:
             program_.episodes.emplace_back();
         } else if (kind == "monitor" && !program_.monitor) {
             program_.monitor.emplace().terms = line.index();
+        } else if (kind == "regions") {
+            RegionEpisode& episode = program_.regions.emplace_back();
+            episode.reach = line.number<dense::Time>();
         } else if (kind == "dense" && !program_.dense) {
-            dense_.terms = line.index();
-            dense_.result = line.index();
-            program_.dense = dense_;
+            program_.dense.emplace().terms = line.index();
         } else if (kind == "sample-row" && program_.monitor) {
             sample_row(program_.monitor->rows, line);
         } else if (kind == "sample-row" && !program_.episodes.empty()) {
             sample_row(program_.episodes.back().terms, line);
+        } else if (kind == "sample-row" && !program_.regions.empty()) {
+            sample_row(program_.regions.back().terms, line);
+        } else if (kind == "region-row" && !program_.regions.empty()) {
+            region_row(line);
+        } else if (kind == "initial" && !program_.regions.empty()) {
+            program_.regions.back().initial = line.indices();
+        } else if (kind == "streams" && !program_.regions.empty()) {
+            program_.regions.back().streams = line.indices();
+        } else if (kind == "unknowns" && !program_.regions.empty()) {
+            program_.regions.back().unknowns = line.indices();
         } else if (kind == "formula-row" && !program_.episodes.empty()) {
             formula_row(line);
         } else if (kind == "initial" && !program_.episodes.empty()) {
@@ -255,6 +261,20 @@ private:
         program_.episodes.back().formulas.push_back(std::move(row));
     }
 
+    void region_row(Line& line) {
+        dense::RegionRow row{};
+        row.kind = line.name();
+        row.name = line.name();
+        row.a = line.index();
+        row.b = line.index();
+        row.lo = line.bound();
+        row.hi = line.bound();
+        row.guard = line.flag();
+        row.endless = line.flag();
+        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
+        program_.regions.back().rows.push_back(std::move(row));
+    }
+
     void dense_row(Line& line) {
         DenseRow row{};
         row.kind = line.name();
@@ -276,23 +296,26 @@ private:
     }
 
     void check(const Line& last) const {
-        const bool samples = program_.period > 0 && !program_.dense &&
-                             (program_.readings == 1 || program_.readings == 2) &&
-                             program_.readings <= program_.episodes.size();
-        const bool dense = program_.period == 0 && program_.dense && program_.episodes.empty();
+        const std::size_t readings = program_.readings;
+        const std::size_t episodes = program_.episodes.size(), regions = program_.regions.size();
+        const bool counted = readings == 1 || readings == 2;
+        const bool samples = program_.period > 0 && !program_.clock && regions == 0 &&
+                             readings <= episodes && !program_.dense;
+        const bool dense = program_.period == 0 && program_.clock && episodes == 0 &&
+                           readings <= regions && !program_.monitor;
+        const std::size_t judged = samples ? episodes : regions - readings + 1;
         const std::size_t observed = program_.monitor ? program_.monitor->observed.size()
                                      : program_.dense ? program_.dense->observed.size()
                                                       : 0;
-        if (program_.token.empty() || samples == dense || (dense && program_.monitor))
+        if (program_.token.empty() || !counted || samples == dense)
             last.refuse("a token and programs");
         bool known = observed == observed_;
         for (const NamedFormula& each : program_.formulas)
-            known &= !each.episode || *each.episode < program_.episodes.size();
+            known &= !each.episode || *each.episode < judged;
         if (!known) last.refuse("a register or an episode for each named formula");
     }
 
     Program program_;
-    DenseProgram dense_;
     std::size_t observed_ = 0;  // named formulas that are observed registers
 };
 

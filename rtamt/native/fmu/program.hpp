@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dense/clock.hpp"
+#include "dense/episode.hpp"
 #include "dense/machine.hpp"
 #include "discrete/machine.hpp"
 #include "episode/machine.hpp"
@@ -69,23 +70,28 @@ struct MonitorProgram {
     std::vector<Observed> observed;
 };
 
-// A named formula: an episode gives its robustness, or else an observed register holds it.
+// A named formula: an episode gives its robustness, or else an observed register holds it. Over
+// dense time the specification has one episode, whatever its readings are.
 struct NamedFormula {
     std::string name;
     std::optional<std::size_t> episode;
     std::size_t observed;
 };
 
-// What the robustness over dense time says of the bounds of the episode.
-enum class Bounds { first, least, greatest, none };
+// A program over the regions of dense time.
+struct RegionEpisode {
+    Rows<DiscreteRow> terms;
+    std::vector<dense::RegionRow> rows;
+    std::vector<std::size_t> initial;
+    std::vector<std::size_t> streams;
+    std::vector<std::size_t> unknowns;
+    dense::Time reach = 0;
+};
 
 struct DenseProgram {
     std::size_t terms = 0;
-    std::size_t result = 0;
     Rows<DenseRow> rows;
     std::vector<std::size_t> observed;
-    Clock clock{1.0, 1, 1};  // counts ticks in a second
-    Bounds bounds = Bounds::none;
 };
 
 struct Program {
@@ -100,6 +106,8 @@ struct Program {
     std::size_t readings = 0;  // of the episodes: how many are of the specification
     std::vector<EpisodeProgram> episodes;
     std::optional<MonitorProgram> monitor;
+    std::optional<Clock> clock;  // over dense time: counts ticks in a second
+    std::vector<RegionEpisode> regions;
     std::optional<DenseProgram> dense;
     std::uint64_t fingerprint = 0;
 

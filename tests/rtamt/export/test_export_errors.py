@@ -68,30 +68,6 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             ),
         ),
         (
-            "done = eventually(always(y > 0)); always(x > 1) or done",
-            {"dense": True},
-            SpecificationError,
-            (
-                "STL:1:19: 'always' without an end needs the whole future, "
-                "for which an FMU over dense time cannot wait\n"
-                "  done = eventually(always(y > 0)); always(x > 1) or done\n"
-                "                    ^\n"
-                "  hint: write an end, as in always[0:10], or use a period, which takes samples"
-            ),
-        ),
-        (
-            "always(x > 1 implies eventually(y > 0))",
-            {"dense": True},
-            SpecificationError,
-            (
-                "STL:1:22: 'eventually' without an end needs the whole future, "
-                "for which an FMU over dense time cannot wait\n"
-                "  always(x > 1 implies eventually(y > 0))\n"
-                "                       ^\n"
-                "  hint: write an end, as in eventually[0:10], or use a period, which takes samples"
-            ),
-        ),
-        (
             "rise(x > 1)",
             {"dense": True},
             SpecificationError,

@@ -8,15 +8,18 @@ from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import golden_cases
 import pytest
 from bits import bits
-from expected_monitors import Expected
+from expected_monitors import DenseExpected, Expected
 from fmu_calls import (
     DISCARD,
     ERROR,
     FIRST,
+    LOWER,
     OK,
     ROBUSTNESS,
+    UPPER,
     Unit,
     Version,
     dense,
@@ -25,13 +28,12 @@ from fmu_calls import (
     versions,
     write,
 )
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from interface_cases import VACUITY, Case, cases
 from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import (
-    DenseMonitor,
     Formula,
     InputError,
     SpecificationError,
@@ -141,7 +143,7 @@ def test_the_rounding_of_times_neither_adds_nor_loses_samples(
 @versions
 @settings(max_examples=30)
 @given(
-    formula=formulas(2, dense=True),
+    formula=formulas(2, endless=True, dense=True),
     root=st.sampled_from(("", "always", "eventually")),
     trace=traces(),
     sizes=st.lists(st.sampled_from((0.25, 0.5, 1.0, 1.75)), min_size=12, max_size=12),
@@ -151,37 +153,80 @@ def test_over_dense_time_every_step_begins_with_events(
 ) -> None:
     text = f"whole = {root}({formula})"
     try:
-        monitor = DenseMonitor(text, backend="python")
+        expected = DenseExpected(text, text)
     except SpecificationError:  # it has no variables
         return
-    given: list[tuple[float, float]] = []
-    n = len(monitor.variables)
+    named = FIRST + len(expected.names)
     with TemporaryDirectory() as folder, unit(version, write(Path(folder), dense(text))) as made:
         made.begin(-1.0)
+        assert made.outputs(named) == bits(expected.values)
         time = -1.0
         for i, size in enumerate(sizes[: length(trace)]):
-            values = sample(trace, i, monitor.variables)
+            values = sample(trace, i, expected.names)
             put(made, values)
             try:
-                given += monitor.update({name: [(time, x)] for name, x in values.items()})
+                expected.update(time, values)
             except InputError:
                 assert made.step(time, size) == ERROR
                 return
             assert made.step(time, size) == OK
+            assert made.outputs(named) == bits(expected.values)
             time += size
-            lower, upper = -math.inf, math.inf
-            if given and root != "eventually":
-                upper = given[0][1] if root == "" else given[-1][1]
-            if given and root != "always":
-                lower = given[0][1] if root == "" else given[-1][1]
-            known = given[-1][1] if given else math.nan
-            verdict = -holds(-upper) or holds(lower)
-            expected = [known, lower, upper, float(verdict), monitor.values["whole"]]
-            assert made.outputs(FIRST + n) == bits(expected)
 
 
-def holds(value: float) -> int:
-    return int(math.copysign(1.0, value) > 0)
+def order(value: float) -> tuple[float, float]:
+    """The order of doubles in which -0.0 is below 0.0."""
+    return value, math.copysign(1.0, value)
+
+
+@settings(max_examples=60)
+@given(
+    formula=formulas(2, endless=True, dense=True),
+    trace=traces(8),
+    sizes=st.lists(st.sampled_from((0.25, 0.5, 1.0)), min_size=12, max_size=12),
+)
+def test_over_dense_time_bounds_hold_at_every_later_end(
+    formula: Formula, trace: Trace, sizes: list[float]
+) -> None:
+    assume(formula.variables)
+    said = []
+    with TemporaryDirectory() as folder:
+        program = dense(parse(f"{formula}"))
+        with unit(3, write(Path(folder), program)) as made:
+            made.begin()
+            time = 0.0
+            for i, size in enumerate(sizes[: length(trace)]):
+                put(made, sample(trace, i, formula.variables))
+                if made.step(time, size) != OK:
+                    break
+                time += size
+                said.append((*made.get(ROBUSTNESS, LOWER, UPPER), made.verdict()))
+    for k, (_, lower, upper, verdict) in enumerate(said):
+        for robustness, later_lower, later_upper, _ in said[k:]:
+            assert order(lower) <= order(robustness) <= order(upper)
+            assert order(lower) <= order(later_lower)
+            assert order(later_upper) <= order(upper)
+            assert verdict in {0, math.copysign(1.0, robustness)}
+
+
+def test_over_dense_time_golden_cases_are_met_at_their_instant(tmp_path: Path) -> None:
+    for case in golden_cases.cases("dense_instant.json"):
+        text = case["formula"]
+        names = parse(text).variables
+        signals = {name: case["signals"][name] for name in names}
+        begin = max(events[0][0] for events in signals.values())
+        end = min(events[-1][0] for events in signals.values())
+        times = sorted({time for events in signals.values() for time, _ in events})
+        with unit(2, write(tmp_path, dense(text))) as made:
+            made.begin(begin)
+            inside = [time for time in times if begin <= time <= end]
+            for time, after in zip(inside, [*inside[1:], end + 1], strict=True):
+                now = {name: [v for t, v in signals[name] if t <= time][-1] for name in names}
+                put(made, now)
+                assert made.step(time, after - time) == OK
+            lower, robustness, upper = made.get(LOWER, ROBUSTNESS, UPPER)
+            assert lower <= robustness <= upper
+            assert robustness == float(case["robustness"])
 
 
 LIMIT = """
