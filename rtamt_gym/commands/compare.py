@@ -35,7 +35,13 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.evaluation.evaluation import Evaluation
 
     check_files(options, options.a, options.b)
-    comparison = compare(Evaluation.load(options.a), Evaluation.load(options.b))
+    a, b = Evaluation.load(options.a), Evaluation.load(options.b)
+    names = None
+    if a.policy == b.policy and options.a != options.b:  # then their files tell them apart
+        short = options.a.name != options.b.name
+        files = [each.name if short else str(each) for each in (options.a, options.b)]
+        names = [f"{a.policy} ({each})" for each in files]
+    comparison = compare(a, b, names=names)
     print(comparison)
     if options.save:
         comparison.save(options.save)

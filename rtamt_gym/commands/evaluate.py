@@ -6,6 +6,7 @@ import argparse
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +29,7 @@ from rtamt_gym.commands.arguments import (
 )
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import exit_code
-from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.commands.specs import files_of, requirements_of
 
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison
@@ -62,6 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
         "objects, so trust it), module:function, from observation to action, random, zero, or "
         "baseline (a scenario's own)",
+    )
+    parser.add_argument(
+        "--name",
+        metavar="NAME",
+        help="what the policy is called in tables, files and reports (default: POLICY)",
     )
     add_spec(parser)
     parser.add_argument(
@@ -179,6 +185,8 @@ def run(options: argparse.Namespace) -> int:
                 **{name: getattr(options, name) for name in _ARGUMENTS},
                 **read_reading(options).options(),
             )
+        record = evaluation.record.of_files(files_of(options.spec, options.policy))
+        evaluation = replace(evaluation, record=record)
         if options.save:
             evaluation.save(options.save)
     show(evaluation)
@@ -190,7 +198,7 @@ def run(options: argparse.Namespace) -> int:
 
 _RULES = ("until_width", "target", "alpha", "margin")
 
-_ARGUMENTS = (*("seed", "n_envs", "n_jobs", "timeout", "folder", "stop", "interval"),)
+_ARGUMENTS = (*("name", "seed", "n_envs", "n_jobs", "timeout", "folder", "stop", "interval"),)
 """The options that are arguments of `evaluate_policy` of the same names."""
 
 

@@ -13,6 +13,7 @@ from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.specs import files_of
 from rtamt_gym.commands.traces import (
     TracesAsked,
     add_min_duration,
@@ -124,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        made_of = matrix.of_files([*options.specs, *paths])
+        made_of = matrix.of_files([*files_of(options.specs), *paths])
         print(to_json(made_of, _rules(asked), _columns(asked, paths), code))
     else:
         print(*_report(matrix, judged), sep="\n", end="")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from rtamt import InputError
@@ -22,7 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
     parser.add_argument(
-        "results", nargs="+", metavar="RESULT", help="the path of a file, or of a folder"
+        "results",
+        nargs="+",
+        metavar="RESULT",
+        help="the path of a file, or of a folder; NAME=PATH gives it a name on the page",
     )
     parser.add_argument(
         "-o",
@@ -42,14 +46,34 @@ def run(options: argparse.Namespace) -> int:
 
     check_page(options.output)
     traces = tuple(extension for extension in extensions() if extension != ".parquet")
-    for result in options.results:
+    paths, names = _named(options.results)
+    for result in paths:
         if result.lower().endswith(traces) or is_bag_folder(result):
             raise InputError(
                 f"expected a result, got the trace {result}; judge it first: "
                 f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"
             )
-    check_outputs(options.output, picture=None, inputs=options.results)
+    check_outputs(options.output, picture=None, inputs=paths)
     with noted_ends():
-        write_report(options.output, *options.results, title=options.title)
+        write_report(options.output, *paths, title=options.title, names=names)
     print(f"report: {options.output}")
     return 0
+
+
+def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:
+    """The paths of results, and their names; None if none is named.
+
+    Raises:
+        InputError: If two have one name.
+    """
+    paths, names = [], []
+    named = False
+    for result in results:
+        name, equals, path = result.partition("=")
+        own = bool(equals and name and path) and not Path(result).exists()
+        named |= own
+        paths.append(path if own else result)
+        names.append(name if own else Path(result).name)
+    if named and len(set(names)) < len(names):
+        raise InputError(f"expected different names of results, got {', '.join(names)}")
+    return paths, names if named else None

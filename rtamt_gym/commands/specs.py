@@ -15,6 +15,7 @@ from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
     "chosen",
+    "files_of",
     "read_constants",
     "read_requirements",
     "requirements_of",
@@ -173,6 +174,12 @@ def _add(specs: dict[str, rtamt.Specification], name: str, spec: rtamt.Specifica
     if name in specs:
         raise InputError(f"expected one specification {name!r}, got two; name one of them")
     specs[name] = spec
+
+
+def files_of(specs: Sequence[str], policy: str | None = None) -> list[str]:
+    """The arguments that may be files: those of specifications, and of the model of a policy."""
+    paths = [argument.rpartition("=")[2] for argument in specs]
+    return paths if policy is None else [*paths, policy.removeprefix("sb3:")]
 
 
 def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:

@@ -16,6 +16,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
+from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.codec import document, read_as, save
@@ -127,6 +128,8 @@ def compare(
     env: Any = None,  # noqa: ANN401
     specs: Requirements | None = None,
     signals: Mapping[str, SignalLike] | None = None,
+    *,
+    names: Sequence[str] | None = None,
     **options: Any,  # noqa: ANN401 - as for `evaluate_policy`
 ) -> Comparison:
     """Compares two policies on the same seeds: how much more often B satisfies each requirement.
@@ -140,6 +143,8 @@ def compare(
         env: The environment of two policies; None with evaluations.
         specs: The specifications for two policies, as `evaluate_policy` takes them.
         signals: What their variables read, as there.
+        names: What A and B are called, two different texts. None: as the policies are; where both
+            are called alike, with ``(A)`` and ``(B)`` behind it.
         **options: Further arguments of `evaluate_policy`, for both policies, such as
             ``episodes=200``; all but ``until_width=`` and ``target=``, which would stop each policy
             at another episode.
@@ -150,18 +155,36 @@ def compare(
 
     Raises:
         InputError: If two evaluations cannot be paired, because their systems, periods, time
-            limits or requirements differ, their episodes were read differently, or they have no
-            seed in common; or as `evaluate_policy` does.
+            limits or requirements differ, their episodes were read differently, they have no seed
+            in common, or the names are not two; or as `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
     own = {"env": env, "specs": specs, "signals": signals}
     given = {name: each for name, each in own.items() if each is not None} | options
     _check_arguments(a, b, given)
+    named = None if names is None else _two_names(names)
     if env is not None:
         from rtamt_gym.evaluation.evaluate import evaluate_policy
 
         a, b = (evaluate_policy(policy, env, specs, signals, **options) for policy in (a, b))
-    return _paired(a, b)
+    return _paired(a, b, named or _told_apart(a.policy, b.policy))
+
+
+def _two_names(names: object) -> tuple[str, str]:
+    """The names of A and B, which are two different texts."""
+    found = list(names) if isinstance(names, list | tuple) else []
+    for each in found:
+        check_name_of_policy(each)
+    if len(found) != 2 or found[0] == found[1] or None in found:
+        raise InputError(
+            Argument("names"),
+            f": expected two different texts, such as ('before', 'after'), got {names!r}",
+        )
+    return found[0], found[1]
+
+
+def _told_apart(a: str, b: str) -> tuple[str, str]:
+    return (a, b) if a != b else (f"{a} (A)", f"{b} (B)")
 
 
 def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
@@ -187,8 +210,8 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
             )
 
 
-def _paired(a: Evaluation, b: Evaluation) -> Comparison:
-    """Compares two evaluations."""
+def _paired(a: Evaluation, b: Evaluation, names: tuple[str, str]) -> Comparison:
+    """Compares two evaluations, whose policies have these names."""
     _check_alike(a, b)
     places = [{row.seed: place for place, row in enumerate(each.record)} for each in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
@@ -215,8 +238,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
     rewards = [(a.returns[places[0][seed]], b.returns[places[1][seed]]) for seed in seeds]
     return Comparison(
         a.system,
-        a.policy,
-        b.policy,
+        *names,
         tuple(seeds),
         {name: replace(each, adjusted=adjusted[name]) for name, each in found.items()},
         compared(SUCCESS, list(a.requirements)),

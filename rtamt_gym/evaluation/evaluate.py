@@ -18,6 +18,7 @@ from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame
+from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
@@ -66,6 +67,7 @@ def evaluate_policy(
     margin: float = MARGIN,
     interval: IntervalKind = "exact",
     keep: int = 1,
+    name: str | None = None,
     progress: bool = False,
     **reading: Unpack[EpisodeReading],
 ) -> Evaluation:
@@ -139,6 +141,8 @@ def evaluate_policy(
         keep: How many of the worst episodes of each requirement are played again in full at the
             end, for `Evaluation.worst_runs`; with pictures if the environment was made with
             ``render_mode="rgb_array"``, but not of a vector environment.
+        name: What the policy is called in tables, files and reports, to tell it from others. None:
+            as it says itself, a model by its class if it has no ``name``.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
@@ -183,11 +187,12 @@ def evaluate_policy(
     check_count(Argument("episodes"), episodes)
     check_count(Argument("n_envs"), n_envs)
     check_choice("interval", interval, get_args(IntervalKind))
+    check_name_of_policy(name)
     given: dict[str, object] = {"keep": keep, "seed": seed}
-    for name, value in given.items():
+    for each, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
             raise InputError(
-                "expected ", Argument(name), f" as a whole number, 0 or more, got {value!r}"
+                "expected ", Argument(each), f" as a whole number, 0 or more, got {value!r}"
             )
     env, made = _made(env, n_envs)
     kind = VectorEpisodes if isinstance(made, VectorEnv) else partial(Episodes, n_envs=n_envs)
@@ -214,7 +219,7 @@ def evaluate_policy(
         timeout=timeout,
         folder=folder,
         about={"policy": runner.evaluated.identity, "rules": rules},
-        what=f"evaluation of {runner.evaluated.name}",
+        what=f"evaluation of {name or runner.evaluated.name}",
         progress=progress,
         enough=None if stopping is None else partial(_add, stopping),
     )
@@ -226,7 +231,7 @@ def evaluate_policy(
     return Evaluation(
         record,
         runner.name,
-        runner.evaluated.name,
+        name or runner.evaluated.name,
         period,
         runner.duration,
         int(seed),

@@ -8,11 +8,12 @@ from typing import Any
 
 import gymnasium as gym
 
-from rtamt import InputTypeError
+from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
 from rtamt_gym.simulation.models import Model, check_spaces
 from rtamt_gym.simulation.policies import SeededPolicy, policy_of
 
-__all__ = ["Evaluated", "evaluated"]
+__all__ = ["Evaluated", "check_name_of_policy", "evaluated"]
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,14 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
             f"action, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', got {policy!r}"
         )
     return Evaluated(_name(policy), _Same(policy))
+
+
+def check_name_of_policy(name: object) -> None:
+    """Refuses what is neither None nor a text that can stand in a table."""
+    if name is not None and not (isinstance(name, str) and name.strip() and name.isprintable()):
+        raise InputError(
+            "expected ", Argument("name"), f" as a text in one line, such as 'before', got {name!r}"
+        )
 
 
 @dataclass(frozen=True)
