@@ -47,7 +47,7 @@ function episode(chart, c, width) {
       nticks: 4,
       automargin: false,
     });
-    layout.annotations.push(note(c, safe(cut(panel.title, letters)), {
+    layout.annotations.push(note(c, safe(cut(panel.title.length > letters ? panel.short ?? panel.title : panel.title, letters)), {
       xref: "paper", yref: "paper", x: 0, y: top, xanchor: "left", yanchor: "bottom", font: { size: 12, color: c.ink },
     }));
     if (panel.signed) {
@@ -141,6 +141,7 @@ function robustnessPanel(chart) {
   const bounded = lower.length > 0 && upper.length > 0;
   return {
     title: bounded ? "robustness if it ended now, and what it can still become" : "robustness if it ended now",
+    short: "robustness if it ended now",
     height: robustnessHeight,
     signed: true,
     range,
