@@ -9,7 +9,7 @@ from rtamt import Verdict
 from rtamt_gym.commands.arguments import add_require_asked
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
-from rtamt_gym.commands.traces import add_min_duration, read_arguments, refuse_unknown
+from rtamt_gym.commands.traces import add_min_duration, read_arguments
 
 __all__ = ["add_arguments", "run"]
 
@@ -31,10 +31,6 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of, too_short
     from rtamt_gym.results.matrix import note_lines, undecided_lines
 
-    if options.missing == "unknown":
-        refuse_unknown(
-            options, "rtamt explain", "follows one robustness to the sample that decided it"
-        )
     asked, paths = read_arguments(options)
     rows = judge_files(asked, paths, workers=1, explain=tuple(Verdict))
     texts = []

@@ -232,8 +232,6 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         defaults=options.default,
         no_defaults=options.no_defaults,
     )
-    if reading.dense:
-        columns.check_dense()
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)

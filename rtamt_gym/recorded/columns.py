@@ -98,19 +98,6 @@ class Columns:
         if self.stale is not None and not self.stale > 0:
             raise InputError(f"--stale: expected seconds, such as 0.5, got {self.stale:g}")
 
-    def check_dense(self) -> None:
-        """Checks that events in dense time can be read so.
-
-        Raises:
-            InputError: If something is unknown, which a value that holds between events is not.
-        """
-        option = "--missing unknown" if self.missing == "unknown" else ""
-        if option := option or ("" if self.max_gap is None else "--max-gap"):
-            raise InputError(
-                f"expected {option} or --dense: a value in dense time holds until its next "
-                "event, and no event of it is unknown; give --missing hold or --missing drop"
-            )
-
     @property
     def most(self) -> float:
         """The longest time in seconds for which a value holds: infinite if nothing is said."""

@@ -108,7 +108,17 @@ def _events(
             defaults[name] = start
         made[name] = at, values
     trace = EventTrace(rows.source, made, notes, max_gap=columns.max_gap, defaults=defaults)
-    trace = measured(trace, {name: at for name, (at, _) in signals.items()}, columns)
+    recorded, wrong = {}, []
+    for name, (at, values) in signals.items():
+        absent = np.isnan(values) if columns.missing == "unknown" else np.False_
+        recorded[name] = at[~absent] if absent.any() else at
+        if absent.any():
+            first = number(float(at[absent][0]))
+            wrong.append(f"{name}: {int(absent.sum())}, the first at {first} s")
+    if wrong:
+        said = f"events without a number are unknown ({'; '.join(wrong)})"
+        trace = replace(trace, notes=[*trace.notes, said])
+    trace = measured(trace, recorded, columns)
     gap = trace.gap.note if trace.gap and trace.gap.long and columns.max_gap is None else ""
     return replace(trace, notes=[*trace.notes, *filter(None, [axis.unit_note, gap])])
 

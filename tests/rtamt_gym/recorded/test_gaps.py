@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import START, twist, write_bag
+from bags import START, Said, twist, write_bag
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -20,9 +20,9 @@ from rtamt import InputError
 from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, read_seconds
-from rtamt_gym.recorded.judge import extent_of, judge
+from rtamt_gym.recorded.judge import extent_of, judge, judge_events
 from rtamt_gym.recorded.ruled import read_ruled
-from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace import EventTrace, Trace
 
 FORMULAS = [
     "always(x > 1 implies eventually[0:1](y > 0))",
@@ -301,6 +301,39 @@ def test_every_filling_of_the_holes_lies_within_the_bounds(
         assert found.verdict in (whole.verdict, rtamt.Verdict.UNDECIDED)
 
 
+@settings(max_examples=40, deadline=None)
+@given(
+    count=st.integers(6, 14),
+    text=st.sampled_from([f for f in FORMULAS if "once" not in f]),
+    end=st.sampled_from(["complete", "cut", "open"]),
+    data=st.data(),
+)
+def test_every_filling_of_the_holes_lies_within_the_bounds_in_dense_time(
+    count: int, text: str, end: rtamt.End, data: st.DataObject
+) -> None:
+    cell = st.integers(-2, 3)
+    rows = data.draw(st.lists(st.tuples(cell, cell), min_size=count, max_size=count))
+    removed = data.draw(st.sets(st.integers(1, count - 2), min_size=1, max_size=count - 3))
+    spec = rtamt.parse(text)
+    with tempfile.TemporaryDirectory() as folder:
+        kept = [(k / 2, *row) for k, row in enumerate(rows) if k not in removed]
+        path = write(kept, Path(folder) / "run.csv", "time_s,x,y")
+        columns = Columns(max_gap=Fraction(1, 2))
+        trace, _ = read_ruled(path, {"": spec}, Reading(dense=True), columns)
+    assert isinstance(trace, EventTrace)
+    found = judge_events(spec, trace, Reading(dense=True, end=end)).found
+    for _ in range(3):
+        drawn = {k: data.draw(st.tuples(cell, cell)) for k in sorted(removed)}
+        filled = {
+            name: [(k / 2, float(drawn.get(k, row)[i])) for k, row in enumerate(rows)]
+            for i, name in enumerate("xy")
+        }
+        whole = rtamt.judge_dense(spec, filled, end)
+        assert found.lower <= whole.lower
+        assert whole.upper <= found.upper
+        assert found.verdict in (whole.verdict, rtamt.Verdict.UNDECIDED)
+
+
 @given(
     count=st.integers(10, 20), hole=st.integers(2, 9), most=st.integers(1, 12), phase=st.booleans()
 )
@@ -341,8 +374,15 @@ def test_a_hole_is_said_and_the_verdict_goes_by_what_is_known(capsys: Output) ->
     assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "20"]) == 0
     said = "note: resampled every 0.1 s: values hold in shorter gaps, the longest of 11.1 s\n"
     assert said in capsys.readouterr().out
-    assert main(["explain", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
-    assert "not explained: values of x are not known" in capsys.readouterr().out
+    for dense in ([], ["--dense"]):
+        words = ["always(x > 4)", "run.csv", "--max-gap", "1s", *dense]
+        assert main(["explain", *words]) == 3
+        assert "not explained: values of x are not known" in capsys.readouterr().out
+        for end in ("open", "cut", "complete"):
+            assert main(["monitor", *words, "--end", end]) == 3
+        assert main(["monitor", "always[0:3](x > 4)", *words[1:]]) == 0
+        assert main(["monitor", "always(x > 5)", *words[1:]]) == 1
+        capsys.readouterr()
 
 
 @pytest.mark.usefixtures("folder")
@@ -425,3 +465,18 @@ def test_a_topic_that_falls_silent_is_unknown_after_the_gap(folder: Path, capsys
     trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1, 10)), columns)
     assert isinstance(trace, Trace)
     assert np.flatnonzero(np.isnan(trace.columns["speed"])).tolist() == list(range(20, 60))
+    assert main(["monitor", text, path, "--dense", *words[4:], "--max-gap", "1s"]) == 3
+    assert "(a hole of 4.1 s after 1.9 s)" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_topic_is_unknown_after_its_last_message(folder: Path, capsys: Output) -> None:
+    said = [twist(START + i * 10**8, 0.5) for i in range(20)]
+    said.append(Said(START + 5 * 10**9, "/name", "std_msgs/String", {}))
+    path = str(write_bag(folder / "ends.bag", said))
+    words = [path, "--signal", "speed=/robot0/cmd_vel.linear.x", "--max-gap", "1s"]
+    for time in (["--dense"], ["--period", "0.1"]):
+        assert main(["monitor", "always(speed < 1)", *words, *time]) == 3
+        assert "(a hole of 3.1 s after 1.9 s)" in " ".join(capsys.readouterr().out.split())
+        assert main(["monitor", "always[0:1](speed < 1)", *words, *time]) == 0
+        assert main(["monitor", "always(speed < 1)", *words[:3], *time]) == 0
+        capsys.readouterr()

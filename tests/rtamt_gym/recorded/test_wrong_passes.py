@@ -16,7 +16,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working directory, with a trace of 10 seconds."""
     monkeypatch.chdir(tmp_path)
     rows = (f"{i},{5 if i == 3 else 8},{i // 2 % 2}" for i in range(11))
-    (tmp_path / "trace.csv").write_text("\n".join(["time,x,gear", *rows]))
+    (tmp_path / "trace.csv").write_text("\n".join(["time_s,x,gear", *rows]))
     return tmp_path
 
 
@@ -66,7 +66,7 @@ def test_an_undecided_verdict_says_what_was_not_recorded_and_the_way_out(capsys:
         "UNDECIDED, robustness inf\n"
         "    always[20:30](x > 5): not recorded: 20 s to 30 s\n"
         "    if the trace is all there is, --end complete says SATISFIED\n"
-        "trace.csv: 11 samples, one every 1 s, 0 s to 10 s\n"
+        "trace.csv: 11 samples, one every 1 s, 0 s to 10 s, 10 s long, longest gap 1 s\n"
         "\n"
         "formula  at the start  least   at  violated from\n"
         "late              inf    inf  0 s              -\n"
@@ -95,7 +95,7 @@ def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
         "late: UNDECIDED, robustness inf\n"
         "    always[20:30](x > 5): not recorded: 20 s to 30 s\n"
         "    if the trace is all there is, --end complete says SATISFIED\n"
-        "trace.csv: 11 samples, one every 1 s, 0 s to 10 s\n"
+        "trace.csv: 11 samples, one every 1 s, 0 s to 10 s, 10 s long, longest gap 1 s\n"
         "\n"
         "spec  formula  at the start  least   at  violated from\n"
         "near  near               -1     -1  0 s            0 s\n"
@@ -144,7 +144,7 @@ def test_nanoseconds_are_no_seconds(
     write_late(folder, column, 1e9)
     assert main(["monitor", LATE, "late.csv", *options, *dense]) == 1
     assert main(["monitor", LATE.replace("[0:1]", "[0:3]"), "late.csv", *options, *dense]) == 0
-    assert ", 0 s to 7 s\n" in capsys.readouterr().out
+    assert ", 0 s to 7 s, 7 s long, longest gap 1 s\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
@@ -163,7 +163,7 @@ def test_a_trace_that_was_resampled_says_so(folder: Path, capsys: Output) -> Non
     capsys.readouterr()
     assert main([*words, "odd.csv"]) == 0
     out = capsys.readouterr().out
-    assert out.splitlines()[2].startswith("note: resampled every 0.1 s by holding values: 1 of 6 ")
+    assert out.splitlines()[3].startswith("note: resampled every 0.1 s by holding values: 1 of 6 ")
     assert max(map(len, out.splitlines())) <= 80
     (folder / "more.csv").write_text((folder / "odd.csv").read_text())
     assert (
