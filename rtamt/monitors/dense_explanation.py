@@ -6,36 +6,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack, cast
 
 import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.clock import shown
-from rtamt.inputs.event_reader import EventReader, TimedColumn
+from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
 from rtamt.language.printing import number_text
-from rtamt.language.table import Operator
+from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.protocols import DenseMachine
-from rtamt.monitors.dense_provenance import StepFunction, dense_origin_of
+from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.rows import (
+    FindBoth,
+    RegionRows,
+    TraceValues,
+    dense_of,
+    readings_of,
+    terms_of,
+)
+from rtamt.machines.dense.waiting import Waiting, together
+from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
 from rtamt.monitors.explanation import idle_registers, with_all_named
 from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
 from rtamt.monitors.provenance import Origin, visits
-from rtamt.program.dense_lowering import NANOSECOND, DenseProgram
+from rtamt.program.dense_lowering import MAX_TICKS
+from rtamt.program.dense_regions import RegionProgram, regions_of_all
 from rtamt.program.interface import PredicateValue
 from rtamt.program.timing import Period
-
-_MakeDense = Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
 
 __all__ = ["DenseCause", "DenseExplanation", "DenseExplanationStep", "explain_dense"]
 
@@ -60,7 +68,7 @@ class DenseExplanationStep:
         name: Its name in the specification, or None.
         text: The formula as text; named formulas inside it are shown by their names.
         time: The time at which it was evaluated.
-        value: Its robustness there, as `evaluate_dense` gives it: it lasts from this time on.
+        value: Its robustness there, exactly at this time, or right after it.
         witness: For ``until``, ``since`` and ``unless``: the time at which the right side was
             reached, whichever side decided; None if there is none.
         outside: Begin and end of the formula's window if the window lies outside the trace and
@@ -68,6 +76,9 @@ class DenseExplanationStep:
             None for a window without one, so is the end.
         reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
             by its ``"sign"``, or ``"zero"``.
+        after: Whether it was evaluated right after ``time``: up to the next tick, that not
+            included.
+        witness_after: Whether the right side was reached right after ``witness``.
     """
 
     formula: Formula
@@ -78,6 +89,8 @@ class DenseExplanationStep:
     witness: float | None = None
     outside: tuple[float | None, float | None] | None = None
     reading: PredicateValue = "value"
+    after: bool = False
+    witness_after: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,15 +131,27 @@ class DenseExplanation:
         return last.formula if last.outside is None else None
 
     def __str__(self) -> str:
-        times = [step.time for step in self.steps]
-        return as_text(self.steps, times, self.causes, self._at, end=self.end)
+        places: list[Any] = [_After(s.time) if s.after else s.time for s in self.steps]
+        shown = [
+            replace(s, witness=cast("Any", _After(s.witness))) if s.witness_after else s
+            for s in self.steps
+        ]
+        return as_text(shown, places, self.causes, self._at, end=self.end)
 
-    def _at(self, time: float) -> str:
+    def _at(self, time: object) -> str:
+        if isinstance(time, _After):
+            return f"after {self._at(time.time)}"
         if isinstance(time, np.datetime64):
             date, point, part = str(time).partition(".")
             part = part.rstrip("0")
             return f"{date}{point}{part}" if part else date
-        return f"{number_text(float(time))} {self.unit}"
+        return f"{number_text(float(cast('float', time)))} {self.unit}"
+
+
+class _After(NamedTuple):
+    """Right after a time."""
+
+    time: object
 
 
 @listed_in_signature(Options)
@@ -141,15 +166,13 @@ def explain_dense(
     """Which sub-formulas and times decided the robustness at one time of a trace in dense time.
 
     It is `explain` for events: the way from the specification down to the predicate whose value at
-    one time, or its opposite, is the robustness. Each step's value is the one that `evaluate_dense`
-    gives its formula at the step's time. Where values are equal, the first operand decides, and of
-    its times the first.
+    one time, or its opposite, is the robustness. It is exact at that instant, as `judge_dense` is:
+    single instants count, which `evaluate_dense` leaves out. Where values are equal, the first
+    operand decides, and of its times the first.
 
-    Signals are right-continuous, so a value at a time is one that lasts from there on, and the
-    least and the greatest value of a window are reached: where a value begins, or where the window
-    does. A stretch without a first instant is named by the time right before it: ``p since q`` asks
-    for p right after the witness, and gives that moment the witness's time. What `evaluate_dense`
-    leaves out, a value at a single instant inside the trace, decides nothing.
+    Each step is at an instant, or right after one: a stretch between two instants has no first one.
+    ``p since q`` asks for p right after the witness. Signals are right-continuous, so a variable
+    has the same value right after a time.
 
     Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
     signals are; if that decided, the explanation ends with the operator and has no causes. It costs
@@ -194,17 +217,21 @@ def explain_dense(
     alone = whole.result_alone()
     reader = EventReader(alone)
     given = reader.whole(signals)
-    machine = BACKENDS[backend].dense_machine
-    machine(alone, reader, ()).run(given)  # refuses what evaluate_dense refuses
+    made = BACKENDS[backend]
+    made.dense_machine(alone, reader, ()).run(given)  # refuses what evaluate_dense refuses
     columns, dated = reader.counted(given, [-np.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
-    course = _Course(whole, names, machine, columns, (begin, end))
-    way = list(visits(specification, interface, tick, course.origin))
+    regions = regions_of_all(observed, whole.resolution, interface=interface)
+    if end - begin + regions.reach >= MAX_TICKS:
+        reader.refuse_length(end - begin + regions.reach)
+    terms = made.term_columns, made.term_ranges
+    course = _Course(regions, names, terms, reader, _TraceEvents(columns, begin, end, dated))
+    way = list(visits(specification, interface, 2 * (tick - begin), course.origin))
 
     def moment(place: int | None) -> Any:  # noqa: ANN401 - None, a float or a date
-        return None if place is None else reader.time(place, dated)
+        return None if place is None else reader.time(begin + place // 2, dated)
 
     steps = tuple(
         DenseExplanationStep(
@@ -214,17 +241,21 @@ def explain_dense(
             visit.origin.outside
             and (moment(visit.origin.outside[0]), moment(visit.origin.outside[1])),
             visit.reading,
+            after=visit.place % 2 == 1,
+            witness_after=(visit.origin.witness or 0) % 2 == 1,
         )
         for visit in way
     )
     causes: tuple[DenseCause, ...] = ()
     if steps[-1].outside is None:
+        decided = begin + way[-1].place // 2
         signal = dict(zip(alone.program.variables, columns, strict=True))
         causes = tuple(
-            DenseCause(v, steps[-1].time, StepFunction(*signal[v]).at(way[-1].place))
+            DenseCause(v, steps[-1].time, float(values[ticks.searchsorted(decided, "right") - 1]))
             for v in steps[-1].formula.variables
+            for ticks, values in [signal[v]]
         )
-    return DenseExplanation(steps, causes, moment(end), specification.unit)
+    return DenseExplanation(steps, causes, moment(2 * (end - begin)), specification.unit)
 
 
 def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:
@@ -251,48 +282,67 @@ def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: boo
     return tick
 
 
+class _TraceEvents(NamedTuple):
+    """The events of every variable, and the ticks at which the trace begins and ends."""
+
+    columns: Sequence[TimedColumn]
+    begin: int
+    end: int
+    dated: Dated
+
+
 class _Course:
     """The robustness of every formula over the trace, each found when it is first asked for.
 
     Args:
-        whole: The program, with an output for every formula.
+        regions: The program, with an output for every formula.
         names: The names of the outputs.
-        machine: Makes the dense machines of a back-end.
-        columns: The events of every variable.
-        trace: The ticks at which the trace begins and ends.
+        terms: Evaluates terms.
+        reader: Raises the errors of terms.
+        trace: The trace.
     """
 
     def __init__(
         self,
-        whole: DenseProgram,
+        regions: RegionProgram,
         names: Mapping[str, Formula],
-        machine: _MakeDense,
-        columns: Sequence[TimedColumn],
-        trace: tuple[int, int],
+        terms: FindBoth,
+        reader: EventReader,
+        trace: _TraceEvents,
     ) -> None:
-        self._whole, self._machine, self._trace = whole, machine, trace
-        outputs = whole.program.outputs
+        self._program, self._bounds = regions.program, dense_of(regions).bounds
+        outputs = regions.program.outputs
         self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
-        self._idle = idle_registers(whole.program)
-        # Dates come back as they are, and whole: doubles do not hold every tick.
-        self._given = [(ticks.astype("M8[ns]"), values) for ticks, values in columns]
-        self._found: dict[int, StepFunction] = {}
+        self._idle = idle_registers(regions.program)
+        self._terms, self._reader = terms, reader
+        waiting = [Waiting() for _ in trace.columns]
+        for each, column in zip(waiting, trace.columns, strict=True):
+            each.extend(column)
+        self._values = TraceValues(*together(waiting, trace.begin, trace.end), trace.dated)
+        self._begin, self._last = trace.begin, 2 * (trace.end - trace.begin)
+        self._found: dict[int, RegionValues] = {}
 
-    def robustness(self, formula: Node) -> StepFunction:
+    def robustness(self, formula: Node) -> RegionValues:
         register = self._registers[formula]
         if register not in self._found:
             self._found[register] = self._run(register)
         return self._found[register]
 
-    def _run(self, register: int) -> StepFunction:
+    def _run(self, register: int) -> RegionValues:
         if register in self._idle:
             # What the result does not need decides nothing, and may have no value.
-            return StepFunction(np.array([self._trace[0]]), np.array([math.nan]))
-        part = DenseProgram(self._whole.program.restricted(register, {}), NANOSECOND)
-        times, values = self._machine(part, EventReader(part), ()).run(self._given)
-        return StepFunction(times.astype(np.int64), values)
+            return RegionValues(np.zeros(1, np.int64), np.array([math.nan]))
+        part = self._program.restricted(register, {})
+        positions = 2 * (self._values.ticks - self._begin)
+        found = terms_of(readings_of(part), self._terms, self._reader, self._values)
+        rows = [RegionRows(positions, each) for each in found]
+        _, runs = DenseOutlook(part, rows, self._last, cut=False).result("complete")
+        return RegionValues(runs.starts, runs.last)
 
-    def origin(self, formula: Formula, row: Operator, tick: int) -> Origin:
+    def origin(self, formula: Formula, row: Operator, position: int) -> Origin:
         operands = [self.robustness(arg) for arg in formula.args]
-        bounds = self._whole.bounds(formula) if row.timed else None
-        return dense_origin_of(row, bounds, operands, self._trace, tick)
+        bounds: Bounds | None = None
+        if row.timed:
+            begin, end = self._bounds(formula)
+            bounds = 2 * begin, None if end is None else 2 * end
+        return dense_origin_of(row, bounds, operands, self._last, position)

@@ -100,7 +100,9 @@ def as_text(
     if len(circumstances) > _MOST:
         rows.append(("", "", f"and {len(circumstances) - _MOST} more"))
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
-    lines = [*_wrapped("", f"{head}{cause} at {at(places[-1])}"), ""]
+    when = at(places[-1])
+    when = when if when.startswith("after ") else f"at {when}"
+    lines = [*_wrapped("", f"{head}{cause} {when}"), ""]
     for where, value, shown in rows:
         lines += _wrapped(f"{where:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
     return "\n".join(lines)

@@ -25,7 +25,7 @@ from rtamt.program.instructions import Instruction, Map, Window
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import Program
 
-__all__ = ["RegionProgram", "compile_regions"]
+__all__ = ["RegionProgram", "compile_regions", "regions_of_all"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -131,4 +131,18 @@ def _cached(
     program = _RegionBuilder(specification, resolution, interface).program()
     if not named:
         program = program.restricted(program.result, {})
+    return RegionProgram(program, resolution, _reach(program))
+
+
+def regions_of_all(
+    specification: Specification, resolution: Fraction, *, interface: Interface
+) -> RegionProgram:
+    """The program that `compile_regions` makes, with what other named formulas need.
+
+    Args:
+        specification: What to compile; `compile_dense` has taken it.
+        resolution: The length of a tick in seconds.
+        interface: Whose robustness it computes.
+    """
+    program = _RegionBuilder(specification, resolution, interface).program()
     return RegionProgram(program, resolution, _reach(program))

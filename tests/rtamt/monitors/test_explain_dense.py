@@ -7,19 +7,22 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, Literal
 
+import golden_cases
 import numpy as np
 import pytest
 from bits import bits
-from dense_oracle import STEP, Definition, Time
+from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, relevant, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from opened import opened
 from oracle import order
+from region_oracle import Regions
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
-from rtamt import DenseExplanation, Formula, evaluate_dense, explain_dense, holds
+from rtamt import DenseExplanation, Formula, explain_dense, holds, judge_dense
+from rtamt.language.node import Node
 from rtamt.monitors.dense_explanation import DenseExplanationStep
 
 Backend = Literal["native", "python"]
@@ -33,17 +36,18 @@ INF = math.inf
 class Checked:
     """An explanation beside the definition, which knows nothing of explanations."""
 
-    def __init__(self, definition: Definition, explanation: DenseExplanation) -> None:
+    def __init__(self, definition: Regions, explanation: DenseExplanation) -> None:
         self.definition = definition
+        self.last = 2 * definition.steps
         self.steps = explanation.steps
         for step in self.steps:
-            assert order(step.value) == order(self.value(step))
+            assert order(step.value) == order(self.value(step.formula, self.place(step)))
             self.check_witness(step)
         for step, below in itertools.pairwise(self.steps):
             assert below.formula in step.formula.args
             assert order(below.value) in (order(step.value), order(-step.value))
             assert step.outside is None
-            self.check_place(step, below.time)
+            self.check_place(step, self.place(below))
         last = self.steps[-1]
         assert last.formula.op is not None
         if last.outside is None:
@@ -52,59 +56,59 @@ class Checked:
             assert abs(last.value) == INF
             assert not self.window(last)
 
-    def cell(self, time: Time) -> Time:
-        """The cell of the definition in which a time is; its end is one by itself."""
-        if time == self.definition.end:
-            return time
-        return [cell for cell in self.definition.cells if cell <= time][-1]
+    def region(self, time: float, *, after: bool) -> int:
+        """The region of the definition in which a time is, or what comes right after it."""
+        steps = (time - self.definition.begin) / self.definition.step
+        assert steps == int(steps)
+        return 2 * int(steps) + after
 
-    def moment(self, time: Time) -> Time:
-        """A time inside the cell that begins at a time; the end stays the end."""
-        return time if time == self.definition.end else self.cell(time) + STEP / 2
+    def place(self, step: DenseExplanationStep) -> int:
+        return self.region(step.time, after=step.after)
 
-    def value(self, step: DenseExplanationStep) -> float:
-        return self.definition.value(step.formula, self.cell(step.time))
+    def value(self, formula: Formula | Node, place: int) -> float:
+        return self.definition.at(formula, "complete")(place)[1]
 
-    def ends(self, step: DenseExplanationStep) -> tuple[Time, Time]:
-        """Begin and end of the window of an operator, from inside the cell."""
+    def window(self, step: DenseExplanationStep) -> range:
+        """The regions of the trace in the window of an operator."""
         f = step.formula
         assert f.op is not None
-        first: Time = 0 if f.interval is None else f.interval.begin
-        last: Time = INF if f.interval is None or f.interval.end is None else f.interval.end
-        now = self.moment(step.time)
-        return (now + first, now + last) if f.op.future else (now - last, now - first)
+        scale = 2 / self.definition.step
+        first = 0 if f.interval is None else int(f.interval.begin * scale)
+        end = None if f.interval is None else f.interval.end
+        last = self.last if end is None else int(end * scale)
+        now = self.place(step)
+        if f.op.future:
+            return range(now + first, min(self.last, now + last) + 1)
+        return range(max(0, now - last), now - first + 1)
 
-    def window(self, step: DenseExplanationStep) -> list[Time]:
-        return self.definition._closed(*self.ends(step))
-
-    def check_place(self, step: DenseExplanationStep, time: Time) -> None:
-        """The operand's time is one that the operator looks at."""
+    def check_place(self, step: DenseExplanationStep, place: int) -> None:
+        """The operand's place is one that the operator looks at."""
         assert step.formula.op is not None
         if not step.formula.op.timed:
-            assert time == step.time
+            assert place == self.place(step)
         elif step.formula.op.name not in ("until", "since", "unless"):
-            assert self.cell(time) in self.window(step)
+            assert place in self.window(step)
         elif step.witness is not None:
-            first, last = sorted((step.time, step.witness))
-            assert first <= time <= last
+            first, last = sorted(
+                (self.place(step), self.region(step.witness, after=step.witness_after))
+            )
+            assert first <= place <= last
 
     def check_witness(self, step: DenseExplanationStep) -> None:
         """With the right side at the witness, the definition gives the value of the step."""
         if step.witness is None:
+            assert not step.witness_after
             return
         assert step.formula.op is not None
         p, q = step.formula.args
-        first, last = self.ends(step)
-        now = self.moment(step.time)
+        now, witness = self.place(step), self.region(step.witness, after=step.witness_after)
+        assert witness in self.window(step)
+        inside = witness % 2 == 1 and witness != now
         if step.formula.op.name == "since":
-            witness = now if step.witness == step.time else max(step.witness, first)
-            way = self.definition._left_open(witness, now)
+            way = range(witness + 1 - inside, now + 1)
         else:
-            witness = now if step.witness == step.time else max(step.witness, first)
-            way = self.definition._right_open(now, witness)
-        assert first <= witness <= last
-        right = self.definition.value(q, self.cell(step.witness))
-        reached = min(right, self.definition._least(p, way), key=order)
+            way = range(now, witness + inside)
+        reached = min([self.value(q, witness), *(self.value(p, i) for i in way)], key=order)
         assert order(reached) == order(step.value)
 
 
@@ -134,9 +138,10 @@ def checked(case: Case, backend: Backend) -> DenseExplanation:
     formula, whole, time = case
     explanation = explain_dense(formula, whole, time, backend=backend)
     assert (explanation.steps[0].formula, explanation.time) == (formula, time)
-    steps = Checked(Definition(whole), explanation).steps
-    robustness = evaluate_dense(formula, whole, backend=backend)
-    assert order(explanation.robustness) == order([v for t, v in robustness if t <= time][-1])
+    steps = Checked(Regions(whole, STEP / 2), explanation).steps
+    if time == max(events[0][0] for events in whole.values()):
+        found = judge_dense(formula, whole, "complete", backend=backend)
+        assert order(explanation.robustness) == order(found.robustness)
     last = steps[-1]
     known = {name: [v for t, v in events if t <= last.time][-1] for name, events in whole.items()}
     causes = last.formula.variables if last.outside is None else ()
@@ -204,7 +209,9 @@ def opened_cases(draw: st.DrawFn) -> Case:
 
 
 @given(case=opened_cases(), move=st.sampled_from((-0.75, -0.25, 0.5)))
-def test_the_robustness_follows_the_value_that_decided(case: Case, move: float) -> None:
+def test_the_robustness_follows_the_value_that_decided_wherever_the_others_move_on_their_side(
+    case: Case, move: float
+) -> None:
     formula, whole, time = case
     explanation = explain_dense(formula, whole, time)
     if not explanation.causes:
@@ -216,9 +223,26 @@ def test_the_robustness_follows_the_value_that_decided(case: Case, move: float) 
     assert sign in (1.0, -1.0)
     events = whole[cause.variable]
     at = max(i for i, (t, _) in enumerate(events) if t <= cause.time)
-    moved = [*events[:at], (events[at][0], cause.value + move), *events[at + 1 :]]
-    after = explain_dense(formula, {**whole, cause.variable: moved}, time)
-    assert after.robustness == explanation.robustness + sign * move
+    bound = abs(cause.value)
+    apart = {
+        name: [(t, math.copysign(1e6, v) if abs(v) > bound else v / 1e6) for t, v in its]
+        for name, its in whole.items()
+    }
+    for others in (whole, apart):
+        moved = {name: list(its) for name, its in others.items()}
+        moved[cause.variable][at] = events[at][0], cause.value + move
+        after = explain_dense(formula, moved, time).robustness
+        assert after == explanation.robustness + sign * move
+        if time == 0:
+            assert judge_dense(formula, moved, "complete").robustness == after
+
+
+def test_golden_instants_are_explained(backend: Backend) -> None:
+    for case in golden_cases.cases("dense_instant.json"):
+        explanation = explain_dense(case["formula"], case["signals"], backend=backend)
+        assert explanation.robustness == float(case["robustness"])
+        last = explanation.steps[-1]
+        assert abs(last.value) == abs(explanation.robustness)
 
 
 # Times. ------------------------------------------------------------------------------------------

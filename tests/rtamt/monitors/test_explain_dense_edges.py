@@ -91,23 +91,55 @@ def test_of_equal_values_the_first_operand_and_the_first_time_decide(
     assert [(c.variable, c.time) for c in explanation.causes] == [decided]
 
 
-def test_a_witness_and_a_stretch_without_a_first_instant_are_named_by_a_time() -> None:
+def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
     trace = {"a": [(0, 1), (2, 4), (6, 4)], "b": [(0, 0), (1, 5), (2, 0), (6, 0)]}
     # The right side holds from 1 s to 2 s, and right after every moment of it a is 1.
-    assert str(explain_dense("a since b", trace, 5)) == (
-        "robustness 1 at 5 s, decided by a at 1 s\n"
+    explanation = explain_dense("a since b", trace, 5)
+    assert str(explanation) == (
+        "robustness 1 at 5 s, decided by a after 1 s\n"
         "\n"
-        " at  value  formula\n"
-        "5 s      1  a since b\n"
-        "              witness: the right side at 1 s\n"
-        "1 s      1  a\n"
-        "1 s      1  a"
+        "       at  value  formula\n"
+        "      5 s      1  a since b\n"
+        "                    witness: the right side at 1 s\n"
+        "after 1 s      1  a\n"
+        "      1 s      1  a"
     )
-    # Right after 1 s, a is asked for up to right after 2 s, where it is -4.
+    assert [(step.time, step.after) for step in explanation.steps] == [(5, False), (1, True)]
+    # At 1 s, b is reached at 2 s, and a is 1 up to there. Right after, a is asked for at 2 s too.
     trace = {"a": [(0, 1), (2, -4), (6, 4)], "b": [(0, 0), (2, 5), (6, 0)]}
     explanation = explain_dense("a until[1:2] b", trace, 1)
+    assert (explanation.robustness, explanation.causes) == (1, (("a", 1.0, 1.0),))
+    assert (explanation.steps[0].witness, explanation.steps[0].witness_after) == (2.0, False)
+    explanation = explain_dense("once[1:1](always[0:1](a until[1:2] b))", trace, 2)
     assert explanation.robustness == -4 == evaluate_dense("a until[1:2] b", trace)[1][1]
-    assert (explanation.steps[0].witness, explanation.causes) == (2.0, (("a", 2.0, -4.0),))
+    assert [(step.time, step.after) for step in explanation.steps[1:]] == [
+        (1, False),
+        (1, True),
+        (2, False),
+    ]
+    assert explanation.causes == (("a", 2.0, -4.0),)
+
+
+def test_single_instants_are_explained() -> None:
+    landed: dict[str, Any] = {"x": [(0, -1), (2, 5)]}
+    assert str(explain_dense("eventually[2:2](x > 0)", landed)) == (
+        "robustness 5 at 0 s, decided by x > 0 at 2 s\n"
+        "\n"
+        " at  value  formula\n"
+        "0 s      5  eventually[2:2](x > 0)\n"
+        "2 s      5  x > 0\n"
+        "2 s      5  x"
+    )
+    handed: dict[str, Any] = {
+        "idle": [(0, 2), (1, -1), (3, -1)],
+        "active": [(0, -1), (1, 1), (3, 1)],
+    }
+    explanation = explain_dense("idle > 0 until[1:2] active > 0", handed)
+    assert (explanation.robustness, explanation.steps[0].witness) == (1, 1)
+    assert explanation.causes == (("active", 1.0, 1.0),)
+    both = explain_dense("eventually(x > 4 and once[1:1](x < 0))", {"x": [(0, -1), (1, 5), (2, 5)]})
+    assert [step.time for step in both.steps] == [0, 1, 1]
+    assert both.robustness == 1
 
 
 def test_a_window_outside_the_trace_is_named() -> None:
@@ -126,8 +158,10 @@ def test_a_window_outside_the_trace_is_named() -> None:
         assert abs(explanation.robustness) == math.inf
         note = str(explanation).splitlines()[-1].strip()
         assert note == f"its window lies outside the trace: {window}"
-    lines = str(explain_dense("always[1:2](a)", trace, 0.5)).splitlines()
-    assert " ".join(" ".join(lines[4:]).split()) == (
+    assert explain_dense("always[1:2](a)", trace, 0.5).robustness == 3
+    lines = str(explain_dense("not always(eventually[1:2](a))", trace)).splitlines()
+    assert lines[0] == "robustness inf at 0 s, decided by a window outside the trace after 0.5 s"
+    assert " ".join(" ".join(lines[6:]).split()) == (
         "right after that time, its window lies outside the trace: 1.5 s to 2.5 s"
     )
 
