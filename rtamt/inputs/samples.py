@@ -28,6 +28,7 @@ from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbe
 from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
+from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program
 from rtamt.program.ranges import of_ends, ranges_of
 
@@ -62,11 +63,18 @@ class SampleReader:
         lane: The number of the signal among many, for errors.
         bounds: Whether what reads the samples gives bounds, so that they need not be known.
 
+    Attributes:
+        intervals_fit: Whether there is memory for samples that are not known; else they are
+            refused.
+
     Raises:
         InputError: On another policy for nan.
     """
 
-    __slots__ = ("_known", "_messages", "_where", "bounds", "nan", "program", "variables")
+    __slots__ = (
+        *("_known", "_messages", "_where"),
+        *("bounds", "intervals_fit", "nan", "program", "variables"),
+    )
 
     def __init__(
         self,
@@ -80,6 +88,7 @@ class SampleReader:
         self.program = program
         self.variables = program.variables
         self.bounds = bounds
+        self.intervals_fit = True
         self._known = frozenset(program.variables)
         self._messages = Messages(program.specification, program.variables)
         self._where = "" if lane is None else f" of lane {lane}"
@@ -171,6 +180,8 @@ class SampleReader:
                 f"expected a value that is known for '{name}' at sample {sample}, got {value!r}; "
                 f"{NO_BOUNDS}"
             )
+        if not self.intervals_fit:
+            limit_episode(self.program, unknown=True)
         return value
 
     def _by_name(

@@ -171,13 +171,13 @@ class Foresight:
             everywhere: Whether `fails` and `holds` will be asked for, about every sample.
         """
         bound = sufficient(program, n)
-        limit_beyond(program.clamped(bound), n)
+        lower, upper = columns
+        limit_beyond(program.clamped(bound), n, unknown=upper is not lower)
         worst = look_out(program, bound, best=False)
         best = look_out(program, bound, best=True) if program.neutral else worst
         needed = n if everywhere else min(n, worst.needed or n)
         terms = worst.predicates
         observed = tuple(terms.outputs.values())
-        lower, upper = columns
         least: list[Array] = []
         if terms.outputs and upper is not lower:
             least, greatest = (

@@ -27,7 +27,7 @@ from rtamt.monitors.online import (
     machine_value,
 )
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
-from rtamt.program.memory import limit_discrete, limit_episode
+from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
 __all__ = ["EpisodeMonitor", "Monitor", "Verdict"]
@@ -218,7 +218,8 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number
             of periods, too many operators without an end inside others, or streams of values of
-            more than `rtamt.limits.window_bytes`.
+            more than `rtamt.limits.window_bytes`, with ``nan="unknown"`` twice as many; without it
+            `update` raises it at the first value that is not known, if those are too many.
         InputError: As for `Monitor`.
 
     Example:
@@ -267,7 +268,8 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             self.update = _recording(self._machine, self._history)
 
     def _made(self, reader: SampleReader) -> EpisodeMachine:
-        limit_episode(self.program)
+        limit_episode(self.program, unknown=reader.nan == "unknown")
+        reader.intervals_fit = intervals_fit(self.program)
         return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     @property

@@ -21,7 +21,7 @@ from rtamt.monitors.online import (
     machine_value,
 )
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
-from rtamt.program.memory import limit_discrete, limit_episode
+from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
@@ -169,7 +169,7 @@ class VectorEpisodeMonitor(
         (array([  4., -inf, -inf]), array([ 1,  0, -1], dtype=int8))
     """
 
-    __slots__ = ()
+    __slots__ = ("_intervals_fit",)
 
     _bounds: ClassVar = True
 
@@ -200,6 +200,8 @@ class VectorEpisodeMonitor(
             InputError: On a wrong shape, a nan, a value above its upper one, or a term that is not
                 a number (``sqrt(-1)``), with the lane and its sample.
             InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
+            SpecificationError: If samples that are not known would take more memory than
+                `rtamt.limits.window_bytes`.
             StateError: If a lane that is to take a sample is finished.
 
         Example:
@@ -207,10 +209,13 @@ class VectorEpisodeMonitor(
             >>> e.update([[3], [0]], upper=[[5], [4]]), e.finish(), e.upper, e.verdict
             (array([ 2., -1.]), array([ 2., -1.]), array([4., 3.]), array([1, 0], dtype=int8))
         """
+        if upper is not None and not self._intervals_fit:
+            limit_episode(self.program, self.num, unknown=True)
         return self._machine.update(values, mask, upper)
 
     def _made(self, reader: LaneReader) -> EpisodeBank:
-        limit_episode(self.program, self.num)
+        limit_episode(self.program, self.num, unknown=self._nan == "unknown")
+        self._intervals_fit = intervals_fit(self.program, self.num)
         return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(

@@ -19,6 +19,7 @@ from rtamt.program.schedule import Delay, schedule
 __all__ = [
     "discrete_numbers",
     "episode_numbers",
+    "intervals_fit",
     "limit_beyond",
     "limit_discrete",
     "limit_episode",
@@ -35,23 +36,37 @@ def limit_discrete(program: Program, lanes: int = 1) -> None:
         SpecificationError: With the formula that needs most, the bytes and the limit.
         InputError: If the limit is no number.
     """
-    _limit(program, _discrete_needs(program), lanes)
+    _limit(program, _discrete_needs(program), lanes, _where(lanes))
 
 
-def limit_episode(program: Program, lanes: int = 1) -> None:
+def limit_episode(program: Program, lanes: int = 1, *, unknown: bool = False) -> None:
     """Refuse a program whose streams, in so many lanes, pass `limits.window_bytes`.
 
     It raises the errors of `limit_discrete`.
+
+    Args:
+        program: The program.
+        lanes: How many lanes.
+        unknown: Whether samples may be unknown: a twin goes on from the first such sample.
     """
-    _limit(place(program).program, _episode_needs(program), lanes)
+    where = _where(lanes) + " with samples that are not known" * unknown
+    machines = _machines(program, unknown=unknown)
+    _limit(place(program).program, machines * _episode_needs(program), lanes, where)
 
 
-def limit_beyond(program: Program, n: int) -> None:
+def intervals_fit(program: Program, lanes: int = 1) -> bool:
+    """Whether `limit_episode` allows samples that are not known."""
+    needed = _machines(program, unknown=True) * _episode_needs(program) * lanes * _DOUBLE
+    return needed <= limits.window_bytes
+
+
+def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
     """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow.
 
     Args:
         program: The program, whose bounds are cut as far as the trace allows.
         n: Length of the trace.
+        unknown: Whether samples are unknown.
 
     Raises:
         SpecificationError: With the formula that needs most, the bytes and the limit.
@@ -59,8 +74,10 @@ def limit_beyond(program: Program, n: int) -> None:
     """
     windows = [i for i in program.instructions if isinstance(i, Window)]
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
-    # Each variable and each window keeps them, in both worlds.
-    _limit(program, 2 * beyond * (len(program.variables) + len(windows)), 1)
+    # Each variable and each window keeps them, in both worlds of each reading of the predicates.
+    kept = 2 * beyond * (len(program.variables) + len(windows))
+    where = " with samples that are not known" * unknown
+    _limit(program, (2 if unknown else 1) * kept, 1, where)
 
 
 def discrete_numbers(program: Program) -> Counter[int]:
@@ -128,7 +145,16 @@ def _episode_needs(program: Program) -> int:
     return episode_numbers(place(program)).total()
 
 
-def _limit(program: Program, numbers: int, lanes: int) -> None:
+def _machines(program: Program, *, unknown: bool) -> int:
+    """How many machines bound an episode: pairs for neutral predicates and for unknown samples."""
+    return (2 if program.neutral else 1) * (2 if unknown else 1)
+
+
+def _where(lanes: int) -> str:
+    return f" in {lanes} lanes" if lanes > 1 else ""
+
+
+def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
     limit: object = limits.window_bytes  # which anybody may set
     if (
         isinstance(limit, bool)
@@ -146,7 +172,6 @@ def _limit(program: Program, numbers: int, lanes: int) -> None:
         if isinstance(i, Window)
     ]
     _, longest = max(windows)
-    where = f" in {lanes} lanes" if lanes > 1 else ""
     raise program.specification.error(
         program.sources[longest],
         f"the windows need {needed} bytes{where}, and this one is the longest; "

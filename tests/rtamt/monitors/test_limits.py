@@ -69,6 +69,58 @@ def test_an_episode_needs_settled_and_open_values(
     assert needed(lambda: rtamt.VectorEpisodeMonitor(text, 7), monkeypatch) == 7 * 8 * numbers
 
 
+@pytest.mark.parametrize("text", [text for text, _ in EPISODE])
+def test_unknown_samples_and_neutral_predicates_take_a_second_machine_each(
+    text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = f"input float64 x\noutput float64 y\n{text.replace('x > 0', '(x > 0 or y > 0)')}"
+    neutral: dict[str, Any] = {"semantics": "input-vacuity"}
+
+    def bytes_of(**options: Any) -> list[int]:  # noqa: ANN401 - of a monitor
+        return [
+            needed(lambda: rtamt.EpisodeMonitor(spec, **options), monkeypatch),
+            needed(lambda: rtamt.VectorEpisodeMonitor(spec, 7, **options), monkeypatch) // 7,
+        ]
+
+    once = bytes_of()
+    assert bytes_of(nan="unknown") == bytes_of(**neutral) == [2 * each for each in once]
+    assert bytes_of(nan="unknown", **neutral) == [4 * each for each in once]
+
+
+@pytest.mark.parametrize("backend", ["python", "native"])
+def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_much(
+    backend: Any,  # noqa: ANN401 - a name
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text, between = "always(once[0:9](x > 0))", rtamt.Between(-1.0, 1.0)
+    one = 8 * (9 + 3 * 9)
+    roomy = rtamt.EpisodeMonitor(text, backend=backend)
+    monkeypatch.setattr(limits, "window_bytes", 2 * one)
+    for nan in ("raise", "unknown"):
+        rtamt.EpisodeMonitor(text, backend=backend, nan=nan).update(between)
+    monkeypatch.setattr(limits, "window_bytes", 2 * one - 1)
+    roomy.update(between)  # it was made under a greater limit
+    monitor = rtamt.EpisodeMonitor(text, backend=backend)
+    monkeypatch.setattr(limits, "window_bytes", 4 * one)
+    several = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
+    several.update([[1.0], [1.0]], upper=[[2.0], [1.0]])
+    monkeypatch.setattr(limits, "window_bytes", 2 * one - 1)
+    monitor.update(2.0)
+    words = f"the windows need {2 * one} bytes with samples that are not known, and this one"
+    with pytest.raises(SpecificationError, match=words):
+        monitor.update(between)
+    assert (monitor.samples, monitor.robustness) == (1, 2.0)
+    assert monitor.update(rtamt.Between(1.0, 1.0)) == 1.0  # it is known
+    with pytest.raises(SpecificationError, match="bytes with samples that are not known"):
+        rtamt.EpisodeMonitor(text, backend=backend, nan="unknown")
+    monkeypatch.setattr(limits, "window_bytes", 4 * one - 1)
+    lanes = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
+    lanes.update([[1.0], [3.0]])
+    with pytest.raises(SpecificationError, match="in 2 lanes with samples that are not known"):
+        lanes.update([[1.0], [1.0]], upper=[[2.0], [1.0]])
+    assert (lanes.samples.tolist(), lanes.robustness.tolist()) == ([1, 1], [1.0, 3.0])
+
+
 @given(formulas(), traces())
 def test_no_monitor_keeps_more_numbers(formula: Formula, trace: Trace) -> None:
     program = compile_program(rtamt.Specification.of(formula), online=True)
