@@ -23,6 +23,7 @@ __all__ = [
     "shorten",
     "table",
     "time_text",
+    "wrapped",
 ]
 
 
@@ -91,6 +92,11 @@ def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str
     if period is None:
         return time_text(sample, None)
     return time_text(start + float(sample * period), float(period))
+
+
+def wrapped(text: str) -> list[str]:
+    """Breaks a text into lines of 80 columns at most; all but the first are indented."""
+    return wrap(text, 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
 def shorten(text: str, width: int) -> str:

@@ -32,6 +32,6 @@ def noted_ends() -> Iterator[list[str]]:
 
 _OPEN_END = [
     "note: the environment ended an episode while a specification was open, which",
-    "counts as satisfied. --at-termination says what its end means: complete for this,",
-    "failure for a fall or a crash, cut where the episode could have gone on.",
+    "counts as satisfied. --at-termination says what its end means: complete for",
+    "this, failure for a fall or a crash, cut where the episode could have gone on.",
 ]

@@ -18,6 +18,7 @@ from rtamt_gym.commands.arguments import (
     add_max_steps,
     add_output,
     add_reading,
+    add_require_asked,
     add_spec,
     add_workers,
     check_outputs,
@@ -28,7 +29,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
 
 if TYPE_CHECKING:
@@ -148,6 +149,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep finished episodes there; after an interruption the same command goes on",
     )
     add_reading(parser, *EPISODES)
+    add_require_asked(parser, "episode")
     add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
     add_output(parser, "--report", "write it as a page of HTML, with the worst episodes as plots")
 
@@ -193,7 +195,9 @@ def run(options: argparse.Namespace) -> int:
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
-    return exit_code(_words(evaluation.decision or {}, options.target))
+    hollow = unasked(evaluation.record, "episode", fails=options.require_asked)
+    tell(hollow)
+    return exit_code(_words(evaluation.decision or {}, options.target), hollow)
 
 
 _RULES = ("until_width", "target", "alpha", "margin")

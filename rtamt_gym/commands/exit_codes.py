@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from textwrap import wrap
 from typing import TYPE_CHECKING, Final
+
+from rtamt_gym.tables import wrapped
 
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
@@ -80,6 +81,6 @@ def tell(hollow: Collection[Hollow], *, json: bool = False) -> None:
     """
     lines = [] if json or not hollow else [""]
     for each in hollow:
-        lines += wrap(each.text, 80, subsequent_indent="    ", break_on_hyphens=False)
+        lines += wrapped(each.text)
     if lines:
         print(*lines, sep="\n", file=sys.stderr if json else sys.stdout, flush=True)

@@ -18,6 +18,7 @@ from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
     add_reading,
+    add_require_asked,
     add_workers,
     check_outputs,
     positive,
@@ -27,7 +28,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell
+from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell, unasked
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
@@ -114,6 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_workers(parser)
     add_allowed_failures(parser, 0)
     add_reading(parser, *EPISODES)
+    add_require_asked(parser, "simulation")
     add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
@@ -181,6 +183,7 @@ def run(options: argparse.Namespace) -> int:
         if files and not options.json:
             print("", *files, sep="\n")
     hollow = [] if found.falsified else hollow_failures(found.record, options, found.not_violated)
+    hollow += unasked(found.record, "simulation", fails=options.require_asked)
     tell(hollow, json=options.json)
     words: list[Word] = ["violated"] if found.falsified else []
     return INTERRUPTED if found.interrupted else exit_code(words, hollow)
@@ -219,7 +222,7 @@ def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
 
 def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:
     """What was found, and why; not why where the search was interrupted: it takes a simulation."""
-    yield str(found)
+    yield from found.lines()
     if found.judged and not found.interrupted and not math.isnan(found.robustness):
         why = [shorten(line, 80) for line in str(found.explain()).splitlines()]
         yield from ("", *why[:_WHY])

@@ -12,6 +12,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import read_reading
+from rtamt_gym.commands.exit_codes import Hollow, tell
 from rtamt_gym.commands.traces import (
     TracesAsked,
     read_arguments,
@@ -101,6 +102,8 @@ def run(options: argparse.Namespace) -> int:
             advance(1)
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(mined.to_json() if options.json else mined)
+    if options.json and mined.never_asked:
+        tell([Hollow(mined.never_asked)], json=True)
     return 0
 
 

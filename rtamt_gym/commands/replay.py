@@ -7,9 +7,9 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rtamt_gym.commands.arguments import add_output, check_outputs
+from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
@@ -31,12 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print which formulas and samples decided the robustness",
     )
+    add_require_asked(parser, "run")
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--save", "write the run as a Parquet file, a row for each sample")
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs the case, prints the run and its verdict; returns 1 if it is not the expected one."""
+    from rtamt_gym.results.table import Results
     from rtamt_gym.search.runs.saved_case import SavedCase
 
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
@@ -56,10 +58,14 @@ def run(options: argparse.Namespace) -> int:
 
         save(draw([with_inputs(made, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
-    return exit_code([] if saved.gives(made) else ["violated"])
+    trial, text = made.trial(), str(saved.requirement.formula)
+    hollow = unasked(Results([trial], {saved.name: text}), "run", fails=options.require_asked)
+    tell(hollow)
+    return exit_code([] if saved.gives(made) else ["violated"], hollow)
 
 
 def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
+    from rtamt_gym.results.asked import asked_texts
     from rtamt_gym.results.outcome import verdict_text
     from rtamt_gym.search.runs.report import case_lines
 
@@ -74,8 +80,10 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"
+    asked = asked_texts(course.asked or (), lambda at: sample_text(int(at), made.period))
     if saved.repeats(made):
         yield f"{got}: as expected, to the last bit"
+        yield from (line for text in asked for line in _wrapped(text, ""))
         return
     yield got
     other = "another robustness" if saved.gives(made) else "another verdict"
@@ -87,6 +95,7 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
     changes = [f"{name} {now} (then {then})" for name, (then, now) in saved.newer().items()]
     if changes:
         yield from _wrapped(f"run by {', '.join(changes)}", "")
+    yield from (line for text in asked for line in _wrapped(text, ""))
 
 
 def _wrapped(text: str, indent: str = "  ") -> list[str]:

@@ -10,6 +10,7 @@ from rtamt_gym.commands.arguments import (
     add_max_steps,
     add_output,
     add_reading,
+    add_require_asked,
     add_spec,
     check_outputs,
     positive,
@@ -19,6 +20,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
 
 __all__ = ["add_arguments", "run"]
@@ -27,7 +29,8 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs episodes of a registered Gymnasium environment under specifications and prints "
-        "their robustness and verdicts. Exits 0 whatever the verdicts are."
+        "their robustness and verdicts. Exits 0 whatever the verdicts are, with --require-asked 3 "
+        "if nothing has put a requirement to the test."
     )
     parser.epilog = (
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
@@ -71,14 +74,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_max_steps(parser)
     add_reading(parser, "substeps", "period", "view", "semantics", "align")
+    add_require_asked(parser, "episode")
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
     add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
+    """Runs the episodes, prints a table of them and writes the files asked for; returns 0 or 3."""
     from rtamt_gym.judging.specs import own_requirements
+    from rtamt_gym.results.table import Results
     from rtamt_gym.results.trial import end_note
     from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.outcomes import report, saved_note, to_json
@@ -107,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
     shown_below = [*end_note([run.trial() for run in runs]), *saved_note(runs), *notes]
-    print("", *report(runs), "", *shown_below, sep="\n")
+    print("", *report(runs), *[""] * bool(shown_below), *shown_below, sep="\n")
     if options.json:
         readings = {
             "on_violation": options.on_violation,
@@ -123,4 +128,8 @@ def run(options: argparse.Namespace) -> int:
         shown = next((i for i, run in enumerate(runs) if run.violated_by), 0)
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown + 1}: {options.plot}")
-    return 0
+    texts = {name: str(spec.formula) for name, spec in specs.items()}
+    results = Results([run.trial() for run in runs], texts)
+    hollow = unasked(results, "episode", fails=options.require_asked)
+    tell(hollow)
+    return exit_code([], hollow)

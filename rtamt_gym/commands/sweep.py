@@ -17,6 +17,7 @@ from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
     add_reading,
+    add_require_asked,
     add_workers,
     check_outputs,
     read_options,
@@ -25,7 +26,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import exit_code, tell
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
@@ -43,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs a scenario, or another registered environment, on many points of a space; prints the "
         "robustness and the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if "
-        "more simulations failed than --allow-failures lets pass."
+        "more simulations failed than --allow-failures lets pass, or if nothing has put a "
+        "requirement to the test and --require-asked is given."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -111,6 +113,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="keep finished simulations there; after an interruption the same command goes on",
     )
+    add_require_asked(parser, "simulation")
     add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
     add_output(parser, "--json", "write the record as strict JSON")
     add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
@@ -120,7 +123,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the sweep, prints what came of it and writes the files asked for; returns 0."""
+    """Runs the sweep, prints what came of it and writes the files asked for; returns 0 or 3."""
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning, sweep
     from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.policies import policy_of
@@ -166,13 +169,14 @@ def run(options: argparse.Namespace) -> int:
             )
     for name, formula in done.requirements.items():
         print(f"{done.record.provenance.called(name)}: {formula}")
-    print("", done, "", *_worst(done), sep="\n")
+    print("", *done.lines(), "", *_worst(done), sep="\n")
     if options.sampler in {"morris", "saltelli"}:
         for name in done.requirements:
             print("", _moved(done, name), sep="\n")
     _write(done, options)
     failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
     hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
+    hollow += unasked(done.record, "simulation", fails=options.require_asked)
     tell(hollow)
     return exit_code([], hollow)
 

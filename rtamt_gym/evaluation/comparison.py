@@ -19,6 +19,7 @@ from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.tables import comparison_table
+from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
 from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.statistics import SUCCESS
@@ -306,6 +307,8 @@ def _notes(
                 f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, beside a "
                 f"robustness that holds: {its} robustness judges the samples alone"
             )
+        for text in never_asked_lines(each.record, "episode"):
+            yield f"{text} of {name}"
         if each.decision is not None:
             yield (
                 f"{name} ran until its answer was known, so its rate may lean to that answer; "

@@ -11,6 +11,7 @@ import numpy as np
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
+from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
 from rtamt_gym.results.trial import end_note, open_at_stop
@@ -31,12 +32,16 @@ _LEAST_NAME: Final = 11
 
 def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str:  # noqa: ANN401 - an `Evaluation`, which prints itself so
     """The table of an evaluation as text; without a terminal plain, of 80 columns."""
-    return "\n".join(_of_evaluation(evaluation, terminal or Terminal()))
+    lines = _of_evaluation(evaluation, terminal or Terminal())
+    return "\n".join([*lines, *asked_said(evaluation.record, "episode")])
 
 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
-    """Prints the table of an evaluation: on a terminal with colours, and as wide as it is."""
-    print(evaluation_table(evaluation, Terminal.present()))  # noqa: T201 - of the command line
+    """Prints the table of an evaluation: on a terminal with colours, and as wide as it is.
+
+    What nothing has put to the test is left to the command, which says it at its end.
+    """
+    print(*_of_evaluation(evaluation, Terminal.present()), sep="\n")  # noqa: T201 - of the command line
 
 
 def comparison_table(

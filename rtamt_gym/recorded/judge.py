@@ -17,6 +17,7 @@ from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.asked import asked_texts
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.tables import number, sample_text, time_text
@@ -151,13 +152,7 @@ class TraceJudgement:
     @property
     def asked(self) -> list[str]:
         """How many times each implication was put to the test, in words; empty if none was."""
-        return [
-            f"asked {each.occasions}x, first at {self._instant(each.first)}"
-            + ", satisfied without an answer" * each.vacuous
-            + f": {each.text}" * (len(self.found.asked) > 1)
-            for each in self.found.asked
-            if each.occasions
-        ]
+        return asked_texts(self.found.asked, self._instant)
 
     def _instant(self, at: float) -> str:
         """A sample, in dense time a time, in words."""

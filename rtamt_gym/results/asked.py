@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
+from rtamt import Asked, DenseAsked
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.table import Results
-from rtamt_gym.tables import counted, shorten
+from rtamt_gym.tables import counted, shorten, wrapped
 
-__all__ = ["asked_in", "asked_line", "never_asked", "never_asked_lines", "partly_asked_lines"]
+__all__ = [
+    "asked_in",
+    "asked_line",
+    "asked_said",
+    "asked_texts",
+    "never_asked",
+    "never_asked_lines",
+    "partly_asked_lines",
+]
 
 
 def asked_in(results: Results, name: str) -> tuple[int, int] | None:
@@ -67,6 +78,32 @@ def partly_asked_lines(results: Results, what: str = "trace") -> list[str]:
         if unanswered:
             lines.append(f"satisfied without an answer: {name} in {unanswered} {every}")
     return lines
+
+
+def asked_texts(asked: Sequence[Asked | DenseAsked], instant: Callable[[float], str]) -> list[str]:
+    """How many times each implication was put to the test, in words; empty if none was.
+
+    Args:
+        asked: The rows of the implications.
+        instant: Writes a sample, or in dense time a time.
+    """
+    return [
+        f"asked {each.occasions}x, first at {instant(each.first)}"
+        + ", satisfied without an answer" * each.vacuous
+        + f": {each.text}" * (len(asked) > 1)
+        for each in asked
+        if each.first is not None
+    ]
+
+
+def asked_said(results: Results, what: str = "trace") -> list[str]:
+    """What is hollow in requirements with implications, in lines of at most 80 columns.
+
+    An empty line stands above; there is no line if nothing is hollow.
+    """
+    texts = [*never_asked_lines(results, what), *partly_asked_lines(results, what)]
+    lines = [line for text in texts for line in wrapped(text)]
+    return [""] * bool(lines) + lines
 
 
 def asked_line(results: Results, what: str = "trace") -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rtamt_gym.results.codec import document, plain_results, plain_trial
+from rtamt_gym.results.matrix import times_text
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import STOPPED
@@ -23,7 +24,9 @@ def report(runs: Sequence[Run]) -> list[str]:
     """
     stops = any(run.stop != "end" for run in runs)
     at_head = "stopped at" if stops else "certain at"
-    rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", "saved")]
+    asks = any(each.occasions is not None for run in runs for each in run.outcomes.values())
+    head = ("asked",) if asks else ()
+    rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
     for count, run in enumerate(runs, 1):
         for name, course in run.courses.items():
             first = name == next(iter(run.courses))
@@ -31,12 +34,13 @@ def report(runs: Sequence[Run]) -> list[str]:
             at = stopped if stops else course.decided_at
             when = "-" if at is None else sample_text(at, run.period)
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
-            of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name)
+            asked = (times_text(course.outcome(run.period)) or "-",) if asks else ()
+            of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name, *asked)
             if first:
                 rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
             else:
                 rows.append(("", "", "", "" if stops else when, *of_spec, ""))
-    return table(rows, "><>><><>")
+    return table(rows, f"><>><><{'>' * len(head)}>")
 
 
 def saved_note(runs: Sequence[Run]) -> list[str]:

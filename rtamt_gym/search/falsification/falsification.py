@@ -17,6 +17,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.asked import asked_said, never_asked
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.outcome import BY_END, violated_by_end
 from rtamt_gym.results.trial import Trial
@@ -105,10 +106,11 @@ class Falsification:
     @property
     def not_violated(self) -> str:
         """What a search without a violation has shown: of judged simulations alone."""
+        asked = ", and never asked" * (self.requirement in never_asked(self.record))
         if not self.failed:
-            return "not violated"
+            return f"not violated{asked}"
         judged = counted(self.judged, "judged simulation")
-        return f"not violated in {judged}; {self.failed} failed"
+        return f"not violated in {judged}{asked}; {self.failed} failed"
 
     def replay(self) -> Run:
         """Runs `input` again, alone, and keeps every sample.
@@ -207,7 +209,7 @@ class Falsification:
         )
 
     def __str__(self) -> str:
-        return "\n".join(self._lines())
+        return "\n".join([*self.lines(), *asked_said(self.record, "simulation")])
 
     @property
     def _by_end(self) -> bool:
@@ -217,7 +219,8 @@ class Falsification:
     def _how(self) -> str:
         return f" {BY_END}" * self._by_end
 
-    def _lines(self) -> list[str]:
+    def lines(self) -> list[str]:
+        """What was found, as lines of text."""
         name, system = self.requirement, self.record.system
         end = f"is violated{self._how}" if self.falsified else f"was {self.not_violated}"
         # A blank that does not break is none to `wrap`.

@@ -27,7 +27,7 @@ from rtamt_gym.search.mining.values import (
     text_of,
     values_between,
 )
-from rtamt_gym.tables import counted, number, shorten
+from rtamt_gym.tables import counted, number, shorten, wrapped
 
 __all__ = ["Mined", "Witness", "mine", "mined_over"]
 
@@ -75,6 +75,8 @@ class Mined:
         probes: At how many values, both ends among them, every trace was judged to see whether it
             changes its verdict once at most.
         notes: What else is to be known, in sentences.
+        asked: How many traces put the requirement to the test at the value; None if it has no
+            implication. Where it is 0, the value says nothing of the system.
     """
 
     requirement: str
@@ -91,6 +93,7 @@ class Mined:
     evaluations: int
     probes: int
     notes: tuple[str, ...] = ()
+    asked: int | None = None
 
     @property
     def witness(self) -> Witness:
@@ -113,6 +116,14 @@ class Mined:
         """The requirement as text, with the value in the place of the parameter."""
         return str(self.specification.formula)
 
+    @property
+    def never_asked(self) -> str:
+        """That no trace puts the requirement to the test at the value, in words; else empty."""
+        if self.asked != 0:
+            return ""
+        what = f"{self.parameter} = {text_of(self.value)}"
+        return f"never asked: {what} was put to the test in 0 of {counted(self.traces, 'trace')}"
+
     def to_json(self) -> str:
         """The value as a result of the kind ``"mined"``, whose trials are the witnesses."""
         names = ("requirement", "parameter", "value", "side", "fails_at", "low", "high", "traces")
@@ -127,6 +138,7 @@ class Mined:
             "evaluations": self.evaluations,
             "probes": self.probes,
             "notes": self.notes,
+            "asked": self.asked,
         }
         results = Results(trials, {self.parameter: self.formula})
         return document("mined", {**about, **plain_results(results, rates=False)})
@@ -157,7 +169,8 @@ class Mined:
         if case:
             columns = ", ".join(f"{key}={number(value)}" for key, value in case.columns().items())
             lines += _wrapped(f"case: {columns}")
-        return "\n".join([*lines, str(self.explanation)])
+        never = [""] * bool(self.never_asked) + wrapped(self.never_asked)
+        return "\n".join([*lines, str(self.explanation), *never])
 
 
 def _wrapped(text: str) -> list[str]:
@@ -323,4 +336,14 @@ def _mined(
         found.evaluations,
         found.probes,
         notes,
+        _asked(spec, traces),
     )
+
+
+def _asked(spec: rtamt.Specification, traces: list[Samples]) -> int | None:
+    """How many traces put a requirement to the test; None if it has no implication."""
+    rows = [traces[0].judge(spec).asked]
+    if not rows[0]:
+        return None
+    rows += [trace.judge(spec).asked for trace in traces[1:]]
+    return sum(any(each.occasions for each in asked) for asked in rows)

@@ -19,6 +19,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.record import Record, check_columns, storage
@@ -203,13 +204,17 @@ class Sweep:
         return f"<Sweep {repr(self.record).removeprefix('<Record ')}"
 
     def __str__(self) -> str:
+        return "\n".join([*self.lines(), *asked_said(self.record, "simulation")])
+
+    def lines(self) -> list[str]:
+        """The record in a table, and the map of a grid of two columns, as lines of text."""
         lines = summary(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
                 heights = self.record.heights(name)
                 if np.unique(heights[~np.isnan(heights)]).size > 1:
                     lines += ["", *self.map(requirement=name).lines()]
-        return "\n".join(lines)
+        return lines
 
 
 @lists_reading(EpisodeReading)

@@ -43,8 +43,8 @@ RUN = ["run", "RtamtFalls-v0", "--signal", "x=obs[0]", "--policy", "zero"]
 INVARIANT = ["--spec", "always(x < 9)"]
 NOTE = """
 note: the environment ended an episode while a specification was open, which
-counts as satisfied. --at-termination says what its end means: complete for this,
-failure for a fall or a crash, cut where the episode could have gone on.
+counts as satisfied. --at-termination says what its end means: complete for
+this, failure for a fall or a crash, cut where the episode could have gone on.
 """
 
 

@@ -1,0 +1,145 @@
+"""Each row of the page on hollow verdicts: what is printed, the exit code, what makes it fail."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+PAGE = Path(__file__).parents[3] / "docs" / "hollow.md"
+SERVER = """\
+def server(load=0.5):
+    for i in range(20):
+        yield {"req": 2.0 * load, "gnt": 5.0}
+"""
+
+
+class Row(NamedTuple):
+    """A row of the page."""
+
+    what: str
+    printed: str
+    code: int
+    fails: str
+
+
+class Shown(NamedTuple):
+    """How a row is shown: a command, and what makes it fail where it does not."""
+
+    command: str
+    switch: str = ""
+    without: str = ""
+
+    def words(self, *, fails: bool) -> list[str]:
+        """The command; with what makes it fail, in front of the traces."""
+        command = self.command.replace(self.without, "") if fails else self.command
+        head, dashes, traces = command.partition(" -- ")
+        return shlex.split(f"{head} {self.switch if fails else ''}{dashes}{traces}")
+
+
+POLE = "CartPole-v1 --signal angle=obs[2] --policy zero"
+RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
+LEAN = "right = always(angle > 2 implies eventually[0:0.1](angle < 0.02))"
+SEARCH = f"falsify hollow_server:server '{RESPONSE}' --vary load=0:1 --budget 10 --period 1"
+BOTH = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
+EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
+MINED = "'always(req >= ?r implies gnt < 0)' --range r=0:9 --tolerance 0.0001"
+STANDS = "--spec 'always(abs(angle) < 1)'"
+ASKED = "--require-asked"
+SHOWN: dict[str, Shown] = {
+    "no trace puts a requirement to the test": Shown(
+        f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED
+    ),
+    "no episode of a policy does": Shown(
+        f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED
+    ),
+    "no simulation of a search does": Shown(SEARCH, ASKED),
+    "no point of a sweep does": Shown(
+        f"sweep {POLE} --requirement '{LEAN}' --vary env.gravity=9:10 --samples 2", ASKED
+    ),
+    "a saved case does not": Shown("replay case.json", ASKED),
+    "one of several implications is never put to the test": Shown(
+        f"monitor '{BOTH}' -- idle.csv busy.csv"
+    ),
+    "a constant is mined of traces that do not ask": Shown(f"mine {MINED} -- busy.csv idle.csv"),
+    "no answer was needed": Shown(f"monitor '{EITHER}' busy.csv"),
+    "the recording stops too early": Shown(
+        "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
+    ),
+    "a value is not known": Shown("monitor 'always(gnt >= 3)' holes.csv --missing unknown"),
+    "a cell is empty": Shown("monitor 'always(gnt >= 3)' holes.csv"),
+    "rows are not evenly spaced": Shown(
+        "monitor 'always(gnt >= 3)' late.csv --jitter 5%", without="--jitter 5%"
+    ),
+    "a trace cannot be read, the others satisfy": Shown(
+        "monitor 'always(gnt >= 3)' -- idle.csv broken.csv"
+    ),
+    "the environment ended while a requirement was open": Shown(
+        f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
+    ),
+    "few episodes": Shown(
+        f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
+    ),
+    "the run of a saved case has another verdict": Shown("replay other.json"),
+}
+
+
+def rows() -> list[Row]:
+    """The rows of the page."""
+    found = []
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+        if line.startswith("| ") and len(cells) == 4 and cells[0] != "what is hollow":
+            found.append(Row(cells[0], cells[1].strip("`"), int(cells[2]), cells[3].strip()))
+    return found
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with traces and systems."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, request in (("idle", 0), ("calm", 1), ("busy", 5)):
+        table = "".join(f"{time},{request if time == 1 else 0},9\n" for time in range(6))
+        (tmp_path / f"{name}.csv").write_text(f"time [s],req,gnt\n{table}")
+    (tmp_path / "holes.csv").write_text("time [s],gnt\n0,4\n1,\n2,4\n")
+    (tmp_path / "late.csv").write_text("time [s],gnt\n0,4\n1,4\n2.5,4\n3,4\n4,4\n")
+    (tmp_path / "broken.csv").write_text("time [s],gnt\n0,x\n")
+    (tmp_path / "hollow_server.py").write_text(SERVER)
+    return tmp_path
+
+
+@pytest.fixture
+def cases(folder: Path, capsys: Output) -> None:
+    """A saved case, and one that expects another verdict."""
+    assert main(shlex.split(f"{SEARCH} --save case.json")) == 0
+    kept = json.loads((folder / "case.json").read_text())
+    kept["expected"]["verdict"] = "VIOLATED"
+    (folder / "other.json").write_text(json.dumps(kept))
+    capsys.readouterr()
+
+
+def test_every_row_of_the_page_is_shown() -> None:
+    assert [row.what for row in rows()] == list(SHOWN)
+
+
+@pytest.mark.usefixtures("cases")
+@pytest.mark.parametrize("row", rows(), ids=lambda row: row.what)
+def test_it_is_printed_and_fails_as_the_page_says(row: Row, capsys: Output) -> None:
+    shown = SHOWN[row.what]
+    assert main(shown.words(fails=False)) == row.code, capsys.readouterr()
+    said = "".join(capsys.readouterr())
+    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("rtamt: "))
+    assert row.printed in " ".join(said.split())
+    if found := re.search(r": (\d)$", row.fails):
+        assert main(shown.words(fails=True)) == int(found[1])
+        return
+    assert not shown.switch
+    assert not shown.without
