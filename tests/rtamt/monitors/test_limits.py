@@ -110,7 +110,7 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     with pytest.raises(SpecificationError, match=words):
         monitor.update(between)
     assert (monitor.samples, monitor.robustness) == (1, 2.0)
-    assert monitor.update(rtamt.Between(1.0, 1.0)) == 1.0  # it is known
+    assert monitor.update(rtamt.Between(3.0, 3.0)) == 2.0  # it is known
     with pytest.raises(SpecificationError, match="bytes with samples that are not known"):
         rtamt.EpisodeMonitor(text, backend=backend, nan="unknown")
     monkeypatch.setattr(limits, "window_bytes", 4 * one - 1)
