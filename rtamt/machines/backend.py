@@ -8,6 +8,7 @@ from types import MemberDescriptorType
 from typing import Final, Literal, get_args
 
 from rtamt.errors import InputError, alternatives, brief, is_one_of
+from rtamt.inputs.clock import Clock
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -52,6 +53,7 @@ class Factories:
         dense_episode_machine: ``(program, reader)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
+        clock: Counts times for a program.
         term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
     """
@@ -62,6 +64,7 @@ class Factories:
     dense_episode_machine: Callable[[RegionProgram, EventReader], DenseEpisodeMachine]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
+    clock: Callable[[DenseProgram], Clock]
     term_columns: FindTerms
     term_ranges: FindRanges
 
@@ -74,6 +77,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDenseEpisodeMachine,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
+        Clock,
         term_columns,
         term_ranges,
     )
@@ -96,6 +100,7 @@ else:
         native.dense_episode_machine,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
+        native.NativeClock,
         native.term_columns,
         native.term_ranges,
     )

@@ -98,7 +98,7 @@ class _Regions(StateFields):
         self._machine.restore(saved)
 
 
-class _Clock(Clock):
+class NativeClock(Clock):
     """Counts the frequent times in C++."""
 
     __slots__ = ("_encoded",)
@@ -116,7 +116,7 @@ def dense_episode_on_regions(
     program: RegionProgram, reader: EventReader
 ) -> PythonDenseEpisodeMachine:
     """The machine in Python on registers in C++."""
-    counting = reader.with_clock(_Clock(DenseProgram(program.program, program.resolution)))
+    counting = reader.with_clock(NativeClock(DenseProgram(program.program, program.resolution)))
     return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns, term_ranges)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +16,8 @@ from rtamt.inputs.events import Given, are_dates
 from rtamt.language.formula import Formula
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.dense.outlook import DenseOutlook
-from rtamt.machines.dense.rows import dense_of, rows_of
+from rtamt.machines.dense.outlook import recorded
+from rtamt.machines.dense.rows import dense_of, rows_between
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
@@ -93,10 +95,12 @@ class DenseQuestion:
         self.resolution = regions.resolution
         self._given = dict(zip(regions.program.variables, given, strict=True))
         self._terms = BACKENDS[backend].term_columns, BACKENDS[backend].term_ranges
-        begin, last, _ = rows_of(regions, given, reader, self._terms)
-        dated = any(are_dates(column.times) for column in given if len(column.times))
-        self._begin, self._dated = begin, dated
-        self._reader = reader
+        self._reader = reader.with_clock(BACKENDS[backend].clock(dense_of(regions)))
+        ends = [self._reader.clock.ticks(column.times[[0, -1]], "") for column in given]
+        self._begin = max(int(first) for first, _ in ends)
+        self._last = min(int(last) for _, last in ends)
+        self._dated = any(are_dates(column.times) for column in given)
+        last = 2 * (self._last - self._begin)
         self.extent = Extent(last, end == "complete", end == "cut", dense=True)
 
     def time(self, position: int) -> float:
@@ -109,10 +113,14 @@ class DenseQuestion:
 
     def opposite(self, left: Formula) -> Signs:
         """The signs of the opposite of a left side, by standard semantics."""
-        regions, given = self._changed(~left, STANDARD)
-        _, last, rows = rows_of(regions, given, self._reader.of(dense_of(regions)), self._terms)
-        outlook = DenseOutlook(regions.program, rows, last, cut=self._end == "cut")
-        return _DenseSigns(*outlook.result(self._end), last)
+        regions = _opposite(self.specification, self.resolution, left)
+        given = [self._given[name] for name in regions.program.variables]
+        reader = self._reader.of(dense_of(regions))
+        counted = reader.counted(given, [-math.inf] * len(given), None)
+        trace = self._begin, self._last
+        rows = rows_between(regions, counted, trace, reader, self._terms)
+        last = self.extent.last
+        return _DenseSigns(*recorded(regions.program, rows, last, self._end), last)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
@@ -128,6 +136,15 @@ class DenseQuestion:
         specification = _with_result(self.specification, formula)
         regions = compile_regions(specification, self.resolution, interface=interface)
         return regions, [self._given[name] for name in regions.program.variables]
+
+
+@functools.lru_cache(maxsize=512)
+def _opposite(specification: Specification, resolution: Fraction, left: Formula) -> RegionProgram:
+    """The program of the opposite of a formula, with its own variables if it has any."""
+    opposite = specification.with_result(~left)
+    if not left.variables:
+        opposite = _with_result(specification, ~left)
+    return compile_regions(opposite, resolution, interface=STANDARD)
 
 
 @functools.lru_cache(maxsize=512)

@@ -25,7 +25,7 @@ from rtamt.language.parser import as_specification
 from rtamt.language.printing import number_text
 from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.outlook import recorded
 from rtamt.machines.dense.rows import (
     FindBoth,
     RegionRows,
@@ -336,7 +336,7 @@ class _Course:
         positions = 2 * (self._values.ticks - self._begin)
         found = terms_of(readings_of(part), self._terms, self._reader, self._values)
         rows = [RegionRows(positions, each) for each in found]
-        _, runs = DenseOutlook(part, rows, self._last, cut=False).result("complete")
+        _, runs = recorded(part, rows, self._last, "complete")
         return RegionValues(runs.starts, runs.last)
 
     def origin(self, formula: Formula, row: Operator, position: int) -> Origin:

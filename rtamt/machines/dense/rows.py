@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, NoReturn
@@ -11,11 +12,11 @@ import numpy as np
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import Between
 from rtamt.inputs.clock import Ticks
-from rtamt.inputs.event_reader import Dated, EventReader
+from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import Given, not_known
 from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
-from rtamt.machines.dense.waiting import Waiting, together
+from rtamt.machines.dense.waiting import Waiting, together, values_at
 from rtamt.machines.ranges import FindRanges
 from rtamt.machines.terms import FindTerms
 from rtamt.program.dense_lowering import DenseProgram
@@ -29,6 +30,7 @@ __all__ = [
     "TraceValues",
     "dense_of",
     "readings_of",
+    "rows_between",
     "rows_of",
     "terms_of",
     "unknown_of",
@@ -57,6 +59,7 @@ class RegionRows(NamedTuple):
         return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
 
 
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def readings_of(program: Program) -> tuple[Program, ...]:
     """The program without negations; if it has neutral predicates, with -0.0 and with 0.0."""
     known = positive(program)
@@ -86,13 +89,33 @@ def rows_of(
     columns, dated = reader.counted(given, [-math.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     last = min(int(ticks[-1]) for ticks, _ in columns)
+    return (
+        begin,
+        2 * (last - begin),
+        rows_between(regions, (columns, dated), (begin, last), reader, terms),
+    )
+
+
+def rows_between(
+    regions: RegionProgram,
+    counted: tuple[Sequence[TimedColumn], Dated],
+    trace: tuple[int, int],
+    reader: EventReader,
+    terms: FindBoth,
+) -> list[RegionRows]:
+    """The terms of `rows_of` on a trace from one tick to another, of events that were counted."""
+    columns, dated = counted
+    begin, last = trace
     events = [Waiting() for _ in columns]
     for waiting, column in zip(events, columns, strict=True):
         waiting.extend(column)
-    trace = TraceValues(*together(events, begin, last), dated)
-    positions = 2 * (trace.ticks - begin)
-    found = terms_of(readings_of(regions.program), terms, reader, trace)
-    return begin, 2 * (last - begin), [RegionRows(positions, each) for each in found]
+    ticks, at_ticks = together(events, begin, last)
+    if not len(ticks) or ticks[0] > begin:  # the trace begins with an event of another variable
+        ticks = np.concatenate([[begin], ticks])
+        at_ticks = [values_at(ticks, waiting.upto(last)) for waiting in events]
+    values = TraceValues(ticks, at_ticks, dated)
+    found = terms_of(readings_of(regions.program), terms, reader, values)
+    return [RegionRows(2 * (values.ticks - begin), each) for each in found]
 
 
 def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:

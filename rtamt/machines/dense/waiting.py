@@ -13,7 +13,7 @@ from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import TimedColumn
 from rtamt.machines.state import StateFields
 
-__all__ = ["Waiting", "together"]
+__all__ = ["Waiting", "together", "values_at"]
 
 
 class Waiting(StateFields):
@@ -104,11 +104,11 @@ def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, 
             both.sort(kind="stable")  # two lines that are sorted, in linear time
             ticks = both[np.append(True, both[1:] != both[:-1])]
     ticks = ticks[ticks.searchsorted(begin) :]
-    return ticks, [_at(ticks, signal) for signal in signals]
+    return ticks, [values_at(ticks, signal) for signal in signals]
 
 
-def _at(ticks: Ticks, signal: TimedColumn) -> Floats:
-    """The values of a signal at ticks."""
+def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
+    """The values at ticks of a signal that `Waiting.upto` gave."""
     steps, values = signal
     if len(steps) == len(ticks) and np.array_equal(steps, ticks):
         return values[1:]
