@@ -114,6 +114,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_workers(parser)
     add_allowed_failures(parser, 0)
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        metavar="FOLDER",
+        help="keep finished simulations there; after an interruption the same command goes on, "
+        "also with a greater --budget",
+    )
     add_reading(parser, *EPISODES)
     add_require_asked(parser, "simulation")
     add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
@@ -172,6 +179,7 @@ def run(options: argparse.Namespace) -> int:
                     reduce=not options.no_reduce,
                     n_jobs=options.n_jobs,
                     timeout=options.timeout,
+                    folder=options.folder,
                     progress=True,
                     **read_reading(options).options(),
                 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final, Self
@@ -18,7 +18,7 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.files import CAMPAIGN, PARTS, RECORD, finished, read
+from rtamt_gym.search.runs.files import CAMPAIGN, PARTS, RECORD, finished, parts, read
 from rtamt_gym.search.runs.record import Record, storage
 
 __all__ = ["Folder", "digest"]
@@ -32,6 +32,9 @@ _WHAT: Final = "a campaign with folder="
 
 class Folder:
     """The folder of one campaign, held by one process at a time.
+
+    Attributes:
+        path: Its path.
 
     Args:
         path: The folder; it is made if there is none.
@@ -53,7 +56,7 @@ class Folder:
         requirements: Mapping[str, str],
         system: str,
     ) -> None:
-        self._path = Path(path)
+        self.path = Path(path)
         self._about = about
         self._requirements = requirements
         self._system = system
@@ -65,15 +68,15 @@ class Folder:
         }
         text = json.dumps(kept, indent=1) + "\n"
         found = self._check(json.loads(text)["identity"])
-        self._path.mkdir(parents=True, exist_ok=True)
-        self._lock = _locked(self._path)
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = _locked(self.path)
         try:
-            for left in self._path.glob(f"{_WRITING}*"):
+            for left in self.path.glob(f"{_WRITING}*"):
                 left.unlink()
             if not found:
                 self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
             self._number = max(
-                (int(part.stem.rpartition("-")[2]) for part in self._path.glob(PARTS)), default=0
+                (int(part.stem.rpartition("-")[2]) for part in self.path.glob(PARTS)), default=0
             )
         except BaseException:
             self.close()
@@ -91,59 +94,69 @@ class Folder:
 
     def rows(self) -> dict[int, Trial]:
         """The finished runs, by the numbers of their tasks."""
-        return finished(self._path, storage(_WHAT).load)[0]
+        return finished(self.path, storage(_WHAT).load)[0]
 
-    def add(self, rows: Sequence[tuple[int, Trial]]) -> None:
-        """Writes finished runs, with the numbers of their tasks; a kill afterwards loses none."""
+    def parts(self) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
+        """The finished runs of each file: their numbers, they, and what is kept with them."""
+        return parts(self.path, storage(_WHAT).load)
+
+    def add(self, rows: Sequence[tuple[int, Trial]], also: Mapping[str, Any] | None = None) -> None:
+        """Writes finished runs, with the numbers of their tasks; a kill afterwards loses none.
+
+        Args:
+            rows: The numbers and the runs.
+            also: What else is kept with them.
+        """
         record = Record((row for _, row in rows), self._requirements, self._system)
         numbers = [number for number, _ in rows]
         self._number += 1
         self._write(
             f"part-{self._number:06d}.parquet",
-            lambda path: record.write(path, _WHAT, {"tasks": numbers}),
+            lambda path: record.write(path, _WHAT, {**(also or {}), "tasks": numbers}),
         )
 
-    def finish(self, record: Record) -> None:
-        """Replaces the parts by one file of all runs."""
-        if not (self._path / RECORD).exists():
-            self._write(RECORD, lambda path: record.write(path, _WHAT, self._about))
-        for part in self._path.glob(PARTS):
+    def finish(self, record: Record, also: Mapping[str, Any] | None = None) -> None:
+        """Replaces the parts by one file of all runs, with what else is kept of them."""
+        kept = {**self._about, **(also or {})}
+        if also is not None or not (self.path / RECORD).exists():
+            self._write(RECORD, lambda path: record.write(path, _WHAT, kept))
+        for part in self.path.glob(PARTS):
             part.unlink()
 
     def _check(self, identity: Mapping[str, Any]) -> bool:
         """Refuses a folder of something else; returns whether it holds this campaign."""
-        if not self._path.exists():
+        if not self.path.exists():
             return False
-        if not self._path.is_dir():
+        if not self.path.is_dir():
             raise InputError(
-                "expected ", Argument("folder"), f" as a folder, got the file {self._path}"
+                "expected ", Argument("folder"), f" as a folder, got the file {self.path}"
             )
-        if not (self._path / CAMPAIGN).exists():
-            others = [each.name for each in self._path.iterdir() if not _is_own(each.name)]
+        if not (self.path / CAMPAIGN).exists():
+            others = [each.name for each in self.path.iterdir() if not _is_own(each.name)]
             if others:
                 raise InputError(
                     "expected ",
                     Argument("folder"),
-                    f" as a new folder or the folder of a campaign, got {self._path}, "
+                    f" as a new folder or the folder of a campaign, got {self.path}, "
                     f"which holds {listing(sorted(others)[:3])}",
                 )
             return False
-        found = read(self._path)["identity"]
+        found = read(self.path)["identity"]
         for key in dict.fromkeys([*identity, *found]):
             if identity.get(key) != found.get(key):
                 raise InputError(
-                    f"{self._path} holds another campaign: its {key} {_differing(found, key)}, not "
+                    f"{self.path} holds another campaign: its {key} {_differing(found, key)}, not "
                     f"{_short(identity.get(key))}; give another folder, or remove this one"
                 )
         return True
 
     def _write(self, name: str, write: Callable[[Path], object]) -> None:
         """Writes a file that has its name when it is complete, and on the disk."""
-        unfinished = self._path / f"{_WRITING}{name}"
+        unfinished = self.path / f"{_WRITING}{name}"
         write(unfinished)
         _to_disk(unfinished)
-        unfinished.replace(self._path / name)
-        _to_disk(self._path)
+        unfinished.replace(self.path / name)
+        _to_disk(self.path)
 
 
 def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -24,14 +26,17 @@ from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
+from rtamt_gym.search.campaigns.folder import Folder
+from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.falsification import Falsification
+from rtamt_gym.search.falsification.kept import KeptSearch
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
 from rtamt_gym.search.falsification.protocol import Optimizer
 from rtamt_gym.search.falsification.reduction import reduced
 from rtamt_gym.search.falsification.scales import given_scales, needs_scales
 from rtamt_gym.search.falsification.search import Search, SearchOver
-from rtamt_gym.search.runs.record import Record, check_columns
+from rtamt_gym.search.runs.record import Record, check_columns, storage
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
@@ -72,6 +77,7 @@ def falsify(
     n_jobs: int | None = None,
     backend: ClusterBackend | None = None,
     timeout: float | None = None,
+    folder: str | os.PathLike[str] | None = None,
     progress: bool = False,
     **reading: Unpack[EpisodeReading],
 ) -> Falsification:
@@ -132,6 +138,11 @@ def falsify(
             process. None: all do, unless ``backend`` or ``timeout`` is given.
         backend: As for `sweep`.
         timeout: As for `sweep`, of the simulations in other processes.
+        folder: A folder for finished simulations. The same call goes on there after an
+            interruption, as if there had been none: the optimizer is asked again, and gets what is
+            kept for points that have run. ``budget`` may be another one. The first eight
+            simulations are kept once the scales that come of them are known; those of the reduction
+            are not. `Record.load` reads the folder at any time.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
@@ -146,7 +157,8 @@ def falsify(
         SpecificationError: If a requirement is wrong.
         InputError: If there is no such system, requirement or optimizer, the space does not fit, or
             an option is wrong; if an optimizer evaluates no point, or one out of the unit cube; if
-            all simulations failed, with the error of the first.
+            all simulations failed, with the error of the first; if ``folder`` holds another search,
+            or the optimizer asks for other points than before.
         InputTypeError: If an argument is not of the types above.
 
         An error of the optimizer, and Ctrl-C too, comes with its own type, and with what was found
@@ -227,22 +239,32 @@ def falsify(
     rng = np.random.default_rng(of_search)
     # A monitor that the system has gives its specifications, and so its signals and reading too.
     again = partial(make, signals=runner.signals, judged=runner.reading)
+    texts = {each: str(spec.standalone()) for each, spec in specs.items()}
+    scaling = _scales(scales, specs)
+    kept = None
+    if folder is not None:
+        about = {"space": storage("falsify with folder=").written_space(varied)}
+        about |= {"fixed": json.loads(rest.to_json()), "optimizer": name, "seed": seed}
+        kept = _kept(folder, runner, texts, about | {"scales": scaling}, name)
     search = Search(
-        *(again, runner, varied, rest, budget, seed, rng, _scales(scales, specs)),
+        *(again, runner, varied, rest, budget, seed, rng, scaling),
         elsewhere=None if here else elsewhere,
+        kept=kept,
     )
+
+    def record() -> Record:
+        return Record(search.rows, texts, runner.name, Provenance.of(specs))
 
     def result(
         simplest: Trial | None = None, reductions: int = 0, *, interrupted: bool = False
     ) -> Falsification:
-        texts = {each: str(spec.standalone()) for each, spec in specs.items()}
         best = search.rows[search.best]
         return Falsification(
             falsified=search.violated is not None,
             requirement=search.closest,
             row=simplest or best,
             found=best.case,
-            record=Record(search.rows, texts, runner.name, Provenance.of(specs)),
+            record=record(),
             space=varied,
             scales=search.scales or {},
             coverage=coverage_of(search.judged_points),
@@ -260,6 +282,8 @@ def falsify(
             try:
                 with suppress(SearchOver):
                     _optimize(chosen, name, search, np.random.default_rng(of_optimizer))
+                if kept is not None and search.rows:
+                    kept.finish(record(), search.valued)
             finally:
                 search.close()
         _check_rows(search, runner, name)
@@ -270,6 +294,24 @@ def falsify(
         if search.rows:
             _carry(error, result(interrupted=True))
         raise
+
+
+def _kept(
+    folder: str | os.PathLike[str],
+    runner: Runner,
+    texts: Mapping[str, str],
+    about: Mapping[str, Any],
+    optimizer: str,
+) -> KeptSearch:
+    """The folder of a search, which it is told apart by from others."""
+    identity = {
+        "system": runner.name,
+        "requirements": texts,
+        "time limit": runner.duration,
+        **Recipe(runner).identity(),
+        **about,
+    }
+    return KeptSearch(Folder(folder, identity, {}, texts, runner.name), optimizer)
 
 
 def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Generator) -> None:

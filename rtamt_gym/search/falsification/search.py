@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from operator import itemgetter
@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt import InputError, Specification, Verdict
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere
+from rtamt_gym.search.falsification.kept import KeptSearch, Valued
 from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
 from rtamt_gym.search.falsification.scales import in_scales, spreads
@@ -63,6 +65,7 @@ class Search:
         rng: Random numbers for runs that scales come from.
         scales: The scales; None: from the first runs.
         elsewhere: Makes what runs the cases of a runner in other processes; None: they run here.
+        kept: The folder that finished simulations are kept in; None: none. It is closed with this.
     """
 
     def __init__(
@@ -76,9 +79,17 @@ class Search:
         rng: np.random.Generator,
         scales: Mapping[str, float] | None,
         elsewhere: Callable[..., Elsewhere] | None = None,
+        kept: KeptSearch | None = None,
     ) -> None:
         self._elsewhere = elsewhere
         self._opened = ExitStack()
+        self._kept = kept
+        if kept is not None:
+            self._opened.callback(kept.close)
+            if scales is not None:
+                kept.scales = scales
+            elif kept.scales is None:
+                kept.forget()
         self._make = make
         self._whole = runner
         self._specs = runner.requirements
@@ -112,14 +123,36 @@ class Search:
             self._run(take(others, missing, self.dimension), math.inf)
         begin = len(self.rows)
         self._run(asked[:_FIRST], math.inf)
+        self._find_scales()
+        first = np.array(self.values[begin:])
+        return np.concatenate([first, self._run(asked[_FIRST:], level)])
+
+    def _find_scales(self) -> None:
+        """Finds the scales that the first simulations give, and values these anew."""
+        if self._kept is not None and self._kept.scales is not None:
+            self.scales = self._kept.scales  # and the values that are kept are in their units
+            self._use(self.scales)
+            return
         self.scales = spreads(self._specs, self._traces.values())
         self._use(self.scales)
         for index, trace in self._traces.items():
             heights = {name: self._runner.judge(name, trace) for name in self._valued}
             self._least[index], self.values[index] = self._worth(heights)
         self._traces.clear()
-        first = np.array(self.values[begin:])
-        return np.concatenate([first, self._run(asked[_FIRST:], level)])
+        if self._kept is not None:
+            self._kept.scales = self.scales
+            self._kept.add(dict(enumerate(self.valued)))
+            self._kept.write()
+
+    @property
+    def valued(self) -> list[Valued]:
+        """The simulations so far, with what they are worth."""
+        violated = [None] * len(self.rows)
+        found = zip(self.rows, self._least, self.values, violated, strict=True)
+        listed = [Valued(*each) for each in found]
+        if self.violated is not None:
+            listed[-1] = listed[-1]._replace(violated=self.violated)
+        return listed
 
     @property
     def dimension(self) -> int:
@@ -205,21 +238,22 @@ class Search:
         """
         begin = len(self.rows)
         asked = asked[: self._budget - begin]
-        cases = [{**self._space.case(point), **self._fixed} for point in asked]
-        seeds = None
-        if self._runner.takes_seeds:
-            seeds = range(self._seed + begin, self._seed + begin + len(cases))
-        found: dict[int, Trial] = {}
+        cases = [Case({**self._space.case(point), **self._fixed}) for point in asked]
+        found: dict[int, Valued] = {}
         traces: dict[int, SimulatedTrace] = {}
-        if self.scales is None:
-            over = self._whole.run(cases, seeds, keep=traces.__setitem__)
-        else:
-            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
-            over = self._runner.run(cases, seeds, above=above)
         last = len(cases)  # of those that count
+        for index, case in enumerate(cases):
+            known = None if self._kept is None else self._kept.known(begin + index, case)
+            if known is not None and index <= last:
+                found[index] = known
+                last = min(last, self._last(index, found))
+        self.advance(len(found))
+        left = [index for index in range(min(last, len(cases))) if index not in found]
         try:
-            for index, row in over:
-                found[index] = row
+            for index, row in self._rows(left, cases, begin, level, traces):
+                found[index] = self._valued_row(row)
+                if self._kept is not None and self.scales is not None:
+                    self._kept.add({begin + index: found[index]})
                 self.advance(1)
                 last = min(last, self._last(index, found))
                 if last < len(cases) and all(i in found for i in range(last)):
@@ -227,7 +261,7 @@ class Search:
         finally:
             for index in sorted(found):
                 if index <= last:
-                    if index in traces and not found[index].error:
+                    if index in traces and not found[index].row.error:
                         self._traces[len(self.rows)] = traces[index]
                     self._keep(found[index], asked[index])
         spent = len(self.rows) >= self._budget
@@ -235,29 +269,57 @@ class Search:
             raise SearchOver
         return np.array(self.values[begin:])
 
-    def _last(self, index: int, found: Mapping[int, Trial]) -> int:
+    def _rows(
+        self,
+        left: Sequence[int],
+        cases: Sequence[Case],
+        begin: int,
+        level: float,
+        traces: dict[int, SimulatedTrace],
+    ) -> Iterator[tuple[int, Trial]]:
+        """Runs the cases that are left, whose first has a number; gives rows with their indices."""
+        if not left:
+            return
+        asked = [cases[index] for index in left]
+        seeds = None
+        if self._runner.takes_seeds:
+            seeds = [self._seed + begin + index for index in left]
+        if self.scales is None:
+            keep = lambda place, trace: traces.__setitem__(left[place], trace)  # noqa: E731
+            over = self._whole.run(asked, seeds, keep=keep)
+        else:
+            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
+            over = self._runner.run(asked, seeds, above=above)
+        for place, row in over:
+            yield left[place], row
+
+    def _last(self, index: int, found: Mapping[int, Valued]) -> int:
         """The index of the run after which none counts, by what has come with this one."""
-        if self._violated(found[index]) is not None:
+        if found[index].violated is not None:
             return index
         return _FIRST - len(self.rows) - 1 if self._hopeless(found) else sys.maxsize
 
-    def _hopeless(self, found: Mapping[int, Trial]) -> bool:
+    def _hopeless(self, found: Mapping[int, Valued]) -> bool:
         """Whether the first simulations failed alike before sample 0: all others would too."""
         first = self.rows[:_FIRST]
-        first += [found[i] for i in range(_FIRST - len(first)) if i in found]
+        first += [found[i].row for i in range(_FIRST - len(first)) if i in found]
         alike = {row.error for row in first}
         began = any(row.outcomes for row in first)
         return len(first) == _FIRST and len(alike) == 1 and "" not in alike and not began
 
-    def _keep(self, row: Trial, point: Floats) -> None:
-        self.violated = self._violated(row)
-        heights = {name: _height(row, name) for name in self._valued}
-        least, value = self._worth(heights)
-        self._least.append(least)
-        self.values.append(value)
-        own = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
-        self.rows.append(replace(row, outcomes=own))
+    def _keep(self, found: Valued, point: Floats) -> None:
+        self.violated = found.violated
+        self._least.append(found.least)
+        self.values.append(found.value)
+        self.rows.append(found.row)
         self.points.append(point)
+
+    def _valued_row(self, row: Trial) -> Valued:
+        """A row with what it is worth, and with the outcomes of the requirements alone."""
+        heights = {name: _height(row, name) for name in self._valued}
+        own = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
+        least, value = self._worth(heights)
+        return Valued(replace(row, outcomes=own), least, value, self._violated(row))
 
     def _violated(self, row: Trial) -> str | None:
         """The requirement that a run violates, the one with the least robustness; or None."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.results.trial import Trial
 
-__all__ = ["CAMPAIGN", "PARTS", "RECORD", "finished", "read"]
+__all__ = ["CAMPAIGN", "PARTS", "RECORD", "finished", "parts", "read"]
 
 CAMPAIGN: Final = "campaign.json"
 """Says which campaign it is."""
@@ -35,13 +35,26 @@ def finished(
         InputError: If the folder holds no campaign.
     """
     kept = read(path)
-    if (path / RECORD).exists():
-        return dict(enumerate(load_file(path / RECORD)[0])), kept
     rows: dict[int, Trial] = {}
-    for part in sorted(path.glob(PARTS)):
-        found, of_part = load_file(part)
-        rows |= zip(of_part["also"]["tasks"], found, strict=True)
+    for numbers, found, _ in parts(path, load_file):
+        rows |= zip(numbers, found, strict=True)
     return rows, kept
+
+
+def parts(
+    path: Path, load_file: Callable[[Path], tuple[list[Trial], dict[str, Any]]]
+) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
+    """Reads the files of finished runs: the numbers of their tasks, they, and what is with them.
+
+    The file of a campaign that is over comes first. A search that goes on with a greater budget has
+    further ones.
+    """
+    if (path / RECORD).exists():
+        rows, kept = load_file(path / RECORD)
+        yield list(range(len(rows))), rows, kept["also"]
+    for part in sorted(path.glob(PARTS)):
+        rows, kept = load_file(part)
+        yield kept["also"]["tasks"], rows, kept["also"]
 
 
 def read(path: Path) -> dict[str, Any]:

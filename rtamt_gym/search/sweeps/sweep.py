@@ -191,7 +191,7 @@ class Sweep:
             InputError: If the file does not hold a sweep.
         """
         record, also = Record.read(path, "Sweep.load")
-        if not also:
+        if "space" not in also:
             raise InputError(f"{path} holds a record and no sweep; read it with Record.load")
         space = storage("Sweep.load").read_space(also["space"])
         return Sweep(record, space, also["sampler"], also["seed"])

@@ -1,0 +1,130 @@
+"""`KeptSearch`: the finished simulations of a search in a folder, so that it can go on later.
+
+The optimizer is asked again, with the same seed, and gets the values that are kept for the points
+that have run: so it goes on as if it had never been interrupted.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+from rtamt import InputError
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.search.campaigns.folder import Folder
+from rtamt_gym.search.runs.record import Record
+
+__all__ = ["KeptSearch", "Valued"]
+
+_SECONDS: Final = 1.0
+"""How long simulations wait for others to be written with: a kill loses that much."""
+
+_SEARCH: Final = "search"
+"""What is kept beside rows stands under this key."""
+
+
+class Valued(NamedTuple):
+    """A simulation of a search, and what it is worth to the optimizer.
+
+    Attributes:
+        row: The simulation.
+        least: The requirement with the least robustness, in units of the scales.
+        value: This robustness, or a bound of it; what the optimizer is told.
+        violated: The requirement that it violates; None if it violates none.
+    """
+
+    row: Trial
+    least: str
+    value: float
+    violated: str | None
+
+
+class KeptSearch:
+    """The folder of a search.
+
+    Attributes:
+        scales: The scales that are kept; None: they are not known yet.
+
+    Args:
+        folder: The folder, which this closes.
+        optimizer: The name of the optimizer.
+    """
+
+    def __init__(self, folder: Folder, optimizer: str) -> None:
+        self._folder = folder
+        self._optimizer = optimizer
+        self._known: dict[int, Valued] = {}
+        self._waiting: dict[int, Valued] = {}
+        self._since = time.monotonic()
+        self.scales: Mapping[str, float] | None = None
+        for numbers, rows, also in folder.parts():
+            kept = also[_SEARCH]
+            worth = zip(kept["least"], kept["values"], kept["violated"], strict=True)
+            for number, row, each in zip(numbers, rows, worth, strict=True):
+                self._known[number] = Valued(row, *each)
+            self.scales = kept["scales"] if self.scales is None else self.scales
+
+    def forget(self) -> None:
+        """Forgets simulations before scales were known, unless one of them ended the search."""
+        if all(each.violated is None for each in self._known.values()):
+            self._known.clear()
+
+    def known(self, number: int, case: Case) -> Valued | None:
+        """The simulation of a number, if it is kept.
+
+        Raises:
+            InputError: If it had another case: the optimizer asks for other points than before.
+        """
+        found = self._known.get(number)
+        if found is not None and found.row.case != case:
+            raise InputError(
+                f"{self._folder.path} holds another input as simulation {number + 1}: the "
+                f"optimizer {self._optimizer} asks for other points than before with the same "
+                "seed, so that the search cannot go on; give another folder"
+            )
+        return found
+
+    def add(self, found: Mapping[int, Valued]) -> None:
+        """Keeps finished simulations, by their numbers; writes them soon."""
+        self._waiting |= {i: each for i, each in found.items() if i not in self._known}
+        if self._waiting and time.monotonic() - self._since > _SECONDS:
+            self.write()
+
+    def write(self) -> None:
+        """Writes the simulations that wait for it."""
+        if self._waiting:
+            found = sorted(self._waiting.items())
+            rows = [(number, each.row) for number, each in found]
+            self._folder.add(rows, self._also([each for _, each in found]))
+            self._known |= self._waiting
+            self._waiting.clear()
+        self._since = time.monotonic()
+
+    def finish(self, record: Record, found: list[Valued]) -> None:
+        """Replaces the parts by one file of all simulations of a search that is over.
+
+        A search that was over sooner, as with a smaller budget, leaves all as it is.
+        """
+        self.write()
+        more = any(number >= len(found) for number in self._known)
+        if not more or found[-1].violated is not None:
+            self._folder.finish(record, self._also(found))
+
+    def close(self) -> None:
+        """Writes what waits for it, and frees the folder."""
+        try:
+            self.write()
+        finally:
+            self._folder.close()
+
+    def _also(self, found: list[Valued]) -> dict[str, Any]:
+        return {
+            _SEARCH: {
+                "least": [each.least for each in found],
+                "values": [each.value for each in found],
+                "violated": [each.violated for each in found],
+                "scales": None if self.scales is None else dict(self.scales),
+            }
+        }
