@@ -152,8 +152,8 @@ def _parser() -> argparse.ArgumentParser:
         "--stale-as",
         choices=get_args(StaleAs),
         help="what a stale input does: restart ends the run, and the next begins when it is there "
-        "again; unknown goes on with samples in which nothing is known of it, and bounds and "
-        f"verdict hold for whatever it was (default: {_default('stale_as')})",
+        "again; unknown goes on, nothing is known of it meanwhile, and bounds and verdict hold for "
+        f"whatever it was (default: {_default('stale_as')})",
     )
     when.add_argument(
         "--record",

@@ -15,6 +15,7 @@ from rtamt import (
     SpecificationError,
     Verdict,
 )
+from rtamt.machines.readout import moved
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
@@ -37,6 +38,10 @@ class DenseJudge:
     requirement, `DenseEpisodeMonitor` gives the robustness of the run so far. Bounds and verdict
     come from `DenseEpisodeMonitor`.
 
+    Under ``stale_as="unknown"`` a run goes on while inputs are stale: from the time on at which one
+    is, `DenseEpisodeMonitor` takes its values for unknown until its next message. `DenseMonitor`,
+    which needs every value, begins anew when all inputs are there again.
+
     Args:
         requirement: What to judge.
         settings: The semantics, and what the times of messages are.
@@ -56,7 +61,10 @@ class DenseJudge:
         options: Any = {"semantics": settings.semantics}
         self.account = Account(requirement, record)
         self.inputs = requirement.inputs
-        self._episode = DenseEpisodeMonitor(spec, **options)
+        self._unknown = settings.stale_as == "unknown"
+        self._episode = DenseEpisodeMonitor(
+            spec, nan="unknown" if self._unknown else "raise", **options
+        )
         self._monitor: DenseMonitor | None = None
         self._named: dict[str, DenseMonitor | DenseEpisodeMonitor] = {}
         try:
@@ -73,12 +81,16 @@ class DenseJudge:
             ]
             for source in self.inputs
         }
-        self._may_rise = self._monitor is None or unbounded(spec) == "eventually"
+        whole = unbounded(spec)
+        self._may_rise = self._monitor is None or whole == "eventually"
+        self._about_run = bool(whole) and self._monitor is not None
         self._silence = not settings.stamps
         self._record = record
         self._origin: int | None = None
         self._fresh = True
         self._last: dict[Input, int] = {}
+        self._silent: set[Input] = set()
+        self._gaps = self._apart = False
         self._why = ""
         self._jumps = 0
         self._robustness: tuple[float, int] | None = None
@@ -112,9 +124,9 @@ class DenseJudge:
     def _begin(self, now: int) -> Sequence[RequirementReport]:
         if self._is_absent(now):
             return []
-        for each in (self._episode, self._monitor, *self._named.values()):
-            if each is not None:
-                each.reset()
+        self._episode.reset()
+        self._forget()
+        self._silent, self._gaps, self._apart = set(), False, False
         self._has_jumped()
         times = [each.time for each in self.inputs if each.time is not None]
         self._origin = min(times, default=now)
@@ -123,7 +135,15 @@ class DenseJudge:
         self._fresh = True
         return self._feed(self.inputs, now)
 
+    def _forget(self) -> None:
+        """Begin robustness anew."""
+        for each in (self._monitor, *self._named.values()):
+            if each is not None:
+                each.reset()
+
     def _is_absent(self, now: int) -> bool:
+        if self._unknown:
+            return any(each.is_awaited() for each in self.inputs)
         return any(each.is_gone(now) for each in self.inputs)
 
     def _has_jumped(self) -> bool:
@@ -146,18 +166,45 @@ class DenseJudge:
             for name, value in row.items():
                 events[name] = [((time - origin) / 1e9, value)]
             rows.append((time, row))
+        if self._unknown:
+            rows += self._silence_of(sources, events, now)
         if self._silence:
             until = max(self._last.values()) + 1 if sources else now - 1
             self._extend(events, self.inputs, until)
         else:
-            self._extend_defaults(events)
+            self._extend_lasting(events)
         try:
             found = self._update(events)
         except InputError as error:  # a term is no number
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
         self._keep(rows)
-        return self._judged(found)
+        return self._without(now) if self._silent else self._judged(found)
+
+    def _silence_of(
+        self, sources: Sequence[Input], events: _Events, now: int
+    ) -> list[tuple[int, dict[str, float]]]:
+        """Make the values of inputs that have become stale unknown; the rows of a record."""
+        before, rows = self._silent, []
+        self._silent = {each for each in self.inputs if each.is_stale(now)}
+        for source in self.inputs:
+            if source in self._silent and (source in sources or source not in before):
+                time = max(now - source.age(now) + int(source.stale_after), self._last[source]) + 1
+                self._last[source] = time
+                row = {name: math.nan for name, _ in self._read[source]}
+                for name in row:
+                    events.setdefault(name, []).append(
+                        ((time - (self._origin or 0)) / 1e9, math.nan)
+                    )
+                rows.append((time, row))
+        return rows
+
+    def _without(self, now: int) -> Sequence[RequirementReport]:
+        """The report of a time at which inputs are stale in a run that goes on."""
+        ages = {each.name: each.age(now) for each in self.inputs if each in self._silent}
+        self._decided(now)
+        bounds = self._episode.bounds()
+        return [self.account.without_values(now, ages, bounds, self._episode.verdict)]
 
     def _keep(self, rows: list[tuple[int, dict[str, float]]]) -> None:
         """Count a run that has begun, and record the events that were taken in."""
@@ -171,10 +218,10 @@ class DenseJudge:
                 for event in row.items():
                     self._record.row(time, event)
 
-    def _extend_defaults(self, events: _Events) -> None:
-        """Makes defaults last, before the first message, as long as all stamped values do."""
-        lasting = [each for each in self.inputs if each.time is None]
-        stamped = [time for each, time in self._last.items() if each.time is not None]
+    def _extend_lasting(self, events: _Events) -> None:
+        """Makes defaults, before the first message, and unknown values last as long as the rest."""
+        lasting = [each for each in self.inputs if each.time is None or each in self._silent]
+        stamped = [time for each, time in self._last.items() if each not in lasting]
         if lasting and stamped:
             self._extend(events, lasting, min(stamped))
 
@@ -183,17 +230,37 @@ class DenseJudge:
         for source in sources:
             if self._last[source] < until:
                 self._last[source] = until
-                for name, place in self._read[source]:
-                    same = ((until - (self._origin or 0)) / 1e9, source.values[place])
+                for name, value in self._held(source).items():
+                    same = ((until - (self._origin or 0)) / 1e9, value)
                     events.setdefault(name, []).append(same)
+
+    def _held(self, source: Input) -> dict[str, float]:
+        """The values of an input, nan if they are not known."""
+        silent = source in self._silent
+        return {n: math.nan if silent else source.values[place] for n, place in self._read[source]}
 
     def _update(self, events: _Events) -> Sequence[tuple[float, float]]:
         """Take in events; the robustness of times that they settle."""
         robustness = self._episode.update(events)
+        if self._silent:
+            self._gaps, self._apart = True, True
+            return []
+        if self._apart:  # all inputs are there again
+            self._apart = False
+            self._forget()
+            events = {
+                name: [((self._last[source] - (self._origin or 0)) / 1e9, value)]
+                for source in self.inputs
+                for name, value in self._held(source).items()
+            }
         for each in self._named.values():
             each.update({name: its for name, its in events.items() if name in each.variables})
         if self._monitor is not None:
-            return self._monitor.update(events)
+            found = self._monitor.update(events)
+            if self._gaps and self._about_run:
+                # It judges the time since the last gap: what was before it counts too.
+                return [(time, moved(value, *self._episode.bounds())) for time, value in found]
+            return found
         if math.isnan(robustness) or (self._robustness or (None,))[0] == robustness:
             return []
         return [(self._episode.settled, robustness)]

@@ -33,8 +33,8 @@ class Settings:
             periods, and at least half a second.
         stale_of: The same for single topics, named as in the specification.
         stale_as: What a stale input does. ``"restart"``: the run ends, and the next begins when
-            every input is there again. ``"unknown"``: the run goes on with samples in which nothing
-            is known of the input; bounds and verdict hold for whatever it was.
+            every input is there again. ``"unknown"``: the run goes on, and nothing is known of the
+            input meanwhile; bounds and verdict hold for whatever it was.
         semantics: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`; dense time has no samples to round to.
         record: A CSV file for times, variables and robustness of every sample, or in dense time for
@@ -43,8 +43,7 @@ class Settings:
             ``NAME-REQUIREMENT.csv``.
 
     Raises:
-        InputError: On a period or a time that is not positive, or on `align` or
-            ``stale_as="unknown"`` in dense time.
+        InputError: On a period or a time that is not positive, or on `align` in dense time.
     """
 
     period: int = 100_000_000
@@ -66,12 +65,6 @@ class Settings:
         if self.dense and self.align is not None:
             raise InputError(
                 "expected ", Argument("align"), " or dense time, which has no samples to round to"
-            )
-        if self.dense and self.stale_as == "unknown":
-            raise InputError(
-                "expected ",
-                Argument("stale_as", "unknown"),
-                " or dense time, in which no event is unknown; there a stale input ends the run",
             )
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:

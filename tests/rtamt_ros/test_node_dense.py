@@ -298,3 +298,23 @@ def test_a_verdict_comes_before_the_robustness_that_a_window_delays() -> None:
     assert ros.data("rtamt/spec/verdict") == [-1]
     assert ros.data("rtamt/spec/upper") == [-1.0]
     assert node.reports[0].text.startswith("violated, robustness not known yet")
+
+
+def test_with_stamps_a_silent_input_does_not_hold_up_the_others() -> None:
+    text = f"{HEAD}out.value = always(m.a > 0 or n.a > 5)"
+    ros, node = started(text, stamps=True, stale=0.5, stale_as="unknown")
+    said = []
+    for k in range(12):
+        ros.time = START + k * 100 * MS
+        ros.send("rtamt/m", parts(-1.0 if k == 9 else 1.0, 0, stamp=ros.time))
+        if k < 2 or k > 10:
+            ros.send("rtamt/n", parts(0, 0, stamp=ros.time))
+        ros.time += 1 * MS
+        ros.tick()
+        (report,) = node.reports
+        said.append((report.level, report.lower, report.upper))
+    assert said[5] == (Level.OK, -math.inf, 1.0)
+    assert said[8] == (Level.STALE, -math.inf, 1.0)
+    assert said[10] == (Level.STALE, -math.inf, 1.0)  # n may have been above 5
+    assert report.restarts == 0
+    assert node.reports[0].verdict is rtamt.Verdict.UNDECIDED

@@ -128,9 +128,102 @@ def test_a_record_is_judged_as_the_node_has_judged(
     assert capsys.readouterr().out.startswith("UNDECIDED, robustness between -inf and 2\n")
 
 
-def test_dense_time_and_other_words_are_refused() -> None:
-    with pytest.raises(InputError, match="or dense time, in which no event is unknown"):
-        Settings(dense=True, stale_as="unknown")
+class _Sent:
+    """The events of two topics, unknown from when they are stale."""
+
+    def __init__(self) -> None:
+        self.events: dict[str, list[tuple[int, float]]] = {"x": [], "y": []}
+
+    def add(self, name: str, time: int, value: float) -> None:
+        its = self._with_silence(name, time)
+        self.events[name] = [*its, (time, value)]
+
+    def until(self, now: int) -> tuple[dict[str, list[tuple[int, float]]], list[bool]]:
+        """The events as far as a look at them knows, and which topics are stale."""
+        whole: dict[str, list[tuple[int, float]]] = {}
+        for name in self.events:
+            its = self._with_silence(name, now)
+            if its[-1][0] < now - 1:
+                its = [*its, (now - 1, its[-1][1])]
+            whole[name] = [(time - START, value) for time, value in its]
+        return whole, [math.isnan(its[-1][1]) for its in whole.values()]
+
+    def _with_silence(self, name: str, now: int) -> list[tuple[int, float]]:
+        its = self.events[name]
+        if its and now - its[-1][0] > STALE:
+            return [*its, (its[-1][0] + STALE + 1, math.nan)]
+        return its
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sampled_from(TEXTS),
+    st.lists(
+        st.tuples(*[st.sampled_from([None, None, None, -1.0, 0.5, 2.0])] * 2),
+        min_size=8,
+        max_size=24,
+    ),
+)
+def test_in_dense_time_a_value_is_unknown_from_when_it_is_stale(
+    text: str, steps: list[Step]
+) -> None:
+    ros, node = started(text, stale_as="unknown", dense=True)
+    sent = _Sent()
+    for n, values in enumerate([(1.0, 1.0), *steps]):
+        ros.time = START + n * 100 * MS
+        for name, value in zip("xy", values, strict=True):
+            ros.time += 1000  # topics whose events are apart
+            if value is not None:
+                send(ros, name, value)
+                sent.add(name, ros.time, value)
+        ros.time += 1 * MS
+        ros.tick()
+        whole, late = sent.until(ros.time)
+        spec = rtamt.parse(text.replace("0.2", "0.2 s"), unit="ns")
+        found = rtamt.judge_dense(spec, whole, "open", nan="unknown")
+        (report,) = node.reports
+        assert (report.lower, report.upper) == (found.lower, found.upper)
+        assert report.verdict is found.verdict
+        assert report.stale == tuple(name for name, gone in zip("xy", late, strict=True) if gone)
+        assert report.restarts == 0
+        assert (report.level is Level.STALE) == any(late)
+        if any(late):
+            assert math.isnan(ros.latched("rtamt/spec"))
+        elif text in TEXTS[:2] and report.robustness is not None:
+            assert found.lower <= report.robustness <= found.upper
+
+
+def test_in_dense_time_robustness_begins_anew_when_all_inputs_are_there_again(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.csv"
+    ros, node = started(
+        "slow = x < 3; out = always(slow and y > 0)", stale_as="unknown", dense=True, record=path
+    )
+    said = []
+    for n in range(20):
+        ros.time = START + n * 100 * MS
+        if n < 3 or n > 12:
+            send(ros, "x", 1.0)
+        send(ros, "y", -2.0 if n == 10 else 5.0)
+        ros.time += 1 * MS
+        ros.tick()
+        (report,) = node.reports
+        said.append((report.verdict, report.level))
+    undecided, violated = Verdict.UNDECIDED, Verdict.VIOLATED
+    assert said[6] == (undecided, Level.OK)
+    assert said[8] == (undecided, Level.STALE)
+    assert said[10] == (violated, Level.STALE)
+    assert said[19] == (violated, Level.ERROR)
+    assert (report.robustness, report.upper, report.lower) == (-2, -2, -math.inf)
+    assert report.violated_at == START + 1000 * MS
+    node.stop()
+    rows = [line.split(",")[1:] for line in path.read_text("utf-8").splitlines()]
+    assert rows.count(["x", "nan"]) == 1
+
+
+def test_other_words_are_refused() -> None:
+    assert Settings(dense=True, stale_as="unknown").dense
     values = {name: default for name, (default, _) in PARAMETERS.items()}
     assert read(values)[1].stale_as == "restart"
     assert read({**values, "stale_as": "unknown"})[1].stale_as == "unknown"
