@@ -14,10 +14,35 @@ from rtamt_gym.__main__ import main
 
 Output = pytest.CaptureFixture[str]
 PAGE = Path(__file__).parents[3] / "docs" / "hollow.md"
-SERVER = """\
-def server(load=0.5):
+SYSTEMS = """\
+import sys
+
+
+def hollow_server(load=0.5):
     for i in range(20):
         yield {"req": 2.0 * load, "gnt": 5.0}
+
+
+def half(load=0.5):
+    if load > 0.5:
+        raise ValueError("diverged")
+    yield from hollow_server(load)
+
+
+def broken(load=0.5):
+    raise ValueError("no licence")
+    yield {}
+
+
+def leaves(load=0.5):
+    sys.exit(0)
+    yield {}
+
+
+def frail(observation):
+    if observation[0] > 0:
+        raise ValueError("no such layer")
+    return 0
 """
 
 
@@ -47,12 +72,15 @@ class Shown(NamedTuple):
 POLE = "CartPole-v1 --signal angle=obs[2] --policy zero"
 RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
 LEAN = "right = always(angle > 2 implies eventually[0:0.1](angle < 0.02))"
-SEARCH = f"falsify hollow_server:server '{RESPONSE}' --vary load=0:1 --budget 10 --period 1"
+SEARCH = f"falsify hollow_systems:hollow_server '{RESPONSE}' --vary load=0:1 --budget 10 --period 1"
 BOTH = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
 EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
 MINED = "'always(req >= ?r implies gnt < 0)' --range r=0:9 --tolerance 0.0001"
 STANDS = "--spec 'always(abs(angle) < 1)'"
 ASKED = "--require-asked"
+FRAIL = POLE.replace("zero", "hollow_systems:frail")
+GRANTED = "'always(gnt >= 3)'"
+LIMITED = "'input float64 limit = 5.0; float64 gnt; fine = always(gnt > limit)'"
 SHOWN: dict[str, Shown] = {
     "no trace puts a requirement to the test": Shown(
         f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED
@@ -70,17 +98,44 @@ SHOWN: dict[str, Shown] = {
     ),
     "a constant is mined of traces that do not ask": Shown(f"mine {MINED} -- busy.csv idle.csv"),
     "no answer was needed": Shown(f"monitor '{EITHER}' busy.csv"),
-    "the recording stops too early": Shown(
+    "the recording stops too early for a requirement": Shown(
         "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
     ),
-    "a value is not known": Shown("monitor 'always(gnt >= 3)' holes.csv --missing unknown"),
-    "a cell is empty": Shown("monitor 'always(gnt >= 3)' holes.csv"),
+    "the recording is short": Shown(f"monitor {GRANTED} short.csv", "--min-duration 10s"),
+    "hours are missing in the recording": Shown(
+        f"monitor {GRANTED} gap.csv --jitter 5%", "--max-gap 10s", "--jitter 5%"
+    ),
+    "a value is not known": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
+    "a cell is empty": Shown(f"monitor {GRANTED} holes.csv"),
     "rows are not evenly spaced": Shown(
-        "monitor 'always(gnt >= 3)' late.csv --jitter 5%", without="--jitter 5%"
+        f"monitor {GRANTED} late.csv --jitter 5%", without="--jitter 5%"
     ),
+    "the times contradict the period": Shown(
+        f"monitor {GRANTED} short.csv --period 0.1", "--max-gap 10s"
+    ),
+    "the times have no unit": Shown(
+        f"monitor {GRANTED} ms.csv", "--time-unit ms --min-duration 10s"
+    ),
+    "a default takes the place of a column": Shown(f"monitor {LIMITED} short.csv", "--no-defaults"),
+    "a default would hide a column that is spelt otherwise": Shown(f"monitor {LIMITED} near.csv"),
     "a trace cannot be read, the others satisfy": Shown(
-        "monitor 'always(gnt >= 3)' -- idle.csv broken.csv"
+        f"monitor {GRANTED} -- idle.csv broken.csv"
     ),
+    "some simulations of a search failed": Shown(
+        SEARCH.replace(":hollow_server", ":half").replace(RESPONSE, "always(gnt >= 3)")
+    ),
+    "all simulations failed": Shown(SEARCH.replace(":hollow_server", ":broken")),
+    "some points of a sweep failed": Shown(
+        f"sweep {FRAIL} --requirement 'always(abs(angle) < 1)' --vary env.gravity=9:10 --samples 8",
+        "--allow-failures 0",
+    ),
+    "a policy crashes": Shown(
+        f"evaluate {FRAIL} {STANDS} --episodes 6 --at-termination cut",
+        "--target 0.95",
+        "--episodes 6",
+    ),
+    "a system ends the program": Shown(SEARCH.replace(":hollow_server", ":leaves")),
+    "a module ends the program": Shown(SEARCH.replace("hollow_systems:", "hollow_exit:")),
     "the environment ended while a requirement was open": Shown(
         f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
     ),
@@ -109,10 +164,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, request in (("idle", 0), ("calm", 1), ("busy", 5)):
         table = "".join(f"{time},{request if time == 1 else 0},9\n" for time in range(6))
         (tmp_path / f"{name}.csv").write_text(f"time [s],req,gnt\n{table}")
+    (tmp_path / "short.csv").write_text("time [s],gnt\n0,9\n1,9\n2,9\n")
+    (tmp_path / "ms.csv").write_text("time,gnt\n0,9\n10,9\n20,9\n")
+    (tmp_path / "near.csv").write_text("time [s],gnt,Limit\n0,9,1\n1,9,1\n2,9,1\n")
+    late = "".join(f"{time},9\n" for time in (*range(12), *range(36000, 36012)))
+    (tmp_path / "gap.csv").write_text(f"time [s],gnt\n{late}")
     (tmp_path / "holes.csv").write_text("time [s],gnt\n0,4\n1,\n2,4\n")
     (tmp_path / "late.csv").write_text("time [s],gnt\n0,4\n1,4\n2.5,4\n3,4\n4,4\n")
     (tmp_path / "broken.csv").write_text("time [s],gnt\n0,x\n")
-    (tmp_path / "hollow_server.py").write_text(SERVER)
+    (tmp_path / "hollow_systems.py").write_text(SYSTEMS)
+    (tmp_path / "hollow_exit.py").write_text("import sys\n\nsys.exit(0)\n")
     return tmp_path
 
 
