@@ -47,6 +47,7 @@ from rtamt.program.outlook import (
     otherwise_read,
     outputs_among,
     planned,
+    read_beyond,
     sufficient,
     throughout,
     together,
@@ -278,7 +279,7 @@ class _Reading:
         self._signals = [
             [WholeSignal(column, unseen) for column in predicates] for unseen in UNSEEN
         ]
-        self._passes: dict[tuple[Program, tuple[int, ...], int, frozenset[int]], _Passes] = {}
+        self._passes: dict[tuple[object, ...], _Passes] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
         self._at_once: dict[str, float] = {}
 
@@ -369,18 +370,28 @@ class _Reading:
     def inputs(
         self, registers: tuple[int, ...], world: int, *, cut: bool
     ) -> tuple[list[WholeSignal], Pass]:
-        """The pass that finds some registers of the formulas, and the signals that it needs."""
-        return self._inputs(self._outlook.formulas, registers, world, cut=cut)
+        """The pass that finds some registers of the formulas, and the signals that it needs.
+
+        They are found at unseen times too.
+        """
+        return self._inputs(self._outlook.formulas, registers, world, cut=cut, beyond=True)
 
     def _inputs(
-        self, program: Program, registers: tuple[int, ...], world: int, *, cut: bool
+        self,
+        program: Program,
+        registers: tuple[int, ...],
+        world: int,
+        *,
+        cut: bool,
+        beyond: bool = False,
     ) -> tuple[list[WholeSignal], Pass]:
-        others = frozenset[int]()
+        others = read = frozenset[int]()
         if world != ENDED:
-            others = otherwise_read(program, best=world == UPPER, cut=cut)
-        key = program, registers, world, others
+            read = read_beyond(program, registers, also=beyond or not cut)
+            others = otherwise_read(program, registers, best=world == UPPER, cut=cut, read=read)
+        key = program, registers, world, others, read
         if key not in self._passes:
-            self._passes[key] = _Passes(program, registers, world, others, self._machine)
+            self._passes[key] = _Passes(program, registers, world, others, read, self._machine)
         passes = self._passes[key]
         return passes.signals(self._signals[world], self._n, cut=cut), passes.last
 
@@ -398,10 +409,15 @@ class _Passes:
         registers: tuple[int, ...],
         world: int,
         others: frozenset[int],
+        read: frozenset[int],
         machine: MakeMachine,
     ) -> None:
         windows, last = planned(program, registers, others)
-        beyond = at_unseen(program, best=world == UPPER)
+        unread = float(UNSEEN[world][0])
+        beyond = [
+            value if register in read else unread
+            for register, value in enumerate(at_unseen(program, best=world == UPPER))
+        ]
         self._world = world
         self._windows = [
             WindowPass(each, machine)

@@ -14,11 +14,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.instructions import Const, Instruction, Load, Map, Window, latencies_of
+from rtamt.program.instructions import (
+    Const,
+    Instruction,
+    Load,
+    Map,
+    Window,
+    latencies_of,
+    operands,
+)
 from rtamt.program.passes import Folded, folded_apart
 from rtamt.program.polarity import positive
 from rtamt.program.program import Program
@@ -34,6 +42,7 @@ __all__ = [
     "past",
     "planned",
     "reaches",
+    "read_beyond",
     "sufficient",
     "throughout",
     "together",
@@ -184,21 +193,51 @@ def unending(program: Program, unseen: float) -> Program:
     )
 
 
-def otherwise_read(program: Program, *, best: bool, cut: bool) -> frozenset[int]:
+@functools.lru_cache(maxsize=512)
+def read_beyond(program: Program, registers: tuple[int, ...], *, also: bool) -> frozenset[int]:
+    """The registers whose values at unseen times others need, if a trace was cut.
+
+    A window without end speaks of recorded times alone, unless it is itself read beyond them.
+
+    Args:
+        program: The program.
+        registers: Those that are asked for at recorded times.
+        also: Whether these are asked for at unseen times too.
+    """
+    found = set(registers) if also else set()
+    for register in sorted(program.needed(*registers), reverse=True):
+        instruction = program.instructions[register]
+        ahead = isinstance(instruction, Window) and (instruction.hi or 0) > 0
+        if ahead or register in found:
+            found.update(operands(instruction))
+    return frozenset(found)
+
+
+def otherwise_read(
+    program: Program,
+    registers: tuple[int, ...],
+    *,
+    best: bool,
+    cut: bool,
+    read: Collection[int],
+) -> frozenset[int]:
     """The windows with an end whose values near the end of a trace a machine would not give.
 
     Args:
         program: The program; its variables are predicates, which are unknown at unseen samples.
+        registers: Those that are asked for; others matter as far as these need them.
         best: Whether it is the upper bound.
         cut: Whether it is the reading of a trace that was cut; else the open one.
+        read: The registers that are read at unseen times.
     """
     beyond = at_unseen(program, best=best)
     skipping, endless, late = set(), set(), False
-    for register, window in enumerate(program.instructions):
+    for register in program.needed(*registers):
+        window = program.instructions[register]
         if not isinstance(window, Window):
             continue
         if window.hi is None:
-            late |= beyond[register] is None
+            late |= beyond[register] is None and register in read
             continue
         value = beyond[window.args[-1]]
         skips = window.skips(best=best) and value != FOLDS[window.fold].identity[-1]

@@ -14,6 +14,7 @@ from steps import StepCounter, counting_machines
 
 import rtamt
 from rtamt.machines.discrete import PythonDiscreteMachine
+from rtamt.machines.protocols import End
 
 Backend = Literal["native", "python"]
 Columns = list[NDArray[np.float64]]
@@ -223,6 +224,28 @@ def test_an_episode_of_events_costs_the_same_while_a_variable_runs_ahead(
     ],
 )
 def test_a_judgement_reads_the_trace_twice(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert 500 < samples_read(text, "cut", monkeypatch) < 1100
+
+
+@pytest.mark.parametrize("end", ["cut", "open", "complete"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always eventually[0:5] (a > 0)",
+        "always eventually[0:5] once[0:3] (a > 0)",
+        "always eventually[0:5] ((a > 0) since[0:3] (b > 0))",
+        "always((a > 1) implies eventually[0:5] historically[0:3] (b > -2))",
+        "always((a > -1) until[0:4] once[0:3] (b > 2))",
+    ],
+)
+def test_a_past_below_a_bounded_future_is_read_no_more_often_under_any_end(
+    text: str, end: End, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert 1000 < samples_read(text, end, monkeypatch) < 1600
+
+
+def samples_read(text: str, end: End, monkeypatch: pytest.MonkeyPatch) -> int:
+    """How many samples the machines take in to judge a trace of 500."""
     evaluate, run, taken = PythonDiscreteMachine.evaluate, PythonDiscreteMachine.run, list[int]()
 
     def counted_run(self: PythonDiscreteMachine, columns: Columns, n: int) -> Columns:
@@ -238,5 +261,5 @@ def test_a_judgement_reads_the_trace_twice(text: str, monkeypatch: pytest.Monkey
     monkeypatch.setattr(PythonDiscreteMachine, "evaluate", counted)
     monkeypatch.setattr(PythonDiscreteMachine, "run", counted_run)
     a, b = noise(500).T
-    rtamt.judge(text, {"a": a, "b": b}, backend="python")
-    assert 500 < sum(taken) < 1100
+    rtamt.judge(text, {"a": a, "b": b}, end=end, backend="python")
+    return sum(taken)
