@@ -39,7 +39,10 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
                 raise InputError(f"{path}: expected a Parquet file") from None
             with file:
                 fields = _fields(file.schema_arrow)
-                yield ArrowRecording(fields, lambda wanted: file.read(columns=wanted), path)
+                own = b"rtamt.run" in (file.schema_arrow.metadata or {})
+                yield ArrowRecording(
+                    fields, lambda wanted: file.read(columns=wanted), path, "s" if own else ""
+                )
         case ".feather" | ".arrow":
             try:
                 table = pa.feather.read_table(path, memory_map=False)
@@ -83,10 +86,15 @@ class ArrowRecording:
         fields: The names and the types of the columns.
         load: Gives the table of some of them.
         source: Name of the file, for messages.
+        unit: The unit of the times, if the file says it: a saved `Run` has seconds.
     """
 
     def __init__(
-        self, fields: Sequence[pa.Field], load: Callable[[list[str]], pa.Table], source: str
+        self,
+        fields: Sequence[pa.Field],
+        load: Callable[[list[str]], pa.Table],
+        source: str,
+        unit: str = "",
     ) -> None:
         self.source = source
         self.names: Sequence[str] = [field.name for field in fields]
@@ -95,7 +103,7 @@ class ArrowRecording:
             for field in fields
             if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
         ]
-        self._load = load
+        self._load, self._unit = load, unit
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; nan counts as an empty cell."""
@@ -118,7 +126,7 @@ class ArrowRecording:
                 row = column.is_valid().to_pylist().index(False)
                 raise InputError(f"{where(row)}, column '{time}': expected a number, got none")
             times = self._times(column, time)
-        return Rows(numbers, texts, table.num_rows, where, self.source, times)
+        return Rows(numbers, texts, table.num_rows, where, self.source, times, unit=self._unit)
 
     def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
         if not is_number(column.type):

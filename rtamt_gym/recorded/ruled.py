@@ -49,7 +49,9 @@ def read_ruled(
         if reading.dense:
             return read_events(recording, variables, columns), None
         if_events = "give --dense to take rows as events at any time"
-        trace = read_trace(recording, variables, columns, if_events=if_events)
+        trace = read_trace(
+            recording, variables, columns, if_events=if_events, period=reading.seconds
+        )
     if reading.seconds is not None:
         return _under(trace, reading.seconds), reading.seconds
     period = trace.period()

@@ -126,6 +126,8 @@ class Trace:
 
     def extent(self, period: Fraction | None) -> Extent:
         """How much of the trace was recorded, at a period."""
+        if period is None and self.times is not None and self.samples == 1:
+            return Extent(1, None, None, self.start, self.start, 1.0)
         if period is None:
             return Extent(self.samples)
         end = self.start + float((self.samples - 1) * period)
@@ -186,6 +188,7 @@ def read_trace(
     columns: Columns | None = None,
     *,
     if_events: str = "",
+    period: Fraction | None = None,
 ) -> Trace:
     """Reads samples of the variables, and their times if there is a column of times.
 
@@ -194,6 +197,7 @@ def read_trace(
         variables: The variables that are needed.
         columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
+        period: Seconds between samples where the times are left aside.
 
     Raises:
         InputError: If a column is missing, a value is not a number, or there is no sample.
@@ -246,17 +250,30 @@ def read_trace(
         notes,
         defaults=defaults,
     )
-    return _on_grid(_filled(_measured(trace, columns), columns), columns, absent=defaults)
+    trace = _measured(trace, columns, None if period is None else float(period))
+    return _on_grid(_filled(trace, columns), columns, absent=defaults)
 
 
-def _measured(trace: Trace, columns: Columns) -> Trace:
-    """The trace with its grid, its longest gap, and a note on holes."""
+def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
+    """The trace with its longest gap, a note on holes, and its grid unless it is at the period."""
     times = trace.times
     if times is None or trace.samples < 2:
         return trace
+    if period is not None and columns.missing == "raise":
+        steps = np.diff(times.since)
+        at = int(steps.argmax())
+        if period - float(steps.min()) <= NEAR * period >= float(steps[at]) - period:
+            gap = Gap(float(steps[at]), trace.start + float(times.since[at]), period)
+            return replace(trace, gap=gap)
     grid = Grid(times, trace.jitter)
     if not grid.rises:
         return replace(trace, grid=grid)  # period() refuses it
+    if columns.max_gap is not None and columns.most < grid.usual * (1 - NEAR):
+        unit = f"; {times.unit_note}" if times.unit_note else ""
+        raise InputError(
+            f"{trace.source}: expected --max-gap of a step at least, got {columns.most:g} s where "
+            f"samples are {grid.usual:.6g} s apart{unit}"
+        )
     rows = Records(times.since, grid.steps, grid.usual)
     records = dict.fromkeys(trace.columns, rows) or {"": rows}
     for name, values in trace.columns.items() if columns.missing != "raise" else ():

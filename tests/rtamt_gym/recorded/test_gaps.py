@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym import Reading
+from rtamt_gym import Reading, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, read_seconds
 from rtamt_gym.recorded.judge import extent_of, judge, judge_events
@@ -90,7 +90,7 @@ HEADS = {
         [],
         "run.csv: 7 samples, one every 0.5 s, 0 s to 3 s, 3 s long, longest gap 0.5 s",
     ),
-    "one sample": ([(0.5, 1.0)], [], "run.csv: 1 sample, bounds count samples"),
+    "one sample": ([(0.5, 1.0)], [], "run.csv: 1 sample, 0.5 s to 0.5 s, 0 s long"),
     "dense": (
         [(0.0, 1.0), (0.5, 1.0), (2.0, 1.0)],
         ["--dense"],
@@ -226,6 +226,16 @@ def test_whole_times_without_a_unit_are_noted_with_the_length_they_give(
     assert " ".join(capsys.readouterr().out.split()).count(said) == noted
 
 
+def test_a_saved_run_has_seconds(folder: Path, capsys: Output) -> None:
+    levels = [{"level": level} for level in (1.0, 2.0, 1.0)]
+    run = simulate(levels, {"dry": "always(level < 3)"}, period=10)
+    run.save(folder / "run.parquet")
+    assert main(["monitor", "always(level < 3)", "run.parquet"]) == 0
+    out = capsys.readouterr().out
+    assert "3 samples, one every 10 s, 0 s to 20 s, 20 s long, longest gap 10 s\n" in out
+    assert "note:" not in out
+
+
 # Short traces. ------------------------------------------------------------------------------------
 
 
@@ -253,6 +263,9 @@ def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> Non
         "it lasts 2 s, which is shorter than 10 s (--min-duration)"
     ]
     assert main(["monitor", "always(x > 2)", *words[1:], "b.csv"]) == 1
+    write([(0.5, 1.0)], "one.csv")
+    assert main(["monitor", *words, "one.csv"]) == 3
+    assert capsys.readouterr().out.endswith("\nshorter than 10 s: one.csv (0 s)\n")
     Path("none.csv").write_text("x\n1\n1\n")
     assert main(["monitor", *words, "none.csv"]) == 2
     assert "expected a column of times, by which --min-duration measures" in capsys.readouterr().err
@@ -423,6 +436,11 @@ def test_cells_hold_for_no_longer_than_the_gap() -> None:
             "time,x\n0,1\n0.1,1\n0.2,1\n1000000,1\n1000000.1,1\n",
             ["--max-gap", "1"],
             "expected a gap that can be resampled every 0.1 s, got 1e+06 s; cut the trace there",
+        ),
+        (
+            "time,x\n0,1\n20,1\n40,1\n",
+            ["--max-gap", "1s"],
+            "got 1 s where samples are 20 s apart; the times have no unit and count as seconds, ",
         ),
         (
             "time,x\n0,1\n0.1,1\n0.2,1\n9,1\n9.1,1\n9.2,1\n",
