@@ -157,7 +157,7 @@ class _View:
         trials = requirement.trials
         columns = {
             "robustness": texts.aligned([trial.robustness for trial in trials]),
-            "asked": ["" if t.asked is None else f"{t.asked}x" for t in trials],
+            "asked": [_asked(trial) for trial in trials],
             "decided_at": texts.aligned(
                 [None if t.decided_at is None else t.decided_at.time for t in trials]
             ),
@@ -181,7 +181,7 @@ class _View:
                 "key": "" if requirement.together else self._key(requirement),
                 "columns": {column for column, cells in columns.items() if any(cells)},
                 "cases": any(trial.case for trial in trials),
-                "texts": any(trial.text for trial in trials),
+                "texts": any(trial.text or trial.defaults for trial in trials),
                 "replay": bool(of.replay) and any(trial.seed is not None for trial in trials),
                 "example": _first_seed(trials),
             },
@@ -208,6 +208,15 @@ class _View:
             }
             placed.append(_Placed(own, chart))
         return placed
+
+
+def _asked(trial: ShownTrial) -> str:
+    """How often a trial put a requirement to the test."""
+    if trial.asked is None:
+        return ""
+    if trial.vacuous and trial.asked:
+        return f"{trial.asked}x, no answer"
+    return f"{trial.asked}x" if trial.asked else "never"
 
 
 def _some(chart: Chart | None) -> list[Chart]:

@@ -96,6 +96,8 @@ class ShownTrial:
         text: The error that ended it, or what else there is to say; may be empty.
         asked: How often it put the implications of the requirement to the test; None if nobody
             counted, or there are none.
+        vacuous: Whether it satisfied the requirement without an answer.
+        defaults: The declared defaults that it read, each as ``limit = 0.5``.
     """
 
     label: str
@@ -108,6 +110,8 @@ class ShownTrial:
     case: tuple[str, ...] = ()
     text: str = ""
     asked: int | None = None
+    vacuous: bool = False
+    defaults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +225,8 @@ class ShownRequirement:
         by_end: How many episodes are violated by how they ended, at a robustness above zero.
         id: Its id where requirements are kept, with a link; None if its text gives none.
         asked: How many episodes put it to the test, and of how many; None without implications.
+        vacuous: How many episodes satisfied it without an answer.
+        defaults: How many episodes read each of the declared defaults, as ``limit = 0.5``.
         answer: What sequential stopping has said of its rate; None without a target.
         together: Whether it stands for all requirements of its section at once.
     """
@@ -243,6 +249,8 @@ class ShownRequirement:
     by_end: int = 0
     id: RequirementId | None = None
     asked: tuple[int, int] | None = None
+    vacuous: int = 0
+    defaults: Mapping[str, int] = field(default_factory=dict)
     answer: Word | None = None
     together: bool = False
 

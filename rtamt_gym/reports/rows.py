@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -96,7 +97,11 @@ def trials_of(
                 seed=row.seed,
                 case=case_texts(row.case),
                 text=row.error or _text_of(row, outcome),
-                asked=_asked(outcome),
+                asked=None if outcome is None else outcome.occasions,
+                vacuous=outcome is not None and outcome.vacuous,
+                defaults=()
+                if outcome is None
+                else tuple(f"{each} = {number(v)}" for each, v in outcome.defaults.items()),
             )
         )
     return sorted(trials, key=worst_first)
@@ -107,13 +112,6 @@ def _text_of(row: Trial, outcome: Outcome | None) -> str:
     if outcome is not None:
         return f"violated {BY_END}" if outcome.by_end else outcome.way_out
     return next((each.message for each in row.failures.values()), "")
-
-
-def _asked(outcome: Outcome | None) -> int | None:
-    """How often the implications of a requirement were put to the test, all together."""
-    if outcome is None or not outcome.asked:
-        return None
-    return sum(each.occasions for each in outcome.asked)
 
 
 def judged(results: Results, name: str) -> list[Outcome | None]:
@@ -165,6 +163,8 @@ def requirement_of(
         worst=tuple(worst),
         by_end=sum(map(_by_end, trials)),
         asked=(sum(map(bool, asked)), len(asked)) if asked else None,
+        vacuous=sum(each.vacuous for each in trials),
+        defaults=Counter(text for each in trials for text in each.defaults),
         **also,
     )
 

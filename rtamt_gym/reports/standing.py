@@ -49,12 +49,15 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     found: dict[tuple[str, str], Word] = {}
     asked: dict[tuple[str, str], bool] = {}
     names = {}
+    rests: dict[str, None] = {}
     for section in sections:
         for each in section.requirements:
             if each.together:
                 continue
             key = key_of(each)
             names[key] = each.name
+            if each.defaults:
+                rests[each.name] = None
             found[key] = _worse(word_of(each), found.get(key, "satisfied"))
             if each.asked is not None:
                 asked[key] = asked.get(key, False) or each.asked[0] > 0
@@ -68,6 +71,7 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
         f"of {counted(len(found), 'requirement')} {', '.join(of)}",
         *_runs(sections),
         *([f"never asked: {', '.join(never)}"] if never else []),
+        *([f"on defaults: {', '.join(rests)}"] if rests else []),
     ]
     return Standing(worst, f"{_SAID[worst]}: {'; '.join(parts)}.")
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -10,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_example import EXAMPLE
 
+from rtamt_gym import write_report
+from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section, SectionKind, ShownTrial
 from rtamt_gym.reports.rows import requirement_of
@@ -151,3 +155,30 @@ def test_the_line_is_at_the_head_of_the_page_once() -> None:
     )
     assert page.count(text) == 1
     assert page.index(text) < page.index("At a glance")
+
+
+def test_the_page_says_what_makes_a_verdict_hollow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spec = "input float limit = 0.5; input float req; input float gnt; input float x\n"
+    spec += "answered = always(req > 1 implies eventually[0:1](gnt > 1)); below = always(x < limit)"
+    Path("req.stl").write_text(spec, encoding="utf-8")
+    for name, req in (("a.csv", 0), ("b.csv", 2)):
+        rows = "".join(f"{i},{req},2,0.25\n" for i in range(4))
+        Path(name).write_text(f"time,req,gnt,x\n{rows}", encoding="utf-8")
+    said = {}
+    for names in (["a.csv"], ["a.csv", "b.csv"]):
+        main(["monitor", "--end", "complete", "--json", "req.stl", "--", *names])
+        Path("out.json").write_text(capsys.readouterr().out, encoding="utf-8")
+        write_report("page.html", "out.json")
+        text = re.sub("<[^>]*>", " ", Path("page.html").read_text(encoding="utf-8"))
+        said[len(names)] = " ".join(text.partition("As a formula")[0].split())
+    never = "Passed: of 2 requirements 2 satisfied; 1 trace judged; never asked: answered; "
+    assert f"{never}on defaults: below." in said[1]
+    assert "Never asked: no trace of 1 put it to the test." in said[1]
+    assert "Rests on a default: limit = 0.5 in 1 trace." in said[1]
+    both = "Passed: of 2 requirements 2 satisfied; 2 traces judged; on defaults: below."
+    assert both in said[2]
+    assert "Asked in 1 of 2 traces." in said[2]
+    assert "Rests on a default: limit = 0.5 in 2 traces." in said[2]
