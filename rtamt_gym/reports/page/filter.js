@@ -161,9 +161,10 @@ class Filter {
 
   say(count) {
     const { requirements, allRequirements, runs, allRuns } = count;
+    const listed = document.querySelector(".left-out") ? " listed" : "";
     const text = this.active
-      ? `${requirements.size} of ${countOf(allRequirements.size, "requirement")}, ${runs.size} of ${countOf(allRuns.size, "run")}`
-      : `${countOf(allRequirements.size, "requirement")}, ${countOf(allRuns.size, "run")}`;
+      ? `${requirements.size} of ${countOf(allRequirements.size, "requirement")}, ${runs.size} of ${countOf(allRuns.size, "run")}${listed}`
+      : `${countOf(allRequirements.size, "requirement")}, ${countOf(allRuns.size, "run")}${listed}`;
     const place = document.getElementById("count");
     if (place.textContent !== text) place.textContent = text;
   }
