@@ -26,7 +26,7 @@ from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.tables import counted
+from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
@@ -299,8 +299,12 @@ def _notes(
                 f"{counted(left, 'episode')} of {name} {'is' if left == 1 else 'are'} left out: "
                 "the other has no episode with such a seed"
             )
-        if failed := sum(bool(pair[side].error) for pair in rows):
-            yield f"{counted(failed, 'episode')} of {name} failed, which counts as not satisfied"
+        if failed := [pair[side] for pair in rows if pair[side].error]:
+            error = shorten(" ".join(failed[0].error.split()), 200)
+            yield (
+                f"{counted(len(failed), 'episode')} of {name} failed, which counts as not "
+                f"satisfied; the first with seed {failed[0].seed}: {error}"
+            )
         if ended := sum(_by_end(pair[side]) for pair in rows):
             was, its = ("is", "its") if ended == 1 else ("are", "their")
             yield (

@@ -158,11 +158,12 @@ class _Order:
 
 
 class _Note:
-    """What the bar of progress says: violations, the least robustness, simulated time saved."""
+    """What the bar of progress says: violations, the least robustness, time saved, failures."""
 
     def __init__(self, duration: float | None, rows: Iterable[Trial]) -> None:
         self._duration = duration
         self._violated = 0
+        self._failed = 0
         self._least = math.inf
         self._saved = 0.0
         self.take(rows)
@@ -170,6 +171,7 @@ class _Note:
     def take(self, rows: Iterable[Trial]) -> None:
         """Counts violations, the least robustness and the time saved by stops of finished runs."""
         for row in rows:
+            self._failed += bool(row.error)
             outcomes = row.outcomes.values()
             self._violated += any(each.verdict is Verdict.VIOLATED for each in outcomes)
             self._least = min([self._least, *(each.robustness for each in outcomes)])
@@ -177,10 +179,12 @@ class _Note:
                 self._saved += self._duration - row.simulated
 
     def __str__(self) -> str:
+        failed = f"{self._failed} failed" if self._failed else ""
         if self._least == math.inf:
-            return ""
+            return failed
         saved = f", {self._saved:.0f} s of simulation saved" if self._saved else ""
-        return f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
+        told = f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
+        return f"{told}, {failed}" if failed else told
 
 
 def _run_here(runner: Runner, tasks: Sequence[SearchTask]) -> NumberedTrials:

@@ -164,7 +164,10 @@ def test_notes_tell_what_a_reader_should_know_of_the_pairs() -> None:
     b = evaluation_of({"near": [1.0, 1.0]}, seeds=[1, 2], decision={"near": "meets 0.9"})
     assert compare(a, b).notes == (
         "1 episode of A is left out: the other has no episode with such a seed",
-        "1 episode of A failed, which counts as not satisfied",
+        (
+            "1 episode of A failed, which counts as not satisfied; the first with seed 1: "
+            "ValueError: no"
+        ),
         (
             "B ran until its answer was known, so its rate may lean to that answer; a comparison "
             "is "

@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from walks import SIGNALS, SPECS, Model, Walk, by_hand
 
 from rtamt import InputError, InputTypeError, StateError, Verdict
-from rtamt_gym import Evaluation, evaluate_policy
+from rtamt_gym import Evaluation, compare, evaluate_policy
 from rtamt_gym.evaluation.sequential import RatioTest, Width
 from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.results.intervals import IntervalKind, clopper_pearson, promise, wilson
 
 
 def evaluation(policy: Any = None, env: Any = None, **options: Any) -> Evaluation:  # noqa: ANN401
@@ -286,3 +287,40 @@ def test_no_random_number_of_the_program_is_drawn() -> None:
     before = np.random.get_state()[1].tolist()  # type: ignore[index]  # noqa: NPY002
     evaluation("random")
     assert np.random.get_state()[1].tolist() == before  # type: ignore[index]  # noqa: NPY002
+
+
+def test_the_kind_of_intervals_is_kept_and_old_files_have_wilsons(tmp_path: Path) -> None:
+    exact, wilsons = evaluation(), evaluation(interval="wilson")
+    assert exact.interval == "exact"
+    for found, ends in ((exact, clopper_pearson), (wilsons, wilson)):
+        for result in (*found.requirements.values(), found.success):
+            assert result.interval == ends(result.satisfied, result.episodes)
+        found.save(tmp_path / "e.json")
+        loaded = Evaluation.load(tmp_path / "e.json")
+        assert loaded == found
+        assert loaded.success.interval == found.success.interval
+        assert promise(found.interval) in str(found)
+        (row, *_) = found.statistics().to_dict("records")
+        (first, *_) = found.requirements.values()
+        assert (row["low"], row["high"]) == first.interval
+        kept = json.loads((tmp_path / "e.json").read_text())
+        assert {each["interval_kind"] for each in kept["results"].values()} == {found.interval}
+    for each in kept["results"].values():
+        del each["interval_kind"]
+    (tmp_path / "old.json").write_text(json.dumps(kept))
+    assert Evaluation.load(tmp_path / "old.json") == wilsons
+    pair = compare(exact, Evaluation.load(tmp_path / "old.json")).success
+    assert (pair.interval_a, pair.interval_b) == (exact.success.interval, wilsons.success.interval)
+    with pytest.raises(InputError, match="expected interval='exact' or 'wilson', got 'exat'"):
+        evaluation(interval="exat")
+
+
+@pytest.mark.parametrize("kind", ["exact", "wilson"])
+def test_an_evaluation_stops_at_the_width_of_its_own_intervals(kind: IntervalKind) -> None:
+    found = evaluation(episodes=400, until_width=0.3, interval=kind)
+    rules = {name: Width(0.3, kind=kind) for name in found.requirements}
+    for row in found.record:
+        assert any(rule.decision is None for rule in rules.values())
+        for name, rule in rules.items():
+            rule.add(row.outcomes[name].verdict is Verdict.SATISFIED)
+    assert all(rule.decision == "known to 0.3" for rule in rules.values())

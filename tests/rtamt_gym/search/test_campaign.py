@@ -255,3 +255,17 @@ def test_the_bar_says_what_was_violated_and_what_stopping_has_saved(
         "0 violated, least robustness 1",
         "1 violated, least robustness -0.0434, 12 s of simulation saved",
     ]
+    notes.clear()
+    with Runner(fragile, {"dry": "always(level < 2)"}, period=1) as runner:
+        run_campaign(runner, [({"x": 1.0}, None), ({"x": 0.0}, None)], progress=True)
+    assert [note for _, note in notes] == [
+        "",
+        "1 failed",
+        "0 violated, least robustness 1, 1 failed",
+    ]
+
+
+def fragile(x: float) -> Iterator[dict[str, float]]:
+    if x > 0.5:
+        raise ValueError(x)
+    yield {"level": 1.0}
