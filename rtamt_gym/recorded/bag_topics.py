@@ -99,7 +99,8 @@ def topic_fields(
         if (variable in starts and unnamed) or variable in columns.starts:
             where, _ = read_source(columns.signals.get(variable) or wish.whole)
             if not any(bag.counts[topic] for topic in _alike(bag, where)):
-                _check_near(bag, variable, where, wishes, columns)
+                named = where if wish.topic else where.rpartition("/")[2]
+                _check_near(bag, variable, named, wishes, columns)
                 continue
         topic, whole = _placed(bag, variable, message, path, wish, columns)
         fields = bag.fields(topic)
@@ -137,14 +138,15 @@ def _check_near(
         return
     others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
     read = {topic for each in others for topic in _alike(bag, read_source(each)[0])}
-    near = near_name(
-        where, (topic for topic in bag.types if bag.counts[topic] and topic not in read)
-    )
+    free = [topic for topic in bag.types if bag.counts[topic] and topic not in read]
+    parts = 1 + where.strip("/").count("/")  # a text may leave out where a topic begins
+    ends = {"/".join(topic.split("/")[-parts:]): topic for topic in free}
+    near = near_name(where, ends)
     if near is not None:
         raise InputError(
-            f"{bag.source}: no topic '{where}' of '{variable}', which has a default, but '{near}'; "
-            f"give --signal {variable}={near}.FIELD to read it, or --default {variable} to take "
-            "the default"
+            f"{bag.source}: no topic '{where}', which '{variable}' has a default for, but "
+            f"'{ends[near]}'; give --signal {variable}={ends[near]}.FIELD to read it, or --default "
+            f"{variable} to take the default"
         )
 
 

@@ -65,6 +65,43 @@ def test_a_default_counts_before_the_first_message(
     assert dense.tables["limit"].tolist() == [list(row) for row in zip(times, held, strict=True)]
 
 
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("topic", ["/robot0/Limit", "/robot0/limti"])
+@pytest.mark.parametrize("reading", [RULES, Reading(dense=True)])
+def test_a_topic_of_nearly_the_same_name_is_refused(
+    topic: str, whole: object, reading: Reading, tmp_path: Path
+) -> None:
+    said = [twist(START + i * 10**9, 0.25) for i in range(5)]
+    said.append(Said(START + 10**9, topic, "std_msgs/Float64", {"data": 0.125}))
+    path = str(write_bag(tmp_path / "run.mcap", sorted(said, key=lambda each: each.time)))
+    spec = SPEC if whole else rtamt.parse(TEXT.replace("@ topic(limit, robot0/limit)", ""))
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(path, {"": spec}, reading, Columns())
+    where = "robot0/limit" if whole else "limit"
+    assert str(caught.value) == (
+        f"{path}: no topic '{where}', which 'limit' has a default for, but '{topic}'; give "
+        f"--signal limit={topic}.FIELD to read it, or --default limit to take the default"
+    )
+    found, _ = read_ruled(path, {"": spec}, reading, Columns({"limit": f"{topic}.data"}))
+    assert found.defaults == {"limit": 0.5}  # up to its first message
+    found, _ = read_ruled(path, {"": spec}, reading, Columns(defaults=["limit"]))
+    assert found.defaults == {"limit": 0.5}
+
+
+@pytest.mark.parametrize("limits", [{}, {2: 2.0}])
+def test_defaults_of_topics_are_refused_where_that_is_asked_for(
+    limits: dict[int, float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = bag(tmp_path, limits)
+    words = ["monitor", TEXT, path, "--period", "1", "--no-defaults"]
+    assert main(words) == 2
+    assert "expected records of 'limit'" in capsys.readouterr().err
+    assert main([*words, "--default", "limit", "--json"]) in (0, 1)
+    (trial,) = json.loads(capsys.readouterr().out)["trials"]
+    assert trial["outcomes"]["slow"]["defaults"] == {"limit": 0.5}
+    assert main(["monitor", TEXT, bag(tmp_path, {0: 2.0}, "whole.mcap"), *words[3:]]) == 0
+
+
 def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(bag(tmp_path, {}), {"": SPEC}, RULES, Columns({"limit": "/robot0/limt"}))
