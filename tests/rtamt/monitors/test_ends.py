@@ -20,6 +20,7 @@ from rtamt import (
     StateError,
     VectorEpisodeMonitor,
     Verdict,
+    judge,
     parse,
 )
 
@@ -178,6 +179,24 @@ def test_a_cut_trace_is_decided_only_if_each_way_to_go_on_agrees(
     longer = {name: values + later[name] for name, values in trace.items()}
     low, high = cut(formula, longer, n, 0, seen=n + 6)
     assert monitor.lower <= low <= high <= monitor.upper
+
+
+@pytest.mark.parametrize(("a", "bounds"), [([1.0, 2.0], (-INF, 1.0)), ([-1.0, 2.0], (-INF, -1.0))])
+def test_an_until_without_end_of_which_nothing_was_recorded_is_as_open_as_a_beginning(
+    a: list[float], bounds: tuple[float, float], backend: Backend
+) -> None:
+    trace = {"a": a, "b": [1.0, 1.0], "c": [0.0, 0.0]}
+    for text in ("a > 0 until[2:inf] b > 0", "a > 0 until[5:inf] b > 0"):
+        monitor = fed(text, trace, backend)
+        assert monitor.bounds() == bounds
+        monitor.finish("cut")
+        assert monitor.bounds() == bounds
+        assert judge(text, trace, end="cut", backend=backend).lower == bounds[0]
+        assert judge(text, trace, end="cut", backend=backend).upper == bounds[1]
+    # Of this one its first instant was recorded: no witness was.
+    monitor = fed("a > 0 until[1:inf] b > 3", trace, backend)
+    monitor.finish("cut")
+    assert monitor.lower == monitor.upper < 0
 
 
 def test_a_finished_episode_stays_as_it_is_whatever_the_next_reading(backend: Backend) -> None:

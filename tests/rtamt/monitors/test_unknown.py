@@ -92,6 +92,23 @@ def test_both_back_ends_agree_to_the_bit(formula: Formula, trace: Uncertain, end
     assert all(identical(offered(m), offered(monitors[0])) for m in monitors)
 
 
+@given(formulas(3, endless=True), uncertain_traces())
+@settings(max_examples=60)
+def test_a_cut_moves_the_robustness_to_the_nearest_bound_of_both(
+    formula: Formula, trace: Uncertain
+) -> None:
+    for backend in BACKENDS:
+        monitor = EpisodeMonitor(formula, backend=backend)
+        for i in range(len(trace["a"])):
+            monitor.update(sample(trace, i, monitor.variables))
+        complete = monitor.robustness
+        assert identical([monitor.finish("cut")], [monitor.robustness])
+        lower, before, after, upper = signed(
+            monitor.lower, complete, monitor.robustness, monitor.upper
+        )
+        assert after == max(lower, min(before, upper))
+
+
 @given(formulas(3, endless=True), traces(), st.sampled_from(ENDS))
 @settings(max_examples=60)
 def test_without_an_unknown_sample_nothing_changes(
