@@ -224,8 +224,8 @@ def end_note(trials: Iterable[Trial]) -> list[str]:
     if not any(each.by_end for trial in trials for each in trial.outcomes.values()):
         return []
     return [
-        f"VIOLATED beside a robustness that holds: violated {BY_END}. The robustness",
-        "judges the samples alone (--at-termination failure).",
+        f"VIOLATED beside a robustness that holds: violated {BY_END}. The",
+        "robustness judges the samples alone (--at-termination failure).",
     ]
 
 
