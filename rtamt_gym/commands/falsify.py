@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell, unasked
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
@@ -185,6 +186,8 @@ def run(options: argparse.Namespace) -> int:
                 )
             except KeyboardInterrupt as pressed:
                 found = _so_far(pressed)
+        paths = files_of(options.requirements, options.policy)
+        found = replace(found, record=found.record.of_files(paths))
         # Files may take simulations, and a file may be refused: what was found is said before.
         print(found.to_json() if options.json else "\n".join(_lines(found, notes)), flush=True)
         files = list(_write(found, options, name.get("object")))

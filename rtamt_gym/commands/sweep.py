@@ -28,7 +28,7 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import counted, shorten
 
@@ -241,7 +241,8 @@ def _write(done: Sweep, options: argparse.Namespace) -> None:
         print(f"record: {options.save}")
     if options.json:
         kept = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
-        options.json.write_text(to_json(done.record, kept) + "\n", encoding="utf-8")
+        record = done.record.of_files(files_of(options.requirement or [], options.policy))
+        options.json.write_text(to_json(record, kept) + "\n", encoding="utf-8")
         print(f"record: {options.json}")
     if options.heat_map:
         done.heat_map(options.heat_map, options.x, options.y)

@@ -6,10 +6,10 @@ import math
 import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from rtamt import InputError, InputTypeError, Verdict
+from rtamt import InputError, InputTypeError, RequirementId, Verdict
 from rtamt.errors import Argument
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
@@ -22,6 +22,7 @@ from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
 from rtamt_gym.results.outcome import BY_END
+from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.search.runs.requirements import Requirements
@@ -50,6 +51,7 @@ class Comparison:
         returns: How far the returns are apart, the sums of the environment's own rewards; None
             without rewards.
         notes: What a reader should know about the pairs, each a sentence.
+        ids: The ids of requirements, by name, of those that have one.
     """
 
     system: str
@@ -60,6 +62,7 @@ class Comparison:
     success: Compared
     returns: Effect | None
     notes: tuple[str, ...] = ()
+    ids: Mapping[str, RequirementId] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
@@ -245,6 +248,7 @@ def _paired(a: Evaluation, b: Evaluation, names: tuple[str, str]) -> Comparison:
         compared(SUCCESS, list(a.requirements)),
         _effect(rewards),
         tuple(_notes(a, b, rows, len(found))),
+        a.record.provenance.ids,
     )
 
 
@@ -361,6 +365,7 @@ def _written(comparison: Comparison) -> str:
     What follows from the rest, such as rates and sentences, is there for other programs.
     """
     kept = {each.name: getattr(comparison, each.name) for each in fields(comparison)}
+    del kept["ids"]
     compared = comparison.requirements
     return document(
         "comparison",
@@ -370,6 +375,7 @@ def _written(comparison: Comparison) -> str:
             "compared": [_plain_compared(each) for each in compared.values()],
             "success": _plain_compared(comparison.success),
             "returns": _plain_effect(comparison.returns),
+            **plain_provenance(Provenance(comparison.ids)),
         },
     )
 
@@ -386,6 +392,7 @@ def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
         _read_compared(kept["success"]),
         _read_effect(kept["returns"]),
         tuple(kept["notes"]),
+        provenance_of(kept).ids,
     )
 
 

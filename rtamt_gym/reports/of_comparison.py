@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.reports.episodes import in_words_of
@@ -39,7 +41,10 @@ def of_comparison(comparison: Comparison) -> Section:
             comparison.a,
             comparison.b,
             comparison.sentence,
-            tuple(map(_compared, comparison.results)),
+            tuple(
+                replace(_compared(each), id=comparison.ids.get(each.name))
+                for each in comparison.results
+            ),
         ),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rtamt import RequirementId
 from rtamt_gym.results.outcome import Word
 
 __all__ = [
@@ -112,6 +113,7 @@ class ComparedRequirement:
         robustness: The mean robustness of B minus A's; None if it is not known.
         robustness_interval: Its 95 % interval (bootstrap).
         pairs: The robustness of A and of B in each pair, for a scatter.
+        id: As `ShownRequirement.id`.
     """
 
     name: str
@@ -132,6 +134,7 @@ class ComparedRequirement:
     robustness: float | None = None
     robustness_interval: tuple[float, float] | None = None
     pairs: tuple[tuple[float, float], ...] = ()
+    id: RequirementId | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import RequirementId
-from rtamt_gym import Evaluation, Parameter, evaluate_policy, sweep
+from rtamt_gym import Comparison, Evaluation, Parameter, compare, evaluate_policy, sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports.html import render
+from rtamt_gym.reports.write import report_of
 from rtamt_gym.results.codec import read
 from rtamt_gym.results.provenance import (
     Provenance,
@@ -148,6 +150,33 @@ def test_an_evaluation_keeps_ids_and_its_table_says_them(tmp_path: Path) -> None
     assert "\nupright (SYS-REQ-7): always(abs(angle) < 0.1)\n" in str(found)
     found.save(tmp_path / "found.json")
     assert read(tmp_path / "found.json")["ids"] == {"upright": {"id": "SYS-REQ-7"}}
+    compared = compare(found, found)
+    assert compared.ids == {"upright": RequirementId("SYS-REQ-7")}
+    compared.save(tmp_path / "compared.json")
+    assert Comparison.load(tmp_path / "compared.json") == compared
+    assert read(tmp_path / "compared.json")["ids"] == {"upright": {"id": "SYS-REQ-7"}}
+    page = render(report_of(tmp_path / "compared.json"))
+    assert page.count('<span class="req-id">SYS-REQ-7</span>') == 2
     loaded = Evaluation.load(tmp_path / "found.json")
     assert loaded.record.provenance == found.record.provenance
     assert "gymnasium" in loaded.record.provenance.versions
+
+
+def test_json_of_sweeps_and_searches_has_the_hash_of_the_specification(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = '@ id(answered, "7"); answered = always(req >= 3 implies eventually[0:5](gnt >= 3))'
+    Path("req.stl").write_text(text, encoding="utf-8")
+    sha = {"req.stl": file_hash("req.stl")}
+    scenario = ["rtamt/RequestGrant-v0", "--vary", "limit=1:2"]
+    assert (
+        main(["sweep", *scenario, "--requirement", "req.stl", "--samples", "2", "--json", "s.json"])
+        == 0
+    )
+    assert read("s.json")["files"] == sha
+    capsys.readouterr()
+    name, *vary = scenario
+    main(["falsify", name, "req.stl", *vary, "--budget", "2", "--no-reduce", "--json"])
+    kept = json.loads(capsys.readouterr().out)
+    assert (kept["files"], kept["ids"]) == (sha, {"answered": {"id": "7"}})
