@@ -115,7 +115,7 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     assert out == (
         "trace        length  period  verdict    near    slow    answered  asked\n"
         "runs/a.csv    1.5 s   0.5 s  SATISFIED     2      16           2     1x\n"
-        "runs/aa.csv                  ERROR        -1 V    28             E\n"
+        "runs/aa.csv     0 s          ERROR        -1 V    28             E\n"
         "runs/b.csv    1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x\n"
         "runs/bb.csv   0.5 s   0.5 s  ERROR        -1 V       E           E\n"
         "runs/c.csv    1.5 s   0.5 s  VIOLATED      0 V    16          -1 U   1x\n"
