@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
@@ -35,17 +36,31 @@ from rtamt.machines.dense.rows import (
     terms_of,
 )
 from rtamt.machines.dense.waiting import Waiting, together
+from rtamt.monitors.circumstances import Role, Share, beside
 from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
 from rtamt.monitors.explanation import idle_registers, with_all_named
 from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
-from rtamt.monitors.provenance import Origin, visits
+from rtamt.monitors.provenance import (
+    FIRST_BEST,
+    Origin,
+    Visit,
+    holds_by_sign,
+    named,
+    visits,
+)
 from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram, regions_of_all
 from rtamt.program.interface import PredicateValue
 from rtamt.program.timing import Period
 
-__all__ = ["DenseCause", "DenseExplanation", "DenseExplanationStep", "explain_dense"]
+__all__ = [
+    "DenseCause",
+    "DenseCircumstance",
+    "DenseExplanation",
+    "DenseExplanationStep",
+    "explain_dense",
+]
 
 
 class DenseCause(NamedTuple):
@@ -93,6 +108,39 @@ class DenseExplanationStep:
     witness_after: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class DenseCircumstance:
+    """A formula that has a share in a violation, beside those that decided its robustness.
+
+    It is what `Circumstance` is over samples.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text; named formulas inside it are shown by their names.
+        role: As for `Circumstance`.
+        window: Begin and end of the times at which it holds, or fails.
+        time: Where it comes nearest to the other sign, the first of these times.
+        value: Its robustness there, exactly at this time, or right after it.
+        outside: As for `DenseExplanationStep`.
+        after: Whether it comes nearest right after ``time``.
+        open_begin: Whether the begin of ``window`` does not belong to it.
+        open_end: Whether its end does not.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    role: Role
+    window: tuple[float, float]
+    time: float
+    value: float
+    outside: tuple[float | None, float | None] | None = None
+    after: bool = False
+    open_begin: bool = False
+    open_end: bool = False
+
+
 @dataclass(frozen=True)
 class DenseExplanation:
     """The formulas and times that decided a robustness in dense time.
@@ -107,12 +155,14 @@ class DenseExplanation:
             empty if a window outside the trace decided.
         end: The time at which the trace ends.
         unit: The unit of the times, ``"s"`` unless the specification has another.
+        circumstances: As for `Explanation`.
     """
 
     steps: tuple[DenseExplanationStep, ...]
     causes: tuple[DenseCause, ...]
     end: float
     unit: str = "s"
+    circumstances: tuple[DenseCircumstance, ...] = ()
 
     @property
     def robustness(self) -> float:
@@ -136,7 +186,11 @@ class DenseExplanation:
             replace(s, witness=cast("Any", _After(s.witness))) if s.witness_after else s
             for s in self.steps
         ]
-        return as_text(shown, places, self.causes, self._at, end=self.end)
+        circumstances: list[Any] = [
+            (each, _After(each.time) if each.after else each.time, each.window)
+            for each in self.circumstances
+        ]
+        return as_text(shown, places, self.causes, self._at, circumstances, end=self.end)
 
     def _at(self, time: object) -> str:
         if isinstance(time, _After):
@@ -204,6 +258,8 @@ def explain_dense(
         1.5 s     -1  req >= 3 implies eventually[0:3](gnt >= 3)
         1.5 s      1  req >= 3
         1.5 s      4  req
+          4 s     -1  missing: gnt >= 3
+                        nowhere from 1.5 s to 4.5 s; this is the nearest
         >>> e.predicate, e.causes
         (<Formula req >= 3>, (DenseCause(variable='req', time=1.5, value=4.0),))
 
@@ -233,6 +289,20 @@ def explain_dense(
     def moment(place: int | None) -> Any:  # noqa: ANN401 - None, a float or a date
         return None if place is None else reader.time(begin + place // 2, dated)
 
+    def circumstance(share: Share) -> DenseCircumstance:
+        place, value = course.nearest(share)
+        single = share.first == share.last
+        window = (share.first, share.first) if single else (share.first, share.last + 1)
+        return DenseCircumstance(
+            *(share.formula, *named(specification, share.formula), share.role),
+            (moment(window[0]), moment(window[1])),
+            *(moment(place), value),
+            share.outside and (moment(share.outside[0]), moment(share.outside[1])),
+            after=place % 2 == 1,
+            open_begin=share.first % 2 == 1,
+            open_end=share.last % 2 == 1,
+        )
+
     steps = tuple(
         DenseExplanationStep(
             *(visit.formula, visit.name, visit.text, moment(visit.place)),
@@ -255,7 +325,10 @@ def explain_dense(
             for v in steps[-1].formula.variables
             for ticks, values in [signal[v]]
         )
-    return DenseExplanation(steps, causes, moment(2 * (end - begin)), specification.unit)
+    violated = not holds_by_sign(steps[0].value)
+    circumstances = tuple(map(circumstance, course.beside(way) if violated else ()))
+    last = moment(2 * (end - begin))
+    return DenseExplanation(steps, causes, last, specification.unit, circumstances)
 
 
 def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:
@@ -339,10 +412,25 @@ class _Course:
         _, runs = recorded(part, rows, self._last, "complete")
         return RegionValues(runs.starts, runs.last)
 
-    def origin(self, formula: Formula, row: Operator, position: int) -> Origin:
+    def nearest(self, share: Share) -> tuple[int, float]:
+        """Where a formula comes nearest to the other sign, and its value there."""
+        signal = self.robustness(share.formula)
+        first, last = signal.starts.searchsorted((share.first, share.last), "right") - 1
+        values = signal.values[first : last + 1]
+        place = first + FIRST_BEST["min" if share.role == "held" else "max"](values)
+        return max(share.first, int(signal.starts[place])), float(signal.values[place])
+
+    def beside(self, way: Sequence[Visit]) -> Iterator[Share]:
+        """What else the violation of a way stands on."""
+        origin = functools.partial(self.origin, earliest=True)
+        return beside(way, origin, lambda formula, i: self.robustness(formula).at(i))
+
+    def origin(
+        self, formula: Formula, row: Operator, position: int, *, earliest: bool = False
+    ) -> Origin:
         operands = [self.robustness(arg) for arg in formula.args]
         bounds: Bounds | None = None
         if row.timed:
             begin, end = self._bounds(formula)
             bounds = 2 * begin, None if end is None else 2 * end
-        return dense_origin_of(row, bounds, operands, self._last, position)
+        return dense_origin_of(row, bounds, operands, self._last, position, earliest=earliest)

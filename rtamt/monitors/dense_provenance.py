@@ -10,14 +10,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
 from rtamt.language.table import Bounds, Operator
 from rtamt.machines.dense.runs import Positions
-from rtamt.monitors.provenance import FIRST_BEST, INF, Definition, Finding, Origin, Value
+from rtamt.monitors.provenance import (
+    FIRST_BEST,
+    INF,
+    Definition,
+    Finding,
+    Origin,
+    Part,
+    Parts,
+    Value,
+    as_broken,
+    holds_by_sign,
+)
 from rtamt.program.algebra import FOLDS, ordered
 
 __all__ = ["RegionValues", "dense_origin_of"]
@@ -45,6 +56,8 @@ def dense_origin_of(
     operands: Sequence[RegionValues],
     last: int,
     position: int,
+    *,
+    earliest: bool = False,
 ) -> Origin:
     """The origin of the value of a formula at a position.
 
@@ -56,8 +69,9 @@ def dense_origin_of(
         operands: The robustness of each operand.
         last: The last position of the trace.
         position: Where the formula is evaluated.
+        earliest: As for `rtamt.monitors.sample_provenance.origin_of`.
     """
-    return _RegionDefinition(operands, last).origin(row, bounds, position)
+    return _RegionDefinition(operands, last, earliest=earliest).origin(row, bounds, position)
 
 
 def _run(starts: Positions, position: int) -> int:
@@ -80,9 +94,10 @@ class _RegionDefinition(Definition):
         last: The last position of the trace.
     """
 
-    def __init__(self, operands: Sequence[RegionValues], last: int) -> None:
+    def __init__(self, operands: Sequence[RegionValues], last: int, *, earliest: bool) -> None:
         super().__init__(len(operands), lambda register, position: operands[register].at(position))
         self._last = last
+        self._earliest = earliest
         self._columns = operands
         self._starts = [operand.starts for operand in operands]
 
@@ -106,7 +121,15 @@ class _RegionDefinition(Definition):
                 return self._outside(empty, now, lo, hi)
             places = _clipped(self._starts[p], window[0], window[-1])
             values = yield from self._values(p, places)
-            return cast("Value", (yield p, int(places[first_best(values)])))
+            value: Value = yield p, int(places[first_best(values)])
+            if len(window) > 1 and (fold == "min") == holds_by_sign(value):
+                return value.having((yield from self._parts(p, window)))
+            if fold == "min" and lo != hi:
+                found = value
+                if self._earliest:
+                    found = yield p, int(places[int(np.signbit(values).argmax())])
+                return value.having(as_broken(found.origin.parts))
+            return value
 
         return self._new(finding)
 
@@ -132,7 +155,16 @@ class _RegionDefinition(Definition):
             if counts[best] and held[best] <= ordered(goals)[best]:
                 decided = p, int(way[FIRST_BEST["min"](passed[: counts[best]])])
             value: Value = yield decided
-            return Value.of(value, replace(value.origin, witness=int(witnesses[best])))
+            witness = int(witnesses[best])
+            if holds_by_sign(value):
+                right, left = range(witness, witness + 1), range(now, int(needed[best]) + 1)
+            else:
+                right, left = window, range(0)
+                if np.signbit(passed).any():  # up to where p fails, q does
+                    broken = int(way[int(np.signbit(passed).argmax())])
+                    right = range(window[0], broken + (broken % 2 == 0 or broken == now))
+                    left = range(broken, broken + 1)
+            return (yield from self._reached(value, witness, (p, left), (q, right), window))
 
         return self._new(finding)
 
@@ -165,9 +197,52 @@ class _RegionDefinition(Definition):
                 rest[0] = needed[best]
                 decided = p, int(rest[FIRST_BEST["min"](passed[runs[best] :])])
             value: Value = yield decided
-            return Value.of(value, replace(value.origin, witness=int(witnesses[best])))
+            witness = int(witnesses[best])
+            if holds_by_sign(value):
+                right, left = range(witness, witness + 1), range(int(needed[best]), now + 1)
+            else:
+                right, left = window, range(0)
+                if np.signbit(passed).any():  # from where p fails on, q does
+                    run = len(way) - 1 - int(np.signbit(passed)[::-1].argmax())
+                    broken = now if run == len(way) - 1 else int(way[run + 1]) - 1
+                    first = broken + (broken % 2 == 1 and broken != now)
+                    right = range(first, window[-1] + 1)
+                    left = range(broken, broken + 1)
+            return (yield from self._reached(value, witness, (p, left), (q, right), window))
 
         return self._new(finding)
+
+    def _reached(
+        self,
+        value: Value,
+        witness: int,
+        left: tuple[int, range],
+        right: tuple[int, range],
+        window: range,
+    ) -> Finding[Value]:
+        """The value of an ``until`` or ``since`` with its parts."""
+        p, held = left
+        q, goals = right
+        goals = range(max(goals.start, window.start), min(goals.stop, window.stop))
+        parts = yield from self._parts(p, held)
+        if not holds_by_sign(value):
+            if goals == window:  # all of it could be reached
+                parts = ()
+            parts = as_broken(parts)
+        both = parts, (yield from self._parts(q, goals))
+        return Value.of(value, replace(value.origin, witness=witness, parts=both))
+
+    def _parts(self, register: int, span: range) -> Finding[Parts]:
+        """The parts of the sign of a register at all positions of a span."""
+        if not span:
+            return ()
+        if register < len(self._columns):
+            return Part(register, span[0], span[-1])
+        parts: list[Parts] = []
+        for place in _clipped(self._starts[register], span[0], span[-1]).tolist():
+            value = yield register, place
+            parts.append(value.origin.parts)
+        return tuple(parts)
 
     def _inside(self, now: int, lo: int | None, hi: int | None) -> range:
         first = 0 if lo is None else max(0, now + lo)

@@ -294,7 +294,7 @@ def test_ticks_that_doubles_do_not_tell_apart_are_told_apart(backend: Backend) -
     (cause,) = explanation.causes
     assert (cause.variable, cause.value) == ("y", -2.0)
     assert cause.time == np.datetime64(begin + 99, "ns")
-    assert str(explanation).splitlines()[-1] == "2023-11-14T22:13:20.000000099     -2  y"
+    assert "2023-11-14T22:13:20.000000099     -2  y" in str(explanation).splitlines()
 
 
 def test_a_time_goes_to_the_nearest_tick_and_may_be_exact() -> None:

@@ -31,7 +31,10 @@ def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided(
         "  101 s   -0.5  req >= 3 implies granted\n"
         "  101 s   -0.5  granted = eventually[0:1s](gnt >= 3)\n"
         "101.5 s   -0.5  gnt >= 3\n"
-        "101.5 s    2.5  gnt"
+        "101.5 s    2.5  gnt\n"
+        "  101 s      2  held: req >= 3\n"
+        "101.5 s   -0.5  missing: gnt >= 3\n"
+        "                  nowhere from 101 s to 102 s; this is the nearest"
     )
     assert [step.name for step in explanation.steps] == ["out", None, "granted", None]
     assert [step.time for step in explanation.steps] == [100, 101, 101, 101.5]
@@ -52,7 +55,7 @@ def test_times_are_shown_in_the_unit_of_the_specification_and_dates_as_dates() -
     ]
     times = np.array(["2026-01-01T00:00:00", "2026-01-01T00:00:03.5"], "datetime64[ms]")
     explanation = explain_dense("eventually(x > 3)", {"x": rtamt.Events(times, [1, 2])})
-    assert str(explanation).splitlines()[2:] == [
+    assert str(explanation).splitlines()[2:6] == [
         "                   at  value  formula",
         "  2026-01-01T00:00:00     -1  eventually(x > 3)",
         "2026-01-01T00:00:03.5     -1  x > 3",

@@ -70,6 +70,8 @@ def test_explain_prints_the_way_to_the_time_in_a_trace_of_events(
         "0.35 s     -2  req >= 3 implies granted\n"
         "0.35 s      2  req >= 3\n"
         "0.35 s      5  req\n"
+        "0.35 s     -3  missing: gnt >= 3\n"
+        "                 nowhere from 0.35 s to 0.85 s; this is the nearest\n"
     )
     assert main(["explain", "--dense", "calm.stl", "req < 5", trace, "--view", "step"]) == 1
     assert main(["explain", "--dense", "spec.stl", trace, "--period", "1"]) == 2
