@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -24,6 +25,7 @@ struct RegionTrace {
     std::size_t axes = 0;
     std::size_t corners = 1;
     std::vector<std::array<double, kWorlds>> unknowns;
+    Time t = -1;  // the last position that was seen
     mutable std::vector<double> scratch;
 
     std::size_t bit(std::size_t axis) const { return std::size_t{1} << (axes - 1 - axis); }
@@ -66,7 +68,7 @@ struct RegionTrace {
 // A register that is read at all positions.
 class RegionStream {
 public:
-    RegionStream(const RegionTrace& trace, Time late) : trace_(trace), late_(late) {
+    RegionStream(RegionTrace& trace, Time late) : trace_(trace), late_(late) {
         kept_.corners = trace.corners;
     }
     RegionStream(const RegionStream&) = delete;
@@ -77,6 +79,10 @@ public:
     Time last() const { return last_; }
     void hold(Time positions) { keep_ = std::max(keep_, positions); }
 
+    // Takes in values at new positions, if it is a term.
+    virtual void take(const Time*, const double*, std::size_t) {}
+    // The unknown of a window without end, which settles with it.
+    virtual std::optional<std::size_t> unknown() const { return std::nullopt; }
     // Finds the runs that settle with position t; false if there are none.
     bool settle(Time t) {
         if (t - late_ <= last_) return false;
@@ -100,21 +106,38 @@ public:
     virtual void substitute(std::size_t axis, const std::vector<double>& value) {
         trace_.substitute(kept_.values, axis, value);
     }
-    void look(std::size_t world, Time t, RegionTrace& trace) {
-        open_[world] = open_runs(world, last_ + 1, t, trace);
+    // Forgets what is open: more has been seen since.
+    void forget() { known_.fill(false); }
+    // The runs of a world from the first position that has not settled on.
+    const Runs& open(std::size_t world) const {
+        if (!known_[world]) {
+            const auto value = flat(world, last_ + 1);
+            open_[world] = value ? constant(*value, last_ + 1)
+                                 : open_runs(world, last_ + 1, trace_.t, trace_);
+            known_[world] = true;
+        }
+        return open_[world];
     }
+    // The value from some position on in a world in which all is unknown there, if it is plain.
+    virtual std::optional<double> tail(std::size_t) const { return std::nullopt; }
 
     Runs settled(Time begin, Time end) const { return clipped(kept_, begin, end); }
     // The runs of a world from a position on.
     Runs seen(std::size_t world, Time begin) const {
-        if (begin > last_) return clipped(open_[world], begin);
+        const Runs& open = this->open(world);
+        if (begin > last_) return clipped(open, begin);
         Runs found;
+        found.reserve(kept_.size() - kept_.place(begin) + open.size());
         for (std::size_t i = kept_.place(begin); i < kept_.size(); ++i) {
             const Pair value = trace_.in_world(world, kept_.at(i));
             found.push(std::max(begin, kept_.starts[i]), &value);
         }
-        found.append(open_[world]);
+        found.append(open);
         return found;
+    }
+    // The value from a position on, if it is plainly one in a world.
+    std::optional<double> flat_from(std::size_t world, Time begin) const {
+        return begin > last_ ? flat(world, last_ + 1) : std::nullopt;
     }
 
     virtual void reset() {
@@ -136,6 +159,8 @@ public:
 protected:
     virtual Runs settled_runs(Time begin, Time end) = 0;
     virtual Runs open_runs(std::size_t world, Time begin, Time t, RegionTrace& trace) const = 0;
+    // The value of all open positions, if it is found without their runs.
+    virtual std::optional<double> flat(std::size_t, Time) const { return std::nullopt; }
 
     Runs constant(double value, Time start, std::size_t corners = 1) const {
         Runs found;
@@ -144,11 +169,12 @@ protected:
         return found;
     }
 
-    const RegionTrace& trace_;
+    RegionTrace& trace_;
     Runs kept_;
-    std::array<Runs, kWorlds> open_;
 
 private:
+    mutable std::array<Runs, kWorlds> open_;
+    mutable std::array<bool, kWorlds> known_{};
     Time late_;
     Time keep_ = 1;
     Time last_ = -1;
@@ -158,9 +184,14 @@ private:
 // A term read as a formula.
 class Predicate final : public RegionStream {
 public:
-    explicit Predicate(const RegionTrace& trace) : RegionStream(trace, 0) {}
+    explicit Predicate(RegionTrace& trace) : RegionStream(trace, 0) {}
 
-    void take(const Time* positions, const double* values, std::size_t n) {
+    std::optional<double> tail(std::size_t world) const override {
+        const bool best = world == Regions::upper || world == Regions::cut_upper;
+        return best ? kInfinity : -kInfinity;
+    }
+
+    void take(const Time* positions, const double* values, std::size_t n) override {
         next_ = Runs();
         next_.corners = trace_.corners;
         const Time begin = last() + 1;
@@ -173,9 +204,9 @@ public:
 protected:
     Runs settled_runs(Time, Time) override { return std::move(next_); }
     Runs open_runs(std::size_t world, Time begin, Time, RegionTrace&) const override {
-        const bool best = world == Regions::upper || world == Regions::cut_upper;
-        return constant(best ? kInfinity : -kInfinity, begin);
+        return constant(*tail(world), begin);
     }
+    std::optional<double> flat(std::size_t world, Time) const override { return tail(world); }
 
 private:
     Runs next_;
@@ -183,7 +214,9 @@ private:
 
 class Constant final : public RegionStream {
 public:
-    Constant(const RegionTrace& trace, double value) : RegionStream(trace, 0), value_(value) {}
+    Constant(RegionTrace& trace, double value) : RegionStream(trace, 0), value_(value) {}
+
+    std::optional<double> tail(std::size_t) const override { return value_; }
 
 protected:
     Runs settled_runs(Time begin, Time) override {
@@ -192,6 +225,7 @@ protected:
     Runs open_runs(std::size_t, Time begin, Time, RegionTrace&) const override {
         return constant(value_, begin);
     }
+    std::optional<double> flat(std::size_t, Time) const override { return value_; }
 
 private:
     double value_;
@@ -199,9 +233,17 @@ private:
 
 class Pointwise final : public RegionStream {
 public:
-    Pointwise(const RegionTrace& trace, RegionFold fold, RegionStream& a, RegionStream& b)
+    Pointwise(RegionTrace& trace, RegionFold fold, RegionStream& a, RegionStream& b)
         : RegionStream(trace, std::max(a.late(), b.late())), fold_(fold), a_(a), b_(b) {
         for (RegionStream* s : {&a, &b}) s->hold(late() - s->late());
+    }
+
+    std::optional<double> tail(std::size_t world) const override {
+        const std::optional<double> x = a_.tail(world), y = b_.tail(world);
+        for (const auto& each : {x, y})
+            if (each && same(*each, -fold_.empty())) return each;
+        if (!x || !y) return std::nullopt;
+        return fold_.upper(*x, *y);
     }
 
 protected:
@@ -211,11 +253,19 @@ protected:
     Runs open_runs(std::size_t world, Time begin, Time, RegionTrace&) const override {
         return across(joint(a_.seen(world, begin), b_.seen(world, begin), begin));
     }
+    std::optional<double> flat(std::size_t world, Time begin) const override {
+        const auto x = a_.flat_from(world, begin), y = b_.flat_from(world, begin);
+        for (const auto& each : {x, y})  // decided by one of them
+            if (each && same(*each, -fold_.empty())) return each;
+        if (!x || !y) return std::nullopt;
+        return fold_.upper(*x, *y);
+    }
 
 private:
     Runs across(const Runs& pairs) const {
         Runs found;
         found.corners = pairs.corners;
+        found.reserve(pairs.size());
         std::vector<Pair> elements(pairs.corners);
         for (std::size_t i = 0; i < pairs.size(); ++i) {
             for (std::size_t c = 0; c < pairs.corners; ++c)

@@ -39,6 +39,15 @@ public:
         return paired(fold, joint(a_.seen(world, first), b_.seen(world, first), first), {});
     }
 
+    // Of one operand the value from some position on, as RegionStream::tail.
+    std::optional<double> tail(std::size_t world) const {
+        return single() ? b_.tail(world) : std::nullopt;
+    }
+    // Of one operand the value from a position on, as RegionStream::flat_from.
+    std::optional<double> flat_from(std::size_t world, Time begin) const {
+        return single() ? b_.flat_from(world, begin) : std::nullopt;
+    }
+
     const RegionFold fold;
 
 private:
@@ -82,7 +91,7 @@ inline void append_own(Runs& found, RegionFold fold, Time lo, const Runs& elemen
 
 class Sliding final : public RegionStream {
 public:
-    Sliding(const RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    Sliding(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
             RegionStream& b)
         : RegionStream(trace, std::max<Time>(0, Operands(fold, a, b).late() + *row.hi)),
           operands_(fold, a, b),
@@ -92,16 +101,27 @@ public:
         operands_.hold(late(), lo_);
     }
 
+    std::optional<double> tail(std::size_t world) const override {
+        if (is_cut(world)) return std::nullopt;
+        if (reading_.stops(world) && lo_ != 0) return operands_.fold.empty();
+        return operands_.tail(world);
+    }
+
 protected:
     Runs settled_runs(Time begin, Time end) override {
         const Runs elements = operands_.settled(begin + lo_, end + hi_, trace_.corners);
         return slid(operands_.fold, elements, lo_, hi_, begin, end);
     }
     Runs open_runs(std::size_t world, Time begin, Time t, RegionTrace&) const override {
+        const bool stops = reading_.stops(world);
         const Runs elements = operands_.seen(world, begin + lo_);
-        if (reading_.stops(world)) {
+        if (stops) {
             Runs found;
-            if (begin <= t) {
+            if (begin <= t && begin + hi_ >= t) {  // no window ends before all is unknown
+                if (begin + lo_ <= t) found = suffixes(operands_.fold, elements, lo_, t);
+                const Pair none{0.0, operands_.fold.empty()};
+                if (t - lo_ < t) found.push(std::max(begin, t - lo_ + 1), &none);
+            } else if (begin <= t) {
                 Runs known = clipped(elements, begin + lo_, t);
                 known.add(std::max(t + 1, begin + lo_), operands_.fold.identity());
                 found = slid(operands_.fold, known, lo_, hi_, begin, t);
@@ -114,10 +134,16 @@ protected:
             Runs found;
             if (begin <= recorded)
                 found = slid(operands_.fold, elements, lo_, hi_, begin, recorded);
-            found.append(clipped(open_[world - 2], std::max(begin, recorded + 1)));
+            found.append(clipped(open(world - 2), std::max(begin, recorded + 1)));
             return found;
         }
         return slid(operands_.fold, elements, lo_, hi_, begin);
+    }
+    std::optional<double> flat(std::size_t world, Time begin) const override {
+        if (reading_.stops(world) || is_cut(world)) return std::nullopt;
+        const auto value = operands_.flat_from(world, begin + hi_);
+        // Every window reaches what decides it.
+        return value && same(*value, -operands_.fold.empty()) ? value : std::nullopt;
     }
 
 private:
@@ -130,13 +156,18 @@ private:
 // The fold over all offsets up to hi.
 class UnboundedPast final : public RegionStream {
 public:
-    UnboundedPast(const RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    UnboundedPast(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
                   RegionStream& b)
         : RegionStream(trace, std::max<Time>(0, Operands(fold, a, b).late() + *row.hi)),
           operands_(fold, a, b),
           hi_(*row.hi) {
         operands_.hold(late(), hi_);
         UnboundedPast::reset();
+    }
+
+    std::optional<double> tail(std::size_t world) const override {
+        const auto value = operands_.tail(world);
+        return value && same(*value, -operands_.fold.empty()) ? value : std::nullopt;
     }
 
     void substitute(std::size_t axis, const std::vector<double>& value) override {
@@ -182,7 +213,7 @@ private:
 // The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 class RegionFuture final : public RegionStream {
 public:
-    RegionFuture(const RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    RegionFuture(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
                  RegionStream& b, std::size_t axis)
         : RegionStream(trace, Operands(fold, a, b).late()),
           operands_(fold, a, b),
@@ -191,7 +222,7 @@ public:
         operands_.hold(late(), 0);
     }
 
-    std::size_t axis() const { return axis_; }
+    std::optional<std::size_t> unknown() const override { return axis_; }
 
 protected:
     Runs settled_runs(Time begin, Time end) override {
@@ -214,7 +245,7 @@ protected:
         }
         trace.unknowns[axis_][world] = unknown;
         if (is_cut(world)) {
-            found.append(clipped(open_[world - 2], std::max(begin, t + 1)));
+            found.append(clipped(open(world - 2), std::max(begin, t + 1)));
         } else if (stops) {
             append_own(found, operands_.fold, 0, elements, std::max(begin, t + 1));
         }
@@ -237,7 +268,7 @@ private:
 // The fold over positions lo to hi, which is read at position 0 alone.
 class AtBegin {
 public:
-    AtBegin(const RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    AtBegin(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
             RegionStream& b)
         : trace_(trace),
           operands_(fold, a, b),
@@ -264,15 +295,22 @@ public:
     }
     double value(std::size_t world, Time t) const {
         if (is_cut(world) && reading_.endless && reading_.begin > t) return value(world - 2, t);
+        const bool stops = reading_.stops(world);
+        if (!hi_ && !stops && !is_cut(world)) {
+            const auto tail = operands_.tail(world);
+            if (tail && same(*tail, -operands_.fold.empty())) return *tail;
+        }
         Pair total = trace_.in_world(world, total_.data());
         const Time begin = std::max(lo_, last_ + 1);
         Time end = hi_.value_or(kEver);
         if (is_cut(world) && !hi_) {
             end = t;
-        } else if (reading_.stops(world)) {
+        } else if (stops) {
             end = std::min(end, lo_ == 0 ? std::max<Time>(t, 0) : t);
         }
         if (begin > end) return total.q;
+        if (const auto value = operands_.flat_from(world, begin))
+            return operands_.fold.combine(total, {0.0, *value}).q;
         const Runs elements = clipped(operands_.seen(world, begin), begin, end);
         for (std::size_t i = 0; i < elements.size(); ++i)
             total = operands_.fold.combine(total, *elements.at(i));
@@ -290,7 +328,7 @@ public:
     }
 
 private:
-    const RegionTrace& trace_;
+    RegionTrace& trace_;
     Operands operands_;
     Reading reading_;
     Time lo_;

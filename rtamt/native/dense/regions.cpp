@@ -18,6 +18,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
       streams_(terms + rows.size()),
       order_(streams),
       folds_(terms + rows.size()),
+      found_(terms + rows.size()),
       trace_(std::make_unique<RegionTrace>()) {
     const std::size_t registers = terms + rows.size();
     const auto require = [](bool condition) {
@@ -44,6 +45,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         require(!row.guard || row.hi);
         require(row.kind == "MAP" || (row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
         require(!row.lo || !row.hi || *row.lo <= *row.hi);
+        fold_of_.push_back(fold_named(row.name));
         print.add(row.kind, row.name, row.a, row.b, row.lo.value_or(kEver), row.hi.value_or(kEver),
                   row.guard, row.endless);
     }
@@ -72,7 +74,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
             continue;
         }
         const RegionRow& row = rows[reg - terms];
-        const RegionFold fold = fold_named(row.name);
+        const RegionFold fold = fold_of_[reg - terms];
         RegionStream &a = operand(row.a), &b = operand(row.b);
         if (row.kind == "MAP") {
             made = std::make_unique<Pointwise>(*trace_, fold, a, b);
@@ -91,7 +93,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         require(reg < registers);
         if (reg < terms || rows[reg - terms].kind == "MAP") continue;
         const RegionRow& row = rows[reg - terms];
-        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_named(row.name),
+        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms],
                                                 operand(row.a), operand(row.b));
     }
 }
@@ -108,17 +110,15 @@ void Regions::advance(const Time* positions, const double* const* terms, std::si
     t_ = t;
     for (const std::size_t reg : order_) {
         RegionStream& stream = *streams_[reg];
-        if (auto* predicate = dynamic_cast<Predicate*>(&stream))
-            predicate->take(positions, terms[reg], n);
+        if (reg < terms_) stream.take(positions, terms[reg], n);
         if (!stream.settle(t)) continue;
-        if (const auto* future = dynamic_cast<const RegionFuture*>(&stream)) {
-            const std::size_t axis = future->axis();
+        if (const auto axis = stream.unknown()) {
             std::vector<double> value(trace_->corners);
             for (std::size_t c = 0; c < value.size(); ++c) value[c] = stream.settling().at(0)[c].q;
             for (const auto& each : streams_)
-                if (each) each->substitute(axis, value);
+                if (each) each->substitute(*axis, value);
             for (const auto& fold : folds_)
-                if (fold) fold->substitute(axis, value);
+                if (fold) fold->substitute(*axis, value);
         }
         stream.keep(t);
     }
@@ -128,12 +128,13 @@ void Regions::advance(const Time* positions, const double* const* terms, std::si
 }
 
 Regions::Values Regions::look(std::size_t worlds) {
-    for (const std::size_t reg : order_)
-        for (std::size_t world = 0; world < worlds; ++world)
-            streams_[reg]->look(world, t_, *trace_);
-    std::vector<Values> found(terms_ + rows_.size());
-    for (const std::size_t reg : initial_) found[reg] = at_zero(reg, found, worlds);
-    return found[initial_.back()];
+    trace_->t = t_;
+    for (const std::size_t reg : order_) streams_[reg]->forget();
+    if (trace_->axes > 0)  // windows without end find the values of unknowns
+        for (const std::size_t reg : order_)
+            for (std::size_t world = 0; world < worlds; ++world) streams_[reg]->open(world);
+    for (const std::size_t reg : initial_) found_[reg] = at_zero(reg, found_, worlds);
+    return found_[initial_.back()];
 }
 
 Regions::Values Regions::at_zero(std::size_t reg, const std::vector<Values>& found,
@@ -150,7 +151,7 @@ Regions::Values Regions::at_zero(std::size_t reg, const std::vector<Values>& fou
         return values;
     }
     const RegionRow& row = rows_[reg - terms_];
-    const RegionFold fold = fold_named(row.name);
+    const RegionFold fold = fold_of_[reg - terms_];
     for (std::size_t world = 0; world < worlds; ++world)
         values[world] = folds_[reg] ? folds_[reg]->value(world, t_)
                                     : fold.upper(found[row.a][world], found[row.b][world]);

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/snapshot.hpp"
-#include "dense/time.hpp"
+#include "dense/runs.hpp"
 
 namespace rtamt::dense {
 
@@ -35,7 +35,6 @@ struct RegionConstant {
 };
 
 class RegionStream;
-class RegionFuture;
 class AtBegin;
 struct RegionTrace;
 
@@ -72,9 +71,11 @@ private:
     std::vector<std::optional<double>> constants_;  // of the terms
     std::vector<RegionRow> rows_;
     std::vector<std::size_t> initial_;
+    std::vector<RegionFold> fold_of_;  // of the rows
     std::vector<std::unique_ptr<RegionStream>> streams_;  // by register; null: none
     std::vector<std::size_t> order_;
     std::vector<std::unique_ptr<AtBegin>> folds_;  // by register; null: none
+    std::vector<Values> found_;  // what look() finds, by register
     std::unique_ptr<RegionTrace> trace_;
     Time t_ = -1;
     std::vector<double> first_;  // the terms at position 0

@@ -149,6 +149,32 @@ Runs slid(RegionFold fold, const Runs& runs, Time lo, Time hi, Time begin, Time 
     return found;
 }
 
+Runs suffixes(RegionFold fold, const Runs& runs, Time lo, Time end) {
+    const auto after = static_cast<std::size_t>(
+        std::upper_bound(runs.starts.begin(), runs.starts.end(), end) - runs.starts.begin());
+    Runs found;
+    found.starts.resize(after);
+    found.values.resize(after);
+    std::size_t first = after;  // what is found stands from here on
+    Pair total = fold.identity();
+    for (std::size_t i = after; i-- > 0;) {
+        total = fold.combine(*runs.at(i), total);
+        // Equal runs merge: the earlier start is theirs.
+        if (first < after && same(found.values[first].q, total.q)) {
+            found.starts[first] = runs.starts[i] - lo;
+        } else {
+            --first;
+            found.starts[first] = runs.starts[i] - lo;
+            found.values[first] = {0.0, total.q};
+        }
+    }
+    found.starts.erase(found.starts.begin(),
+                       found.starts.begin() + static_cast<std::ptrdiff_t>(first));
+    found.values.erase(found.values.begin(),
+                       found.values.begin() + static_cast<std::ptrdiff_t>(first));
+    return found;
+}
+
 Runs suffixes(RegionFold fold, Runs runs, const std::vector<Pair>& rest) {
     std::vector<Pair> total = rest;
     for (std::size_t i = runs.size(); i-- > 0;) {

@@ -57,6 +57,10 @@ struct Runs {
         const auto after = std::upper_bound(starts.begin(), starts.end(), position);
         return after == starts.begin() ? 0 : static_cast<std::size_t>(after - starts.begin()) - 1;
     }
+    void reserve(std::size_t runs) {
+        starts.reserve(runs);
+        values.reserve(runs * corners);
+    }
     Pair* add(Time start) {
         starts.push_back(start);
         values.resize(values.size() + corners);
@@ -91,6 +95,9 @@ Runs paired(RegionFold fold, const Runs& pairs, std::optional<Time> end);
 // The fold over offsets lo to hi of every position from begin to end.
 Runs slid(RegionFold fold, const Runs& runs, Time lo, Time hi, Time begin,
           Time end = std::numeric_limits<Time>::max());
+
+// The fold from each position plus an offset up to an end, of a signal that begins there or before.
+Runs suffixes(RegionFold fold, const Runs& runs, Time lo, Time end);
 
 // For each run the fold of all from it on; `rest` has an element for each corner, which comes last.
 Runs suffixes(RegionFold fold, Runs runs, const std::vector<Pair>& rest);
