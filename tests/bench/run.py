@@ -30,6 +30,7 @@ SECTIONS = (
     "memory",
     "offline",
     "dense",
+    "asked",
     "gym",
     "vector",
     "simulation",
