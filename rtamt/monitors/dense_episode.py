@@ -57,8 +57,9 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
       falls, ``upper`` never rises, and the robustness of this and every later end lies between;
     * ``verdict`` is decided as soon as both have the same sign bit, `decided_at` says since when.
 
-    An event may be a `Between`: the variable then lies between two numbers until its next event,
-    and the bounds hold for whatever it is, as for unknown samples; ``robustness`` is the least.
+    With ``nan="unknown"`` an event may be nan or a `Between`: until its next event the variable may
+    be any number, or lies between two. The bounds hold for whatever it is, as for unknown samples;
+    ``robustness`` is the least.
 
     Events come in chunks of any size, each variable at its own pace; what is said of a time does
     not depend on the chunks. A variable with a declared value has it until its first event, and
@@ -69,7 +70,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         spec: Text, a formula, or a parsed specification.
         resolution: As for `DenseMonitor`.
         nan: What an event of nan is: ``"raise"``, an error; ``"unknown"``, a value of which nothing
-            is known until the variable's next event.
+            is known until the variable's next event. A `Between` is an error under ``"raise"`` too.
         max_gap: The longest time, in seconds or as text with a unit, between neighbouring events of
             a variable that its value lasts: in a longer one it is unknown from one tick after the
             first event up to the second. None: it lasts however long.

@@ -16,7 +16,7 @@ import numpy as np
 
 from rtamt.inputs.arrays import Floats
 from rtamt.language.table import Bounds, Operator
-from rtamt.machines.dense.runs import Positions
+from rtamt.machines.dense.runs import Positions, distinct
 from rtamt.monitors.provenance import (
     FIRST_BEST,
     INF,
@@ -136,7 +136,7 @@ class _RegionDefinition(Definition):
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
         self._changes((p, q), (0, begin, end))
-        joint = np.union1d(self._starts[p], self._starts[q])
+        joint = distinct(self._starts[p], self._starts[q])
 
         def finding(now: int) -> Finding[Value]:
             window = self._inside(now, begin, end)
@@ -172,7 +172,7 @@ class _RegionDefinition(Definition):
         begin, end = bounds
         lo = None if end is None else -end
         self._changes((p, q), (0, lo, -begin))
-        joint = np.union1d(self._starts[p], self._starts[q])
+        joint = distinct(self._starts[p], self._starts[q])
 
         def finding(now: int) -> Finding[Value]:
             window = self._inside(now, lo, -begin)
@@ -182,7 +182,7 @@ class _RegionDefinition(Definition):
             # A witness at the end of a run needs no p in it, if it is an instant or now.
             ends = np.append(way[1:] - 1, now)
             ends = ends[((ends % 2 == 0) | (ends == now)) & (ends <= window[-1])]
-            witnesses = np.union1d(way[way <= window[-1]], ends)
+            witnesses = distinct(way[way <= window[-1]], ends)
             passed = yield from self._values(p, way)
             goals = yield from self._values(q, witnesses)
             needed = witnesses + ((witnesses % 2 == 0) | (witnesses == now))
@@ -265,5 +265,5 @@ class _RegionDefinition(Definition):
         """
         places = [np.append(self._starts[arg], self._last + 1) for arg in args]
         seen = [starts - offset for starts in places for offset in offsets if offset is not None]
-        starts = np.unique(np.concatenate([np.zeros(1, np.int64), *seen, *(s + 1 for s in seen)]))
+        starts = distinct(np.zeros(1, np.int64), *seen, *(s + 1 for s in seen))
         self._starts.append(starts[(starts >= 0) & (starts <= self._last)])

@@ -81,6 +81,27 @@ def _everywhere(program: Program) -> Placement:
     return Placement(program, (), streams, ())
 
 
+def complete_runs(program: Program, rows: RegionRows, last: int) -> Runs:
+    """The result on a trace that is all there is.
+
+    Args:
+        program: One of `readings_of` a program over regions.
+        rows: Its terms at the positions of the trace.
+        last: The last position.
+    """
+    regions = _all_streams(program)
+    regions.unfold(rows, last, (NOW,))
+    return clipped(regions.seen(program.result, NOW), 0, last)
+
+
+def _all_streams(program: Program) -> Regions:
+    """The registers of a program, of which all are found at all positions."""
+    every = tuple(range(len(program.instructions)))
+    read = {a for r in every[program.terms :] for a in program.formula(r).args} | {program.result}
+    streams = tuple(r for r in every if r >= program.terms or r in read)
+    return Regions(Placement(program, (), streams, ()))
+
+
 class DenseOutlook:
     """The bounds of all registers on a trace.
 

@@ -402,6 +402,14 @@ def test_errors(backend: Backend) -> None:
     for gap in (0, -1, INF, "soon"):
         with pytest.raises(SpecificationError, match="expected a max_gap from 1e-300 to 1e300 s"):
             DenseEpisodeMonitor("x > 0", max_gap=gap)
+    monitor = DenseEpisodeMonitor("x > 0", backend=backend)
+    with pytest.raises(InputError) as between:
+        monitor.update(x=[(0, 1), (1, Between(1, 2))])
+    assert str(between.value) == (
+        "expected a value that is known at event 1 of 'x', got Between(1.0, 2.0); "
+        "pass nan='unknown' to take it"
+    )
+    assert math.isnan(monitor.robustness)
     monitor = DenseEpisodeMonitor("x > 0", nan="unknown", max_gap="500ms")
     assert monitor.nan == "unknown"
     assert monitor.max_gap == 0.5
