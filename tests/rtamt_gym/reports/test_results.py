@@ -3,9 +3,9 @@
 import hashlib
 import json
 import shlex
-from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from made_results import SPACE, evaluation, row, searched, swept, tank, wave
 
@@ -153,7 +153,7 @@ def test_the_same_results_and_date_give_the_same_page(
 ) -> None:
     made = evaluated()
     pages = []
-    berlin = datetime(2026, 1, 2, 4, 5, 6, tzinfo=timezone(timedelta(hours=1)))
+    berlin = pd.Timestamp("2026-01-02 04:05:06+01:00").to_pydatetime()
     for date in (berlin, None):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", str(int(berlin.timestamp())) if not date else "0")
         write_report(tmp_path / "e.html", made, date=date)
