@@ -25,7 +25,14 @@ from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
-from rtamt.program.implications import Extent, InstantRuns, Reads, implications, reads, unanswered
+from rtamt.program.implications import (
+    InstantRuns,
+    Reads,
+    TraceSpan,
+    implications,
+    reads,
+    unanswered,
+)
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -161,7 +168,7 @@ class Question(Protocol):
     def formula(self) -> Formula: ...
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> TraceSpan:
         """The instants of the trace."""
 
     @property
@@ -299,9 +306,9 @@ class SampledQuestion(NamedTuple):
         return self.specification.formula
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> TraceSpan:
         """The instants of the trace, which are samples."""
-        return Extent(self.n - 1, self.end == "complete", self.end == "cut")
+        return TraceSpan(self.n - 1, self.end == "complete", self.end == "cut")
 
     @property
     def hides(self) -> bool:
@@ -369,7 +376,7 @@ class _SampledSigns:
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
 def _reads(
-    specification: Specification, period: Fraction | None, align: Align | None, extent: Extent
+    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
 ) -> Mapping[Formula, Reads]:
     def bounds(node: Node) -> Bounds:
         error = functools.partial(specification.error, node)

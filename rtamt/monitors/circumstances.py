@@ -14,9 +14,9 @@ from rtamt.language.formula import Formula
 from rtamt.language.table import Operator
 from rtamt.monitors.provenance import Origin, Part, Visit, flat, holds_by_sign
 
-__all__ = ["Role", "Share", "beside"]
+__all__ = ["Share", "ShareRole", "beside"]
 
-Role = Literal["held", "missing", "broken"]
+ShareRole = Literal["held", "missing", "broken"]
 """What a formula had to do with a violation."""
 
 
@@ -33,7 +33,7 @@ class Share(NamedTuple):
     """
 
     formula: Formula
-    role: Role
+    role: ShareRole
     first: int
     last: int
     outside: tuple[int | None, int | None] | None = None
@@ -95,7 +95,7 @@ def _others(visit: Visit, origin_at: Callable[[Formula, Operator, int], Origin])
     return [part for part in parts if (part.operand, part.first, part.last) != through]
 
 
-def _role(value: float, part: Part) -> Role:
+def _role(value: float, part: Part) -> ShareRole:
     if holds_by_sign(value):
         return "held"
     return "broken" if part.broken else "missing"

@@ -23,7 +23,7 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.asked import Evidence, Signs, Spans, asked_text, found_rows, reads_hidden
 from rtamt.program.dense_regions import RegionProgram, compile_regions
-from rtamt.program.implications import Extent, InstantRuns, Reads, reads, unanswered
+from rtamt.program.implications import InstantRuns, Reads, TraceSpan, reads, unanswered
 from rtamt.program.interface import STANDARD, Interface
 
 __all__ = ["DenseAsked", "DenseQuestion", "dense_evidence"]
@@ -101,7 +101,7 @@ class DenseQuestion:
         self._last = min(int(last) for _, last in ends)
         self._dated = any(are_dates(column.times) for column in given)
         last = 2 * (self._last - self._begin)
-        self.extent = Extent(last, end == "complete", end == "cut", dense=True)
+        self.extent = TraceSpan(last, end == "complete", end == "cut", dense=True)
 
     def time(self, position: int) -> float:
         """The time of a position, of the kind of the events' times."""

@@ -36,7 +36,7 @@ from rtamt.machines.dense.rows import (
     terms_of,
 )
 from rtamt.machines.dense.waiting import Waiting, together
-from rtamt.monitors.circumstances import Role, Share, beside
+from rtamt.monitors.circumstances import Share, ShareRole, beside
 from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
 from rtamt.monitors.explanation import idle_registers, with_all_named
 from rtamt.monitors.explanation_text import as_text
@@ -131,7 +131,7 @@ class DenseCircumstance:
     formula: Formula
     name: str | None
     text: str
-    role: Role
+    role: ShareRole
     window: tuple[float, float]
     time: float
     value: float

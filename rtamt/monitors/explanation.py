@@ -29,7 +29,7 @@ from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_outputs
-from rtamt.monitors.circumstances import Role, Share, beside
+from rtamt.monitors.circumstances import Share, ShareRole, beside
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
@@ -123,7 +123,7 @@ class Circumstance:
     formula: Formula
     name: str | None
     text: str
-    role: Role
+    role: ShareRole
     window: tuple[int, int]
     sample: int
     value: float

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
-from rtamt.monitors.circumstances import Role
+from rtamt.monitors.circumstances import ShareRole
 from rtamt.monitors.holds import holds, zero_text
 from rtamt.program.interface import PredicateValue
 
@@ -27,7 +27,7 @@ class _Circumstance(Protocol[_P_co]):
     @property
     def text(self) -> str: ...
     @property
-    def role(self) -> Role: ...
+    def role(self) -> ShareRole: ...
     @property
     def value(self) -> float: ...
     @property

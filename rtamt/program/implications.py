@@ -21,7 +21,7 @@ from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Bounds
 
-__all__ = ["Extent", "InstantRuns", "Reads", "implications", "reads", "unanswered"]
+__all__ = ["InstantRuns", "Reads", "TraceSpan", "implications", "reads", "unanswered"]
 
 InstantRuns = tuple[tuple[int, float], ...]
 """First and last one of runs of instants, in order; no run touches the next; the last may be inf.
@@ -214,7 +214,7 @@ class Reads(NamedTuple):
 
 
 def reads(
-    formula: Formula, bounds: Callable[[Node], Bounds], trace: Extent
+    formula: Formula, bounds: Callable[[Node], Bounds], trace: TraceSpan
 ) -> Mapping[Formula, Reads]:
     """At which instants a formula reads its implications; it is judged at instant 0.
 
@@ -246,7 +246,7 @@ def reads(
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
+class TraceSpan:
     """The instants of a trace, and what a reading of its end makes of windows.
 
     Attributes:

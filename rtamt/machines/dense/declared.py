@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from rtamt.program.program import Program
 
-__all__ = ["Declared", "declared_of"]
+__all__ = ["DeclaredValues", "declared_of"]
 
 
-class Declared:
+class DeclaredValues:
     """The values that variables have before their first events, and the trace that follows.
 
     Nothing waits for a variable with a declared value: the trace begins when the last of the others
@@ -60,6 +60,6 @@ class Declared:
         return [known if still else tick for tick, still in zip(last, silent, strict=True)]
 
 
-def declared_of(program: Program) -> Declared:
+def declared_of(program: Program) -> DeclaredValues:
     """The declared values of the variables of a program."""
-    return Declared(program.variables, program.specification.defaults)
+    return DeclaredValues(program.variables, program.specification.defaults)
