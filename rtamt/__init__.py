@@ -13,6 +13,9 @@ import importlib
 from typing import TYPE_CHECKING
 
 from rtamt import limits
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
+from rtamt.checking.check import check
+from rtamt.checking.search import ExampleTrace
 from rtamt.errors import (
     InputError,
     InputTypeError,
@@ -62,8 +65,11 @@ __version__ = "0.5.0"
 __all__ = [
     "BACKEND",
     "Align",
+    "Answer",
     "Asked",
     "Between",
+    "Check",
+    "CheckedRequirement",
     "DenseAsked",
     "DenseEpisodeMonitor",
     "DenseExplanation",
@@ -73,8 +79,10 @@ __all__ = [
     "EpisodeMonitor",
     "Events",
     "Evidence",
+    "ExampleTrace",
     "Explanation",
     "Formula",
+    "Idle",
     "Implications",
     "InputError",
     "InputTypeError",
@@ -99,6 +107,7 @@ __all__ = [
     "VectorMonitor",
     "Verdict",
     "__version__",
+    "check",
     "conjunction",
     "disjunction",
     "evaluate",

@@ -28,6 +28,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "jinja2": "report",
     "plotly": "report",
     "minari": "minari",
+    "z3": "check",
 }
 """The extra that installs each optional package."""
 

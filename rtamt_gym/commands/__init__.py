@@ -14,6 +14,7 @@ COMMANDS = {
     "report": "show results as a page",
     "monitor": "judge recorded traces",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
+    "check": "say whether requirements can be satisfied, violated and asked, and agree",
     "explain": "say which samples of recorded traces decided",
     "export": "write a monitor for Simulink and other tools, as an FMU",
 }

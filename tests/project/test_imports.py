@@ -22,7 +22,7 @@ FLOORS = {
         ("inputs",),
         ("machines",),
         ("monitors",),
-        ("export",),
+        ("export", "checking"),
         ("__init__",),
         ("compat",),
     ),

@@ -1,0 +1,1 @@
+"""Whether requirements say what was meant: bounded model checking of their programs."""

@@ -1,0 +1,148 @@
+"""What `check` says of requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from rtamt.checking.search import ExampleTrace, SearchAnswer
+
+__all__ = ["Answer", "Check", "CheckedRequirement", "Idle", "Says"]
+
+Says = Literal["yes", "no", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Whether there is a trace of some kind.
+
+    Attributes:
+        says: ``"yes"``, ``"no"`` or ``"unknown"``.
+        trace: Of a yes, such a trace, which the monitors have judged.
+        samples: Of a no, 0 if it is proved for all traces; else there is no trace of up to that
+            many samples that then repeats its last 1 to 4 for ever, and no shorter one that ends.
+        why: Why it is unknown.
+        clash: Of a no, the parts that cannot hold together, as text; empty if that says nothing.
+    """
+
+    says: Says
+    trace: ExampleTrace | None = None
+    samples: int = 0
+    why: str = ""
+    clash: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, found: SearchAnswer, clash: tuple[str, ...] = ()) -> Answer:
+        """The answer that a search has found."""
+        if found.trace is not None:
+            return cls("yes", found.trace)
+        if found.none or found.samples:
+            return cls("no", samples=0 if found.none else found.samples, clash=clash)
+        return cls("unknown", why=found.why)
+
+    def __str__(self) -> str:
+        if self.says == "unknown":
+            return f"unknown: {self.why}"
+        if self.trace is not None:
+            return f"yes, {self.trace.described}"
+        if self.samples:
+            return f"no, by no trace of up to {self.samples} samples, its end repeated"
+        return "no"
+
+
+@dataclass(frozen=True, slots=True)
+class Idle:
+    """A part of a requirement that decides nothing.
+
+    Attributes:
+        text: The part.
+        instead: The requirement stays the same with ``"true"`` in its place, so that it demands
+            nothing, or with ``"false"``, so that it allows nothing.
+        samples: As those of an `Answer` that says no.
+    """
+
+    text: str
+    instead: Literal["true", "false"]
+    samples: int
+
+    def __str__(self) -> str:
+        what = "demands nothing more" if self.instead == "true" else "never helps"
+        bound = f" (on traces of up to {self.samples} samples)" if self.samples else ""
+        return f"{self.text} {what}{bound}"
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRequirement:
+    """What there is to say of one requirement.
+
+    Attributes:
+        text: The requirement.
+        satisfiable: Whether a trace satisfies it.
+        falsifiable: Whether a trace violates it; if none does, it demands nothing.
+        asked: For each implication whether a trace satisfies the requirement by its answer.
+        idle: The parts that decide nothing, the largest ones.
+        unknown: The parts of which nobody knows whether they decide anything, and why.
+    """
+
+    text: str
+    satisfiable: Answer
+    falsifiable: Answer
+    asked: Mapping[str, Answer] = field(default_factory=dict)
+    idle: tuple[Idle, ...] = ()
+    unknown: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def says(self) -> Says:
+        """``"no"`` if something is wrong with it, ``"yes"`` if nothing is, or ``"unknown"``."""
+        answers = [self.satisfiable, self.falsifiable, *self.asked.values()]
+        if self.idle or any(answer.says == "no" for answer in answers):
+            return "no"
+        doubt = self.unknown or any(answer.says == "unknown" for answer in answers)
+        return "unknown" if doubt else "yes"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """What there is to say of a set of requirements.
+
+    Attributes:
+        requirements: Each of them, by name.
+        together: Whether a trace satisfies all that can be satisfied; None of one requirement.
+        conflict: Names of requirements that no trace satisfies together, as few as can be; empty
+            if there is no conflict, or nobody knows.
+        implied: Names of requirements that one other implies, with its name.
+        equal: Pairs of names whose requirements are satisfied by the same traces.
+        unknown: Pairs of names of which nobody knows whether one implies the other, and why.
+    """
+
+    requirements: Mapping[str, CheckedRequirement]
+    together: Answer | None = None
+    conflict: tuple[str, ...] = ()
+    implied: Mapping[str, str] = field(default_factory=dict)
+    equal: tuple[tuple[str, str], ...] = ()
+    unknown: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    @property
+    def says(self) -> Says:
+        """``"no"`` if something is wrong, ``"yes"`` if nothing is, or ``"unknown"``.
+
+        That one requirement implies another is told, and is not wrong.
+        """
+        said = {each.says for each in self.requirements.values()}
+        if self.together is not None:
+            said.add(self.together.says)
+        if self.equal or "no" in said:
+            return "no"
+        return "unknown" if self.unknown or "unknown" in said else "yes"
+
+    def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:
+        """Every trace that was found, with the name of its requirement and what it shows."""
+        for name, each in self.requirements.items():
+            answers = {"satisfied": each.satisfiable, "violated": each.falsifiable}
+            answers |= {f"asked{i or ''}": a for i, a in enumerate(each.asked.values())}
+            for what, answer in answers.items():
+                if answer.trace is not None:
+                    yield name, what, answer.trace
+        if self.together is not None and self.together.trace is not None:
+            yield "", "together", self.together.trace

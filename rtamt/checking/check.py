@@ -1,0 +1,289 @@
+"""`check`: whether requirements can be satisfied, violated and asked, and whether they agree."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from typing import Literal, cast
+
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
+from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
+from rtamt.errors import InputError, InputTypeError
+from rtamt.language.formula import Formula, make
+from rtamt.language.node import Node
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
+from rtamt.machines.protocols import End
+from rtamt.monitors.options import Spec, checked_end
+from rtamt.program.implications import implications, unanswered
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Period, as_period
+
+__all__ = ["check"]
+
+_WHOLE = ("bool", "int", "uint", "long")
+_CONSTANTS: tuple[Literal["true", "false"], ...] = ("true", "false")
+
+
+def check(
+    specs: Spec | Mapping[str, Spec],
+    period: Period | None = None,
+    *,
+    end: End = "cut",
+    assume: Spec | None = None,
+    horizon: int = 1000,
+    timeout: float = 10.0,
+) -> Check:
+    """Whether requirements say what was meant.
+
+    Of each it is asked whether a trace satisfies it, whether one violates it, whether each of its
+    implications is asked where it is satisfied, and whether each part decides something; of
+    several, whether one trace satisfies them all and which imply or equal which. The program of a
+    requirement is checked for traces up to a horizon with Z3 (bounded model checking). A yes comes
+    with a trace that `judge` has judged. A no is proved, or says up to how many samples it was
+    tried. All else is unknown, with the reason: a guess is never made.
+
+    Args:
+        specs: A specification, each of whose requirements is checked, or several by name.
+        period: Seconds between samples; None: bounds are numbers of samples.
+        end: How the end of a trace is read, as in `judge`.
+        assume: What is taken to hold of every trace, such as ``always(abs(x) < 3)``.
+        horizon: The most samples of a trace. A requirement that needs more is unknown.
+        timeout: The most seconds for each question.
+
+    Returns:
+        What there is to say, which `Check.says` sums up.
+
+    Raises:
+        ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
+        SpecificationError: If a requirement cannot be compiled: bounds that are no whole samples.
+        InputError: If the horizon is below 1, the timeout not above 0, or there is nothing to
+            check.
+
+    Example:
+        >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
+        >>> str(found.requirements["spec"].satisfiable), found.says
+        ('yes, in 1 sample', 'no')
+        >>> print(*found.requirements["spec"].idle)
+        x > 0 or y > 2 demands nothing more (on traces of up to 16 samples)
+        >>> rtamt.check({"low": "always(x < 3)", "high": "eventually(x > 5)"}).conflict
+        ('low', 'high')
+
+    References:
+        Biere, Cimatti, Clarke and Zhu, "Symbolic model checking without BDDs", TACAS 1999.
+        Dokhanchi, Hoxha and Fainekos, "Formal requirement debugging for testing and verification
+        of cyber-physical systems", TECS 2018.
+    """
+    if horizon < 1:
+        msg = f"horizon: expected 1 sample or more, got {horizon}"
+        raise InputError(msg)
+    if not timeout > 0:
+        msg = f"timeout: expected seconds, more than 0, got {timeout}"
+        raise InputError(msg)
+    named = _named(specs)
+    seconds = as_period(period)
+    assumed = None if assume is None else as_specification(assume)
+    whole = {
+        name
+        for spec in (*named.values(), *([assumed] if assumed else []))
+        for name, declared in spec.declarations.items()
+        if declared.type.rstrip("0123456789") in _WHOLE
+    }
+    search = WitnessSearch(seconds, checked_end(end), horizon, timeout, frozenset(whole))
+    given = [Goal(compile_program(assumed, seconds), holds=True)] if assumed else []
+    checkers = {name: _Checker(spec, seconds, search, given) for name, spec in named.items()}
+    found = {name: checker.checked() for name, checker in checkers.items()}
+    return _set(found, checkers, search, given)
+
+
+def _named(specs: Spec | Mapping[str, Spec]) -> dict[str, Specification]:
+    """Each requirement by its name."""
+    if not isinstance(specs, Mapping):
+        return {**as_specification(specs).requirements}
+    if not specs:
+        msg = "expected one specification or more, got an empty mapping"
+        raise InputError(msg)
+    named: dict[str, Specification] = {}
+    for name, spec in specs.items():
+        if not isinstance(name, str):
+            msg = f"expected names of specifications as text, got {type(name).__name__}"
+            raise InputTypeError(msg)
+        parts = as_specification(spec).requirements
+        named |= {f"{name}.{part}" if len(parts) > 1 else name: s for part, s in parts.items()}
+    return named
+
+
+class _Checker:
+    """Asks about one requirement."""
+
+    def __init__(
+        self, spec: Specification, period: Fraction | None, search: WitnessSearch, given: list[Goal]
+    ) -> None:
+        self.spec, self._period, self._search, self._given = spec, period, search, given
+        self.program = compile_program(spec, period)
+
+    def checked(self) -> CheckedRequirement:
+        """What there is to say of it."""
+        satisfied = self._find((self.program, True))
+        clash = self._clash() if satisfied.none or satisfied.samples else ()
+        satisfiable = Answer.of(satisfied, clash)
+        falsifiable = Answer.of(self._find((self.program, False)))
+        asked, idle, unknown = {}, [], {}
+        if satisfiable.says == "yes":
+            for implication in implications(self.spec.formula):
+                other = self._with(unanswered(self.spec.formula, [implication]))
+                answer = Answer.of(self._find((self.program, True), (other, False)))
+                asked[str(implication)] = answer
+        if satisfiable.says == falsifiable.says == "yes":
+            never = {text for text, answer in asked.items() if answer.says == "no"}
+            covered: set[Node] = set()
+            for node in self._parts():
+                if node in covered or str(node) in never:
+                    covered |= {*node.nodes()}
+                    continue
+                found = self._idle(node)
+                if isinstance(found, Idle):
+                    idle.append(found)
+                    covered |= {*node.nodes()}
+                elif found:
+                    unknown[str(node)] = found
+        text = str(self.spec.formula)
+        return CheckedRequirement(text, satisfiable, falsifiable, asked, tuple(idle), unknown)
+
+    def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
+        wanted = [Goal(program, holds) for program, holds in demands]
+        return self._search.find([*wanted, *self._given])
+
+    def _with(self, formula: Formula) -> Program:
+        return compile_program(self.spec.with_result(formula), self._period)
+
+    def _parts(self) -> Iterator[Formula]:
+        """The formulas below it, each before those below it."""
+        below = [*self.spec.formula.nodes()][-2::-1]
+        for node in below:
+            if isinstance(node, Formula) and node.args:  # a constant decides nothing by itself
+                yield node
+
+    def _idle(self, node: Formula) -> Idle | str:
+        """The part if it decides nothing; else why nobody knows, which is empty if it does."""
+        why = ""
+        for instead in _CONSTANTS:
+            other = self._with(_replaced(self.spec.formula, node, instead))
+            bound = 0
+            for holds in (True, False):
+                found = self._find((other, holds), (self.program, not holds))
+                if found.trace is not None:
+                    break
+                if not (found.none or found.samples):
+                    why = why or found.why
+                    break
+                bound = max(bound, found.samples)
+            else:
+                return Idle(str(node), instead, bound)
+        return why
+
+    def _clash(self) -> tuple[str, ...]:
+        """The fewest conjuncts that cannot hold together; empty if it is one alone."""
+        parts = list(_conjuncts(self.spec.formula))
+        if len(parts) == 1:
+            return ()
+        programs = [self._with(part) for part in parts]
+        kept = _fewest(
+            list(range(len(parts))),
+            lambda places: self._find(*((programs[place], True) for place in places)),
+        )
+        return tuple(str(parts[place]) for place in kept)
+
+
+def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:
+    """The fewest of some places that no trace fulfils together, none of which can be left out."""
+    found = find(places)
+    kept = [places[i] for i in found.core if i < len(places)] or places
+    if len(kept) < len(places) and not _impossible(find(kept)):
+        kept = places
+    for place in list(kept):
+        rest = [other for other in kept if other != place]
+        if rest and _impossible(find(rest)):
+            kept = rest
+    return kept
+
+
+def _impossible(found: SearchAnswer) -> bool:
+    return found.none or bool(found.samples)
+
+
+def _conjuncts(formula: Formula) -> Iterator[Formula]:
+    """The parts that have to hold together: those of ``and``, below ``always`` too."""
+    name = formula.op.name if formula.op else ""
+    if name == "and":
+        for part in formula.args:
+            yield from _conjuncts(cast("Formula", part))
+    elif name == "always":
+        for part in _conjuncts(cast("Formula", formula.args[0])):
+            yield cast("Formula", make("always", (part,), formula.interval))
+    else:
+        yield formula
+
+
+def _replaced(formula: Formula, part: Formula, constant: str) -> Formula:
+    """The formula with a constant in place of a part, wherever that stands."""
+    made: dict[Node, Node] = {}
+    for node in formula.nodes():
+        args = tuple(made[each] for each in node.args)
+        if node is part:
+            made[node] = make(constant, ())
+        elif node.op is None or all(a is b for a, b in zip(args, node.args, strict=True)):
+            made[node] = node
+        else:
+            made[node] = make(node.op.name, args, node.interval)
+    return cast("Formula", made[formula])
+
+
+def _set(
+    found: Mapping[str, CheckedRequirement],
+    checkers: Mapping[str, _Checker],
+    search: WitnessSearch,
+    given: list[Goal],
+) -> Check:
+    """What there is to say of the requirements together."""
+    if len(found) == 1:
+        return Check(found)
+
+    def find(*demands: tuple[str, bool]) -> SearchAnswer:
+        wanted = [Goal(checkers[name].program, holds) for name, holds in demands]
+        return search.find([*wanted, *given])
+
+    names = [name for name, each in found.items() if each.satisfiable.says == "yes"]
+    both = find(*((name, True) for name in names)) if names else SearchAnswer()
+    conflict: tuple[str, ...] = ()
+    if _impossible(both):
+        kept = _fewest(
+            list(range(len(names))), lambda places: find(*((names[i], True) for i in places))
+        )
+        conflict = tuple(names[i] for i in kept)
+    together = Answer.of(both, conflict) if len(names) > 1 else None
+    implied: dict[str, str] = {}
+    unknown: dict[tuple[str, str], str] = {}
+    equal: list[tuple[str, str]] = []
+    some = [name for name in names if found[name].falsifiable.says == "yes"]
+    for a, b in itertools.combinations(some, 2):
+        if not _shared(checkers[a], checkers[b]):
+            continue  # nothing that one reads is read by the other
+        ways = find((a, True), (b, False)), find((b, True), (a, False))
+        ab, ba = map(_impossible, ways)
+        if ab and ba:
+            equal.append((a, b))
+        elif ab:
+            implied.setdefault(b, a)
+        elif ba:
+            implied.setdefault(a, b)
+        elif why := next((f.why for f in ways if f.trace is None), ""):
+            unknown[a, b] = why
+    return Check(found, together, conflict, implied, tuple(equal), unknown)
+
+
+def _shared(a: _Checker, b: _Checker) -> bool:
+    """Whether one can imply the other: both read a variable, as both can be and not be so."""
+    return not {*a.program.variables}.isdisjoint(b.program.variables)

@@ -1,0 +1,121 @@
+"""The terms of a program at the samples of a trace: unknown, or doubles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol, cast
+
+from rtamt.checking.graph import FALSE, TRUE, Graph, TermKey, Truth
+from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.instructions import Const, Load, Map
+from rtamt.program.program import Program
+
+__all__ = ["TermTruths", "known_samples", "unknown_samples"]
+
+
+class TermTruths(Protocol):
+    """Tells whether a term that is read as a formula holds at a sample."""
+
+    def __call__(self, program: Program, register: int, sample: int) -> Truth:
+        """Whether the sign bit of the term is clear."""
+
+
+def unknown_samples(graph: Graph) -> TermTruths:
+    """TermTruths whose values are unknown: comparisons are atoms of a graph."""
+    return _Unknown(graph)
+
+
+class _Unknown:
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._numbers: dict[tuple[Program, int, int], TermKey] = {}
+
+    def __call__(self, program: Program, register: int, sample: int) -> Truth:
+        instruction = program.instructions[register]
+        if isinstance(instruction, Const):
+            return TRUE if _clear(instruction.value) else FALSE
+        if not isinstance(instruction, Map):
+            msg = f"{instruction} is read as a formula"
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours
+        function, args = instruction.function, instruction.args
+        if function == "neg":
+            return self._graph.no(self(program, args[0], sample))
+        x, *others = (self._number(program, a, sample) for a in args)
+        y = others[0] if others else ("const", 0.0)
+        if x[0] == y[0] == "const":
+            values = (cast("float", x[1]), cast("float", y[1]))[: len(args)]
+            return TRUE if _clear(FUNCTIONS[function].apply(*values)) else FALSE
+        return self._compared(function, x, y)
+
+    def _compared(self, function: str, x: TermKey, y: TermKey) -> Truth:
+        graph = self._graph
+        match function:
+            case "at_least" | "ge" | "nonnegative":
+                return graph.atom(("at_least", x, y))
+            case "above" | "gt":
+                return graph.no(graph.atom(("at_least", y, x)))
+            case "equal" | "eq":
+                return graph.atom(("equal", x, y))
+            case "unequal" | "ne":
+                return graph.no(graph.atom(("equal", x, y)))
+        msg = f"{function} is read as a formula"
+        raise AssertionError(msg)
+
+    def _number(self, program: Program, register: int, sample: int) -> TermKey:
+        key = program, register, sample
+        if key not in self._numbers:
+            match program.instructions[register]:
+                case Load(variable):
+                    number: TermKey = ("load", variable, sample)
+                case Const(value):
+                    number = ("const", value)
+                case Map(function, args):
+                    parts = tuple(self._number(program, a, sample) for a in args)
+                    number = _counted(function, parts) or (function, *parts)
+                case other:
+                    msg = f"{other} among terms"
+                    raise AssertionError(msg)
+            self._numbers[key] = number
+        return self._numbers[key]
+
+
+def _counted(function: str, parts: Sequence[TermKey]) -> TermKey | None:
+    """The value of a function of constants, which is that of doubles."""
+    if any(part[0] != "const" for part in parts):
+        return None
+    value = FUNCTIONS[function].apply(*(cast("float", part[1]) for part in parts))
+    return None if math.isnan(value) else ("const", value)
+
+
+def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
+    """TermTruths whose values are known.
+
+    Raises:
+        ValueError: When it is asked for a term that is nan.
+    """
+
+    def value(program: Program, register: int, sample: int) -> float:
+        match program.instructions[register]:
+            case Load(variable):
+                return columns[variable][sample]
+            case Const(found):
+                return found
+            case Map(function, args):
+                found = FUNCTIONS[function].apply(*(value(program, a, sample) for a in args))
+                if math.isnan(found):
+                    msg = f"'{program.sources[register]}' is nan at sample {sample}"
+                    raise ValueError(msg)
+                return found
+            case other:
+                msg = f"{other} among terms"
+                raise AssertionError(msg)
+
+    def holds(program: Program, register: int, sample: int) -> Truth:
+        return TRUE if _clear(value(program, register, sample)) else FALSE
+
+    return holds
+
+
+def _clear(value: float) -> bool:
+    return math.copysign(1.0, value) > 0

@@ -1,0 +1,234 @@
+"""`rtamt check`: whether requirements say what was meant."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Final
+
+import rtamt
+from rtamt import Answer, Check, CheckedRequirement, ExampleTrace, InputError
+from rtamt_gym.commands.arguments import add_reading, positive, read_reading
+from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.tables import counted, number, table
+
+if TYPE_CHECKING:
+    from rtamt_gym.results.outcome import Word
+
+__all__ = ["add_arguments", "run"]
+
+_WORDS: Final[Mapping[str, Word]] = {"yes": "satisfied", "no": "violated", "unknown": "undecided"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Checks requirements without a simulation: whether each can be satisfied, violated and "
+        "asked, whether each of its parts decides something, and whether they agree. Every yes "
+        "comes with a trace that the monitors have judged, every no says how far it reaches."
+    )
+    parser.epilog = "example: rtamt check requirements.stl --period 100ms --assume 'always(v >= 0)'"
+    parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
+    parser.add_argument(
+        "--constant",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the value of a constant, in place of that in the text; may be repeated",
+    )
+    parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
+    parser.add_argument(
+        "--end",
+        choices=("complete", "cut", "open"),
+        default="cut",
+        help="how the end of a trace is read, as by rtamt monitor (default: cut)",
+    )
+    parser.add_argument(
+        "--horizon",
+        type=positive,
+        default=1000,
+        metavar="N",
+        help="the most samples of a trace (default: 1000)",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="for each question (default: 10)",
+    )
+    parser.add_argument(
+        "--save", type=Path, metavar="FOLDER", help="write the traces as CSV for rtamt monitor"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    add_reading(parser, "period")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
+    specs = read_requirements(options.specs, read_constants(options.constant))
+    period = read_reading(options).seconds
+    if period is None and (timed := _timed(specs)):
+        raise InputError(
+            f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
+            "give --period 100ms, for instance"
+        )
+    found = rtamt.check(
+        specs,
+        period,
+        end=options.end,
+        assume=options.assume,
+        horizon=options.horizon,
+        timeout=options.timeout,
+    )
+    if options.save is not None:
+        _save(found, options.save)
+    print(json.dumps(_data(found), indent=2) if options.json else "\n".join(_lines(found)))
+    return exit_code([_WORDS[found.says]])
+
+
+def _timed(specs: dict[str, rtamt.Specification]) -> str:
+    """The first requirement with a unit in a bound; empty if there is none."""
+    for name, spec in specs.items():
+        bounds = (node.interval for node in spec.formula.nodes())
+        if any(interval is not None and interval.unit is not None for interval in bounds):
+            return name
+    return ""
+
+
+def _lines(found: Check) -> Iterator[str]:
+    for name, each in found.requirements.items():
+        yield from wrap(f"{name}: {each.text}", 80, subsequent_indent="    ")
+        yield from _of_one(each)
+        yield ""
+    if found.together is not None:
+        yield from _of_all(found, found.together)
+        yield ""
+    for name, what, trace in found.traces():
+        if what != "satisfied":
+            yield " ".join(filter(None, [name, f"{what}:"]))
+            yield from _drawn(trace)
+            yield ""
+    yield {
+        "yes": "nothing wrong was found",
+        "no": "something is wrong: see above",
+        "unknown": "nothing wrong was found, but not all is known: see above",
+    }[found.says]
+
+
+def _of_one(found: CheckedRequirement) -> Iterator[str]:
+    yield from _said("satisfied", found.satisfiable)
+    for part in found.satisfiable.clash:
+        yield from _row("", f"clashes: {part}")
+    yield from _said("violated", found.falsifiable)
+    for text, answer in found.asked.items():
+        yield from _said("asked", answer, f": {text}")
+    for idle in found.idle:
+        yield from _row("idle", str(idle))
+    for text, why in found.unknown.items():
+        yield from _row("parts", f"unknown whether {text} decides something: {why}")
+
+
+def _of_all(found: Check, together: Answer) -> Iterator[str]:
+    yield from _said("together", together)
+    if found.conflict:
+        yield from _row("conflict", ", ".join(found.conflict))
+    for one, other in found.implied.items():
+        yield from _row("implied", f"{one} by {other}")
+    for one, other in found.equal:
+        yield from _row("equal", f"{one} and {other}")
+    for (one, other), why in found.unknown.items():
+        yield from _row("unknown", f"whether {one} or {other} implies the other: {why}")
+
+
+def _said(what: str, answer: Answer, more: str = "") -> list[str]:
+    return _row(what, f"{answer}{more}")
+
+
+def _row(what: str, text: str) -> list[str]:
+    return wrap(f"  {what:<11}{text}", 80, subsequent_indent=" " * 13, break_on_hyphens=False)
+
+
+def _drawn(trace: ExampleTrace) -> list[str]:
+    """The trace as a table: a column for each run of equal samples, in as many tables as needed."""
+    rows = list(zip(*trace.columns.values(), strict=True))
+    runs: list[tuple[str, tuple[float, ...]]] = []
+    begin = 0
+    for values, run in itertools.groupby(rows):
+        end = begin + len([*run]) - 1
+        runs.append((f"{begin}" if begin == end else f"{begin}-{end}", values))
+        begin = end + 1
+    if not runs:
+        return [f"  any {counted(trace.samples, 'sample')}"]
+    width = max(len(text) for at, values in runs for text in (at, *map(number, values))) + 2
+    most = max(1, (78 - max(map(len, ("sample", *trace.columns)))) // width)
+    lines: list[str] = []
+    for first in range(0, len(runs), most):
+        some = runs[first : first + most]
+        cells = [["sample", *(at for at, _ in some)]]
+        for i, name in enumerate(trace.columns):
+            cells.append([name, *(number(values[i]) for _, values in some)])
+        lines += [f"  {line}" for line in table(cells, "<" + ">" * len(some))]
+    if trace.loop:
+        lines.append(f"  the last {counted(trace.loop, 'sample')} again and again")
+    return lines
+
+
+def _data(found: Check) -> dict[str, Any]:
+    requirements = {
+        name: {
+            "formula": each.text,
+            "says": each.says,
+            "satisfiable": _answer(each.satisfiable),
+            "falsifiable": _answer(each.falsifiable),
+            "asked": {text: _answer(answer) for text, answer in each.asked.items()},
+            "idle": [
+                {"text": idle.text, "instead": idle.instead, "samples": idle.samples}
+                for idle in each.idle
+            ],
+            "unknown": dict(each.unknown),
+        }
+        for name, each in found.requirements.items()
+    }
+    data: dict[str, Any] = {"says": found.says, "requirements": requirements}
+    if found.together is not None:
+        data |= {
+            "together": _answer(found.together),
+            "conflict": [*found.conflict],
+            "implied": {**found.implied},
+            "equal": [[*pair] for pair in found.equal],
+            "unknown": [[*pair, why] for pair, why in found.unknown.items()],
+        }
+    return data
+
+
+def _answer(answer: Answer) -> dict[str, Any]:
+    data: dict[str, Any] = {"says": answer.says}
+    if answer.trace is not None:
+        columns = {name: [*map(_strict, values)] for name, values in answer.trace.columns.items()}
+        data["trace"] = {"samples": answer.trace.samples, "repeats": answer.trace.loop} | {
+            "columns": columns
+        }
+    if answer.says == "no":
+        data |= {"samples": answer.samples or None, "clash": [*answer.clash]}
+    return data | ({"why": answer.why} if answer.why else {})
+
+
+def _strict(value: float) -> float | str:
+    return value if abs(value) != float("inf") else ("inf" if value > 0 else "-inf")
+
+
+def _save(found: Check, folder: Path) -> None:
+    """Writes each trace as a file of its samples, for `rtamt monitor` with the same period."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, what, trace in found.traces():
+        stem = re.sub(r"[^\w.-]", "_", "-".join(filter(None, [name, what])))
+        columns = [trace.unrolled(variable) for variable in trace.columns]
+        with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([[*trace.columns], *zip(*columns, strict=True)])
