@@ -52,6 +52,7 @@ machines = pytest.mark.parametrize("name", MAKERS)
 
 class Reader:
     machine: object
+    unknown = False
 
 
 def test_every_machine_class_is_tested_here() -> None:
