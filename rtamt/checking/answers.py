@@ -111,6 +111,8 @@ class Check:
         together: Whether a trace satisfies all that can be satisfied; None of one requirement.
         conflict: Names of requirements that no trace satisfies together, as few as can be; empty
             if there is no conflict, or nobody knows.
+        asked: For each requirement that can be asked and one of its implications whether a trace
+            that satisfies all of them is satisfied by its answer.
         implied: Names of requirements that one other implies, with its name.
         equal: Pairs of names whose requirements are satisfied by the same traces.
         unknown: Pairs of names of which nobody knows whether one implies the other, and why.
@@ -119,6 +121,7 @@ class Check:
     requirements: Mapping[str, CheckedRequirement]
     together: Answer | None = None
     conflict: tuple[str, ...] = ()
+    asked: Mapping[tuple[str, str], Answer] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)
     equal: tuple[tuple[str, str], ...] = ()
     unknown: Mapping[tuple[str, str], str] = field(default_factory=dict)
@@ -132,6 +135,7 @@ class Check:
         said = {each.says for each in self.requirements.values()}
         if self.together is not None:
             said.add(self.together.says)
+        said |= {answer.says for answer in self.asked.values()}
         if self.equal or "no" in said:
             return "no"
         return "unknown" if self.unknown or "unknown" in said else "yes"
@@ -140,7 +144,9 @@ class Check:
         """Every trace that was found, with the name of its requirement and what it shows."""
         for name, each in self.requirements.items():
             answers = {"satisfied": each.satisfiable, "violated": each.falsifiable}
-            answers |= {f"asked{i or ''}": a for i, a in enumerate(each.asked.values())}
+            answers |= {
+                f"asked {i + 1}" if i else "asked": a for i, a in enumerate(each.asked.values())
+            }
             for what, answer in answers.items():
                 if answer.trace is not None:
                     yield name, what, answer.trace

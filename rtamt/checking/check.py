@@ -59,8 +59,8 @@ def check(
     Raises:
         ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
         SpecificationError: If a requirement cannot be compiled: bounds that are no whole samples.
-        InputError: If the horizon is below 1, the timeout not above 0, or there is nothing to
-            check.
+        InputError: If the horizon is below 1, the timeout not above 0, there is nothing to check,
+            or no trace fulfils what is assumed.
 
     Example:
         >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
@@ -93,6 +93,9 @@ def check(
     }
     search = WitnessSearch(seconds, checked_end(end), horizon, timeout, frozenset(whole))
     given = [Goal(compile_program(assumed, seconds), holds=True)] if assumed else []
+    if assumed and _impossible(search.find(given)):
+        msg = f"assume: expected what some trace fulfils, got {assumed.formula}, which none does"
+        raise InputError(msg)
     checkers = {name: _Checker(spec, seconds, search, given) for name, spec in named.items()}
     found = {name: checker.checked() for name, checker in checkers.items()}
     return _set(found, checkers, search, given)
@@ -133,7 +136,7 @@ class _Checker:
         asked, idle, unknown = {}, [], {}
         if satisfiable.says == "yes":
             for implication in implications(self.spec.formula):
-                other = self._with(unanswered(self.spec.formula, [implication]))
+                other = self.unanswered(implication)
                 answer = Answer.of(self._find((self.program, True), (other, False)))
                 asked[str(implication)] = answer
         if satisfiable.says == falsifiable.says == "yes":
@@ -151,6 +154,10 @@ class _Checker:
                     unknown[str(node)] = found
         text = str(self.spec.formula)
         return CheckedRequirement(text, satisfiable, falsifiable, asked, tuple(idle), unknown)
+
+    def unanswered(self, implication: Formula) -> Program:
+        """The program of the requirement where nothing answers one of its implications."""
+        return self._with(unanswered(self.spec.formula, [implication]))
 
     def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
         wanted = [Goal(program, holds) for program, holds in demands]
@@ -185,16 +192,22 @@ class _Checker:
         return why
 
     def _clash(self) -> tuple[str, ...]:
-        """The fewest conjuncts that cannot hold together; empty if it is one alone."""
+        """The fewest conjuncts that cannot hold together; empty if it is one alone.
+
+        What is assumed is the last of them if it is needed.
+        """
+        assumed: tuple[str, ...] = ()
+        if self._given and self._search.find([Goal(self.program, holds=True)]).trace is not None:
+            assumed = (f"assumed: {self._given[0].program.specification.formula}",)
         parts = list(_conjuncts(self.spec.formula))
         if len(parts) == 1:
-            return ()
+            return (str(parts[0]), *assumed) if assumed else ()
         programs = [self._with(part) for part in parts]
         kept = _fewest(
             list(range(len(parts))),
             lambda places: self._find(*((programs[place], True) for place in places)),
         )
-        return tuple(str(parts[place]) for place in kept)
+        return (*(str(parts[place]) for place in kept), *assumed)
 
 
 def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:
@@ -264,6 +277,16 @@ def _set(
         )
         conflict = tuple(names[i] for i in kept)
     together = Answer.of(both, conflict) if len(names) > 1 else None
+    several = [checkers[name] for name in names] if together and both.trace else []
+    asked = {
+        (name, str(each)): Answer.of(
+            search.find([*_answered(checkers[name], each, several), *given])
+        )
+        for name in names
+        if several
+        for each in implications(checkers[name].spec.formula)
+        if found[name].asked[str(each)].says == "yes"
+    }
     implied: dict[str, str] = {}
     unknown: dict[tuple[str, str], str] = {}
     equal: list[tuple[str, str]] = []
@@ -281,7 +304,13 @@ def _set(
             implied.setdefault(a, b)
         elif why := next((f.why for f in ways if f.trace is None), ""):
             unknown[a, b] = why
-    return Check(found, together, conflict, implied, tuple(equal), unknown)
+    return Check(found, together, conflict, asked, implied, tuple(equal), unknown)
+
+
+def _answered(checker: _Checker, implication: Formula, all_of: list[_Checker]) -> Iterator[Goal]:
+    """All hold, and one would not without the answer of its implication."""
+    yield from (Goal(each.program, holds=True) for each in all_of)
+    yield Goal(checker.unanswered(implication), holds=False)
 
 
 def _shared(a: _Checker, b: _Checker) -> bool:

@@ -139,6 +139,9 @@ def _of_all(found: Check, together: Answer) -> Iterator[str]:
     yield from _said("together", together)
     if found.conflict:
         yield from _row("conflict", ", ".join(found.conflict))
+    for (name, text), answer in found.asked.items():
+        if answer.says != "yes":
+            yield from _row("asked", f"{name}, where all are satisfied: {answer}: {text}")
     for one, other in found.implied.items():
         yield from _row("implied", f"{one} by {other}")
     for one, other in found.equal:
@@ -201,6 +204,10 @@ def _data(found: Check) -> dict[str, Any]:
         data |= {
             "together": _answer(found.together),
             "conflict": [*found.conflict],
+            "asked": [
+                {"requirement": name, "text": text, **_answer(answer)}
+                for (name, text), answer in found.asked.items()
+            ],
             "implied": {**found.implied},
             "equal": [[*pair] for pair in found.equal],
             "unknown": [[*pair, why] for pair, why in found.unknown.items()],

@@ -225,3 +225,32 @@ def test_a_witness_says_its_values_again_if_they_repeat() -> None:
     witness = ExampleTrace({"x": (1.0, 2.0, 3.0)}, 3, 2)
     assert witness.unrolled("x") == [1.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0]
     assert ExampleTrace({"x": (1.0,)}, 1, 0).unrolled("x") == [1.0]
+
+
+def test_requirements_that_agree_only_while_nothing_is_asked() -> None:
+    found = rtamt.check(
+        {"up": "always(m == 1 implies x > 1)", "down": "always(m == 1 implies x < 0)"}
+    )
+    assert found.together is not None
+    assert found.together.says == "yes"
+    assert {name: answer.says for (name, _), answer in found.asked.items()} == {
+        "up": "no",
+        "down": "no",
+    }
+    assert found.says == "no"
+    fine = rtamt.check(
+        {"up": "always(m == 1 implies x > 1)", "more": "always(m == 1 implies x > 0)"}
+    )
+    assert {answer.says for (name, _), answer in fine.asked.items() if name == "up"} == {"yes"}
+
+
+def test_what_is_assumed_is_named_where_it_clashes() -> None:
+    assert only("always(x > 1)", assume="always(x < 0)").satisfiable.clash == (
+        "always(x > 1)",
+        "assumed: always(x < 0)",
+    )
+    with pytest.raises(InputError) as error:
+        only("always(x > 1)", assume="always(x < 0 and x > 1)")
+    assert str(error.value) == (
+        "assume: expected what some trace fulfils, got always(x < 0 and x > 1), which none does"
+    )
