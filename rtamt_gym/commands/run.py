@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterable
 from contextlib import closing
+from time import perf_counter
+from typing import TYPE_CHECKING
 
+from rtamt import SpecificationError
 from rtamt_gym.commands.arguments import (
     add_environment,
     add_max_steps,
@@ -23,14 +27,18 @@ from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
 
+if TYPE_CHECKING:
+    from rtamt_gym.simulation.outcomes import Episode
+    from rtamt_gym.simulation.run import Run
+
 __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs episodes of a registered Gymnasium environment under specifications and prints "
-        "their robustness and verdicts. Exits 0 whatever the verdicts are, with --require-asked 3 "
-        "if nothing has put a requirement to the test."
+        "their robustness and verdicts. Exits 0 whatever the verdicts are, 2 if an episode failed, "
+        "and with --require-asked 3 if nothing has put a requirement to the test."
     )
     parser.epilog = (
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
@@ -81,12 +89,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the episodes, prints a table of them and writes the files asked for; returns 0 or 3."""
+    """Runs the episodes, prints a table of them, writes files; returns 0, or 2 or 3."""
     from rtamt_gym.judging.specs import own_requirements
-    from rtamt_gym.results.table import Results
-    from rtamt_gym.results.trial import end_note
+    from rtamt_gym.results.trial import Trial, end_note
+    from rtamt_gym.search.runs.record import Record
+    from rtamt_gym.search.runs.report import failures
     from rtamt_gym.simulation.environments import make
-    from rtamt_gym.simulation.outcomes import report, saved_note, to_json
+    from rtamt_gym.simulation.outcomes import report, saved_note, to_json, trial_of
     from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
@@ -97,8 +106,9 @@ def run(options: argparse.Namespace) -> int:
         own = own_requirements(env)
         specs = requirements_of(options.spec, own, options.env_id, "--spec")
         make_policy = policy_of(options.policy, env)
-        runs = [
-            simulate(
+
+        def play(seed: int) -> Run:
+            return simulate(
                 env,
                 specs,
                 signals,
@@ -107,29 +117,57 @@ def run(options: argparse.Namespace) -> int:
                 stop="end" if options.on_violation == "report" else "violation",
                 **reading.options(),
             )
-            for seed in range(options.seed, options.seed + options.episodes)
-        ]
+
+        episodes = _played(play, range(options.seed, options.seed + options.episodes))
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
-    shown_below = [*end_note([run.trial() for run in runs]), *saved_note(runs), *notes]
-    print("", *report(runs), *[""] * bool(shown_below), *shown_below, sep="\n")
+    texts = {name: str(spec.formula) for name, spec in specs.items()}
+    record = Record(map(trial_of, episodes), texts)
+    failed = failures(record, rated=False)
+    shown_below = [*failed, *end_note(record), *saved_note(episodes), *notes]
+    print("", *report(episodes), *[""] * bool(shown_below), *shown_below, sep="\n")
     if options.json:
         readings = {
             "on_violation": options.on_violation,
             "at_termination": reading.at_termination,
             "at_truncation": reading.at_truncation,
         }
-        options.json.write_text(to_json(runs, readings) + "\n", encoding="utf-8")
+        options.json.write_text(to_json(episodes, readings) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
         from rtamt_gym.drawing import save
         from rtamt_gym.simulation.plot import draw
 
-        shown = next((i for i, run in enumerate(runs) if run.violated_by), 0)
+        runs = {i: each for i, each in enumerate(episodes, 1) if not isinstance(each, Trial)}
+        shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
         save(draw([runs[shown]]), options.plot)
-        print(f"picture of episode {shown + 1}: {options.plot}")
-    texts = {name: str(spec.formula) for name, spec in specs.items()}
-    results = Results([run.trial() for run in runs], texts)
-    hollow = unasked(results, "episode", fails=options.require_asked)
+        print(f"picture of episode {shown}: {options.plot}")
+    hollow = unasked(record, "episode", fails=options.require_asked)
     tell(hollow)
-    return exit_code([], hollow)
+    return exit_code(["failed"] if failed else [], hollow)
+
+
+def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
+    """Plays an episode of each seed; one that fails does not lose the others.
+
+    If all fail, there is nothing to show: then the error of the first is raised. A specification
+    that is wrong is so for all of them.
+    """
+    from rtamt_gym.inputs.case import Case
+    from rtamt_gym.results.trial import Trial
+    from rtamt_gym.simulation.crashes import failed
+
+    first: Exception | None = None
+    episodes: list[Episode] = []
+    for seed in seeds:
+        began = perf_counter()
+        try:
+            episodes.append(play(seed))
+        except SpecificationError:
+            raise
+        except Exception as error:  # noqa: BLE001 - the others are to be shown
+            first = error if first is None else first
+            episodes.append(failed(error, Case({}), seed, perf_counter() - began))
+    if first is not None and all(isinstance(each, Trial) for each in episodes):
+        raise first
+    return episodes

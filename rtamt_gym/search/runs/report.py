@@ -36,10 +36,14 @@ def summary(record: Record) -> list[str]:
     return [*table(rows, "<" + ">" * len(columns), 80), "", *below]
 
 
-def failures(record: Record) -> list[str]:
+def failures(record: Record, *, rated: bool = True) -> list[str]:
     """How many simulations failed, and the error of the first; no lines if none did.
 
     They are lines of 80 columns. What the first was given stands before its error.
+
+    Args:
+        record: The simulations.
+        rated: Whether rates of episodes stand above, in which those that failed count.
     """
     failed = record.failed()
     if not len(failed):
@@ -49,10 +53,10 @@ def failures(record: Record) -> list[str]:
         columns = first.case.columns().items()
         given = ", ".join(f"{name}={value:.4g}" for name, value in columns)
         head = f"{len(failed)} of {counted(len(record), 'simulation')} failed, the first with "
-    else:  # an evaluation
+    else:  # episodes
         given = f"seed {first.seed}"
-        head = f"{len(failed)} of {counted(len(record), 'episode')} failed, which counts as not "
-        head += "satisfied; the first with "
+        head = f"{len(failed)} of {counted(len(record), 'episode')} failed"
+        head += ", which counts as not satisfied; the first with " if rated else "; the first, "
     error = shorten(" ".join(first.error.split()), _ERROR)
     others = len({row.error for row in failed}) - 1
     return [

@@ -129,6 +129,7 @@ SHOWN: dict[str, Shown] = {
         f"sweep {FRAIL} --requirement 'always(abs(angle) < 1)' --vary env.gravity=9:10 --samples 8",
         "--allow-failures 0",
     ),
+    "some episodes of a run failed": Shown(f"run {FRAIL} {STANDS} --episodes 4"),
     "a policy crashes": Shown(
         f"evaluate {FRAIL} {STANDS} --episodes 6 --at-termination cut",
         "--target 0.95",
