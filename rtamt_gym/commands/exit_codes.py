@@ -72,15 +72,15 @@ def unasked(results: Results, what: str, *, fails: bool) -> list[Hollow]:
     return never + [Hollow(text) for text in partly_asked_lines(results, what)]
 
 
-def tell(hollow: Collection[Hollow], *, json: bool = False) -> None:
+def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:
     """Prints what verdicts leave out, in lines of at most 80 columns below an empty one.
 
     Args:
         hollow: What they leave out.
-        json: Whether standard output holds JSON: then it is printed to standard error.
+        stderr: Whether it is printed to standard error, as where standard output holds JSON.
     """
-    lines = [] if json or not hollow else [""]
+    lines = [] if stderr or not hollow else [""]
     for each in hollow:
         lines += wrapped(each.text)
     if lines:
-        print(*lines, sep="\n", file=sys.stderr if json else sys.stdout, flush=True)
+        print(*lines, sep="\n", file=sys.stderr if stderr else sys.stdout, flush=True)

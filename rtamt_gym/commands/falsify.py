@@ -195,7 +195,7 @@ def run(options: argparse.Namespace) -> int:
             print("", *files, sep="\n")
     hollow = [] if found.falsified else hollow_failures(found.record, options, found.not_violated)
     hollow += unasked(found.record, "simulation", fails=options.require_asked)
-    tell(hollow, json=options.json)
+    tell(hollow, stderr=options.json)
     words: list[Word] = ["violated"] if found.falsified else []
     return INTERRUPTED if found.interrupted else exit_code(words, hollow)
 

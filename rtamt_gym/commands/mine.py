@@ -103,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(mined.to_json() if options.json else mined)
     if options.json and mined.never_asked:
-        tell([Hollow(mined.never_asked)], json=True)
+        tell([Hollow(mined.never_asked)], stderr=True)
     return 0
 
 

@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
-    tell(hollow, json=options.json)
+    tell(hollow, stderr=options.json)
     print(end="", flush=True)
     if failed := failure_lines(matrix):
         print(*failed, sep="", end="", file=sys.stderr)

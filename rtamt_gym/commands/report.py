@@ -10,6 +10,7 @@ from pathlib import Path
 from rtamt import InputError
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
 
 __all__ = ["add_arguments", "run"]
 
@@ -19,7 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Writes one page of HTML that needs no network: each requirement in words, how often it is "
         "satisfied, the worst episode as a plot. Results are files: evaluations and comparisons, "
         "the Parquet files and folders of sweeps and campaigns, saved cases, and what rtamt sweep, "
-        "falsify and monitor write with --json."
+        "falsify and monitor write with --json. Exits 3 if a saved case cannot be played again, of "
+        "which the page then shows no run."
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
     parser.add_argument(
@@ -40,9 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Writes the page; returns 0."""
+    """Writes the page; returns 0, or 3 if a case could not be played again."""
     from rtamt_gym.recorded.readers import extensions, is_bag_folder
-    from rtamt_gym.reports.write import check_page, write_report
+    from rtamt_gym.reports.html import render
+    from rtamt_gym.reports.write import check_page, report_of
 
     check_page(options.output)
     traces = tuple(extension for extension in extensions() if extension != ".parquet")
@@ -55,9 +58,16 @@ def run(options: argparse.Namespace) -> int:
             )
     check_outputs(options.output, picture=None, inputs=paths)
     with noted_ends():
-        write_report(options.output, *paths, title=options.title, names=names)
-    print(f"report: {options.output}")
-    return 0
+        report = report_of(*paths, title=options.title, names=names)
+    options.output.write_text(render(report), encoding="utf-8")
+    print(f"report: {options.output}", flush=True)
+    hollow = [
+        Hollow(f"{path} was not played again: {section.not_played}", fails=True)
+        for path, section in zip(paths, report.sections, strict=True)
+        if section.not_played
+    ]
+    tell(hollow, stderr=True)
+    return exit_code([], hollow)
 
 
 def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:

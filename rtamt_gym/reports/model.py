@@ -280,6 +280,7 @@ class Section:
         source: The file of the result; None if it was an object.
         files: The files that it was made of: specifications, models, traces.
         versions: The versions of Python and packages that made it.
+        not_played: The error for which a saved case was not played again; else empty.
     """
 
     kind: SectionKind
@@ -301,6 +302,7 @@ class Section:
     source: ShownFile | None = None
     files: tuple[ShownFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
+    not_played: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,7 +105,7 @@ def of_case(saved: SavedCase, room: int) -> Section:
         room: How many numbers the episode may have.
     """
     formula = str(saved.requirement.formula)
-    run, notes = _played(saved)
+    run, note = _played(saved)
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
     step = saved.reading.get("view") == "step"
@@ -139,23 +139,24 @@ def of_case(saved: SavedCase, room: int) -> Section:
         policy=saved.policy or "",
         unit=unit,
         facts=tuple(facts),
-        notes=tuple(notes),
+        notes=(f"The case was not played again: {note}" if run is None else note,),
         requirements=(requirement,),
         versions=dict(saved.versions),
+        not_played=note if run is None else "",
     )
 
 
-def _played(saved: SavedCase) -> tuple[Run | None, list[str]]:
-    """The run of a case, and what is to be said about it."""
+def _played(saved: SavedCase) -> tuple[Run | None, str]:
+    """The run of a case, and what is to be said about it; None, and the error that came."""
     try:
         run = saved.replay()
     except Exception as error:  # noqa: BLE001 - the rest of the file is shown all the same
         message = str(error).partition("\n")[0]
-        return None, [f"The case was not played again: {type(error).__name__}: {message}"]
+        return None, f"{type(error).__name__}: {message}"
     if saved.repeats(run):
-        return run, ["Played again for this page, the case gave the same robustness."]
+        return run, "Played again for this page, the case gave the same robustness."
     got = number(run.courses[saved.name].final)
-    return run, [f"Played again for this page, the case gave another robustness: {got}."]
+    return run, f"Played again for this page, the case gave another robustness: {got}."
 
 
 def _system_text(system: Any) -> str:  # noqa: ANN401 - an object of JSON

@@ -144,6 +144,7 @@ SHOWN: dict[str, Shown] = {
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),
     "the run of a saved case has another verdict": Shown("replay other.json"),
+    "a page shows a case that cannot be played again": Shown("report gone.json -o page.html"),
 }
 
 
@@ -180,11 +181,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def cases(folder: Path, capsys: Output) -> None:
-    """A saved case, and one that expects another verdict."""
+    """A saved case, one that expects another verdict, and one whose system leaves."""
     assert main(shlex.split(f"{SEARCH} --save case.json")) == 0
     kept = json.loads((folder / "case.json").read_text())
     kept["expected"]["verdict"] = "VIOLATED"
     (folder / "other.json").write_text(json.dumps(kept))
+    kept["system"] = {"object": "hollow_systems:leaves"}
+    (folder / "gone.json").write_text(json.dumps(kept))
     capsys.readouterr()
 
 

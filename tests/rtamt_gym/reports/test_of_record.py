@@ -116,7 +116,8 @@ def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
     searched().save(path, system="tank_of_test:tank")
     saved = SavedCase.load(path)
     alone = of_case(saved, ROOM)
-    assert alone.notes[0].startswith("The case was not played again: ")
+    assert alone.notes == (f"The case was not played again: {alone.not_played}",)
+    assert alone.not_played.startswith("InputError: there is no module 'tank_of_test'")
     assert alone.requirements[0].worst == ()
     assert alone.requirements[0].trials[0].robustness == pytest.approx(saved.robustness, rel=1e-5)
     (tmp_path / "tank_of_test.py").write_text(
@@ -129,6 +130,7 @@ def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
     )
     played = of_case(saved, ROOM)
     assert played.notes == ("Played again for this page, the case gave the same robustness.",)
+    assert played.not_played == ""
     assert played.requirements[0].worst[0].verdict == "violated"
     other = json.loads(path.read_text(encoding="utf-8"))
     other["expected"]["robustness"] = -9.0

@@ -118,6 +118,10 @@ def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
         Path("case.json").write_text(json.dumps(kept | {"system": {"object": name}}))
         assert main(["replay", "case.json"]) == 2
         assert capsys.readouterr().err == message
-        assert main(["report", "case.json", "-o", "page.html"]) == 0
-        capsys.readouterr()
+        assert main(["report", "case.json", "-o", "page.html"]) == 3
+        out, err = capsys.readouterr()
+        assert out == "report: page.html\n"
+        error = message.removeprefix("rtamt: error: ")
+        line = f"case.json was not played again: InputError: {error}"
+        assert " ".join(err.split()) == line.strip()
         assert "The case was not played again: InputError: " in Path("page.html").read_text()
