@@ -126,7 +126,8 @@ def run(options: argparse.Namespace) -> int:
         from rtamt_gym.recorded.outcomes_json import to_json
 
         made_of = matrix.of_files([*files_of(options.specs), *paths])
-        print(to_json(made_of, _rules(asked), _columns(asked, paths), code))
+        columns, least = _columns(asked, paths), asked.min_duration
+        print(to_json(made_of, _rules(asked), columns, code, least=least))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
@@ -190,7 +191,7 @@ def _write(
     if options.junit:
         from rtamt_gym.results.junit import to_junit
 
-        options.junit.write_bytes(to_junit(matrix, _rules(asked)))
+        options.junit.write_bytes(to_junit(matrix, _rules(asked), least=asked.min_duration))
         said.append(f"outcomes: {options.junit}\n")
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from fractions import Fraction
 from typing import Any
 
 from rtamt_gym.recorded.columns import Columns
@@ -14,7 +15,14 @@ from rtamt_gym.results.version_1 import documented
 __all__ = ["to_json"]
 
 
-def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns, exit_code: int) -> str:
+def to_json(
+    matrix: Matrix,
+    rules: Mapping[str, str],
+    columns: Columns,
+    exit_code: int,
+    *,
+    least: Fraction | None = None,
+) -> str:
     """The traces as a result of the kind ``"traces"``.
 
     Args:
@@ -22,6 +30,7 @@ def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns, exit_cod
         rules: How the traces were judged, by name.
         columns: How their columns were read; what is not the default is said.
         exit_code: The exit code of the command.
+        least: How long each trace is to last, in seconds; None: any time.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
@@ -35,6 +44,7 @@ def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns, exit_cod
             "reading": {**rules, "columns": other},
             "verdict": label(matrix.word),
             "exit_code": exit_code,
+            **({} if least is None else {"shorter": matrix.shorter(least)}),
             "counts": counts,
             "worst_requirement": requirement and requirement[0],
             "worst_trace": trace and trace[0],

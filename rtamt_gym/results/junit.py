@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from fractions import Fraction
 from xml.etree import ElementTree as ET
 
 from rtamt import RequirementId, Verdict
@@ -18,7 +19,7 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
 
 
-def to_junit(matrix: Matrix, rules: Mapping[str, str]) -> bytes:
+def to_junit(matrix: Matrix, rules: Mapping[str, str], *, least: Fraction | None = None) -> bytes:
     """The outcomes as a file of JUnit XML.
 
     A violation is a failure, what is undecided is skipped, and what could not be judged is an
@@ -27,12 +28,17 @@ def to_junit(matrix: Matrix, rules: Mapping[str, str]) -> bytes:
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name; properties of every suite.
+        least: How long each trace is to last, in seconds, which is the property ``shorter_than`` of
+            the suite of one that is shorter; None: any time.
     """
     counts = _counts(matrix.counts())
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
+    shorter = [] if least is None else matrix.shorter(least)
+    said = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
     for row in matrix.rows:
-        root.append(_suite(row, matrix.requirements, rules, matrix.provenance.ids))
+        own = {**rules, **said} if row.name in shorter else rules
+        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()

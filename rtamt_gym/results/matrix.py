@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import get_args
 
 from rtamt import Verdict
@@ -47,6 +48,10 @@ class Matrix(Results):
     def word(self) -> Word:
         """The worst of all verdicts, as a word."""
         return next(each for each, count in self.counts().items() if count)
+
+    def shorter(self, least: Fraction) -> list[str]:
+        """The traces that last less than so many seconds."""
+        return [row.name for row in self.rows if row.extent and row.extent.shorter(least)]
 
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
         """For each message of an error the error and the traces that have it."""

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -262,6 +263,7 @@ def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> Non
     assert kept["trials"][0]["notes"] == [
         "it lasts 2 s, which is shorter than 10 s (--min-duration)"
     ]
+    assert kept["shorter"] == ["b.csv"]
     assert main(["monitor", "always(x > 2)", *words[1:], "b.csv"]) == 1
     write([(0.5, 1.0)], "one.csv")
     assert main(["monitor", *words, "one.csv"]) == 3
@@ -270,6 +272,28 @@ def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> Non
     assert main(["monitor", *words, "none.csv"]) == 2
     assert "expected a column of times, by which --min-duration measures" in capsys.readouterr().err
     assert main(["monitor", *words, "none.csv", "--period", "20"]) == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_files_name_the_traces_that_are_too_short(capsys: Output) -> None:
+    for name, count in {"a": 21, "b": 5, "c": 3}.items():
+        write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
+    judged = ["monitor", "always(x > 0)", "--json", "--junit", "o.xml"]
+
+    def files(*more: str) -> tuple[object, dict[str, str | None]]:
+        main([*judged, *more, "--", "a.csv", "b.csv", "c.csv", "absent.csv"])
+        suites = ET.parse("o.xml").iter("testsuite")  # noqa: S314 - our own
+        named = "properties/property[@name='shorter_than']"
+        found = {suite.attrib["name"]: suite.find(named) for suite in suites}
+        said = {name: None if each is None else each.get("value") for name, each in found.items()}
+        return json.loads(capsys.readouterr().out).get("shorter"), said
+
+    names = ("a.csv", "b.csv", "c.csv", "absent.csv")
+    nothing = dict.fromkeys(names)
+    assert files() == (None, nothing)
+    assert files("--min-duration", "1s") == ([], nothing)
+    short = nothing | dict.fromkeys(["b.csv", "c.csv"], "2.5 s")
+    assert files("--min-duration", "2500ms") == (["b.csv", "c.csv"], short)
 
 
 # Values are unknown where nothing was recorded. ---------------------------------------------------
