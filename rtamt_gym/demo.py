@@ -124,7 +124,7 @@ HIGHWAY = Demo(
     signals={"gap": lambda step: _front_gap(step.env), "speed": "vehicle.speed"},
     duration=30.0,
     drivers={
-        "keeps distance": _keep_distance,
+        "careful": _keep_distance,
         "races": _always(_FASTER),
         "creeps": _always(_SLOWER),
     },

@@ -32,7 +32,7 @@ def report(episodes: Sequence[Episode]) -> list[str]:
     """
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)
-    at_head = "stopped at" if stops else "certain at"
+    at_head = "stopped" if stops else "certain"
     asks = any(each.occasions is not None for run in runs for each in run.outcomes.values())
     head = ("asked",) if asks else ()
     rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]

@@ -148,11 +148,11 @@ def test_run_prints_a_row_for_every_specification_of_every_episode(
         "low: always(x < 5.5)\n"
         "soon: eventually[0:0.3](x > 1.5)\n"
         "\n"
-        "ep  steps  stopped at  spec  robustness  verdict    saved\n"
-        " 1      6       0.6 s  low         -0.5  VIOLATED   0.2 s\n"
-        "                       soon        +1.5  SATISFIED\n"
-        " 2      5       0.5 s  low         -0.5  VIOLATED   0.3 s\n"
-        "                       soon        +2.5  SATISFIED\n"
+        "ep  steps  stopped  spec  robustness  verdict    saved\n"
+        " 1      6    0.6 s  low         -0.5  VIOLATED   0.2 s\n"
+        "                    soon        +1.5  SATISFIED\n"
+        " 2      5    0.5 s  low         -0.5  VIOLATED   0.3 s\n"
+        "                    soon        +2.5  SATISFIED\n"
         "\n"
         "saved: simulated time from the stop to the time limit. An environment that ends\n"
         "by itself, as after a fall or a crash, might not have used all of it.\n"
@@ -164,9 +164,9 @@ def test_run_that_only_reports_says_when_verdicts_were_certain(capsys: Output, r
     specs = ["--spec", "always(x < 5.5)", "--spec", "always(x < 9)"]
     assert main([*arguments, *specs, "--max-steps", "7", "--seed", "1"]) == 0
     assert capsys.readouterr().out.splitlines()[3:] == [
-        "ep  steps  certain at  spec   robustness  verdict",
-        " 1      7       0.5 s  spec         -2.5  VIOLATED",
-        "                0.7 s  spec2          +1  SATISFIED",
+        "ep  steps  certain  spec   robustness  verdict",
+        " 1      7    0.5 s  spec         -2.5  VIOLATED",
+        "             0.7 s  spec2          +1  SATISFIED",
     ]
 
 
@@ -174,7 +174,7 @@ def test_run_can_ask_a_formula_of_every_step(capsys: Output, ramp: str) -> None:
     arguments = f"run {ramp} --signal x=obs[0] --policy zero --view step --spec x<2.5".split()
     assert main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[3:5] == [
-        " 1      3       0.3 s  spec        -0.5  VIOLATED  0.5 s",
+        " 1      3    0.3 s  spec        -0.5  VIOLATED  0.5 s",
         "",
     ]
 

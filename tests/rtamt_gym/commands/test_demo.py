@@ -42,7 +42,7 @@ def test_a_deadline_is_missed_when_it_passes_and_not_before(pendulum: list[Run])
 
 def test_the_highway_violates_what_its_driver_neglects(highway: list[Run]) -> None:
     assert verdicts(highway) == {
-        "keeps distance": {"distance": "SATISFIED", "closes": "SATISFIED"},
+        "careful": {"distance": "SATISFIED", "closes": "SATISFIED"},
         "races": {"distance": "VIOLATED", "closes": "UNDECIDED"},
         "creeps": {"distance": "UNDECIDED", "closes": "VIOLATED"},
     }
