@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 from rtamt import InputError
@@ -38,17 +37,27 @@ def exited(what: str, end: SystemExit) -> InputError:
     )
 
 
-@contextmanager
-def no_exit(what: str) -> Iterator[None]:
+class no_exit:  # noqa: N801 - a context, used as a word
     """Raises the error of `exited` where what runs inside calls ``sys.exit``.
+
+    Other errors are not touched, not even their tracebacks, as some take no attributes.
+
+    Args:
+        what: What runs.
 
     Raises:
         InputError: If it does.
     """
-    try:
-        yield
-    except SystemExit as end:
-        raise exited(what, end) from end
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+
+    def __enter__(self) -> None:
+        """Nothing is to be done before."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, SystemExit):
+            raise exited(self._what, error) from error
 
 
 def failed(error: Exception, case: Case, seed: int | None, wall: float) -> Trial:
