@@ -76,7 +76,9 @@ class Waves:
         yield from self._begin(mask, todo, acting, {})
         begun: Mask | None = None
         while running := self._running():
-            ended = self._step(acting.act(self._obs, running), begun, running)
+            with no_exit("the policy"):
+                actions = acting.act(self._obs, running)
+            ended = self._step(actions, begun, running)
             for place in running:
                 yield from self._over(place, self._lanes[place].task, self._lanes[place].step())
             if ended is None:

@@ -28,12 +28,18 @@ def carry(error: BaseException, run: Run) -> None:
         error.add_note(_note(run))
 
 
-def exited(what: str, end: SystemExit) -> InputError:
-    """The error of a system that calls ``sys.exit``: it would end the program without a verdict."""
+def exited(what: str, end: SystemExit, where: str = "") -> InputError:
+    """The error of what calls ``sys.exit``: it would end the program without a verdict.
+
+    Args:
+        what: What calls it, in words.
+        end: What it has raised.
+        where: Its place in a file, as `rtamt_gym.simulation.imported.line_in` writes it.
+    """
     code = "" if end.code is None else repr(end.code)
     return InputError(
-        f"{what} called sys.exit({code}), which is no end of a simulation; let it return, or raise "
-        "an error"
+        f"{what} called sys.exit({code}){where}, which is no end of a simulation; let it return, "
+        "or raise an error"
     )
 
 

@@ -14,6 +14,7 @@ from rtamt import InputTypeError
 from rtamt_gym.mujoco.snapshots import Snapshot
 from rtamt_gym.mujoco.step_monitor import StepMonitor
 from rtamt_gym.signals.mujoco import derive
+from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.mujoco import check_policy, check_time, model_name
 from rtamt_gym.simulation.systems import Policy, Signals, System
 
@@ -69,7 +70,10 @@ class Monitored(System):
         """Makes a step, which feeds the monitor; returns the values that it was fed."""
         monitor = self._monitor
         if self._policy is not None:
-            self._policy(monitor.model, monitor.data)
+            try:
+                self._policy(monitor.model, monitor.data)
+            except SystemExit as end:
+                raise exited("the policy", end) from end
         due = monitor.data.time + monitor.model.opt.timestep
         monitor.step()
         check_time(monitor.data, due, self.name)

@@ -14,6 +14,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
+from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.mujoco_case import Driven, drive
 from rtamt_gym.simulation.systems import Policy, Signals, System, whole_steps
 
@@ -71,7 +72,10 @@ class MujocoModel(System):
         model, data = self._model, self._data
         for _ in range(self._steps):
             if self._policy is not None:
-                self._policy(model, data)
+                try:
+                    self._policy(model, data)
+                except SystemExit as end:
+                    raise exited("the policy", end) from end
             if self._set_inputs is not None:
                 self._set_inputs()
             due = data.time + model.opt.timestep

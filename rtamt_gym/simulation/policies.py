@@ -13,6 +13,7 @@ from gymnasium import spaces
 from rtamt import InputError, RtamtError
 from rtamt.errors import nearest
 from rtamt_gym.signals.spaces import described
+from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.imported import find_object, line_in
 from rtamt_gym.simulation.systems import Policy
 
@@ -103,6 +104,9 @@ def _checked(text: str, function: Callable[[Any], Any], space: spaces.Space[Any]
             action = function(obs)
         except RtamtError:
             raise
+        except SystemExit as end:
+            where = line_in(str(function.__module__), end)
+            raise exited(f"the policy {text}", end, where) from end
         except Exception as error:
             where = line_in(str(function.__module__), error)
             raise InputError(

@@ -24,6 +24,7 @@ from rtamt_gym.judging.panel import Feed, Panel
 from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.entries import refuse_unknown
 from rtamt_gym.simulation.environment_case import EnvironmentCase, baseline_of
 from rtamt_gym.simulation.monitors import Tap, monitor_of
@@ -200,7 +201,10 @@ class Environment(System):
         settled, steps = panel.settled, 0
         while steps < most:
             steps += 1
-            action = act(obs)
+            try:
+                action = act(obs)
+            except SystemExit as end:
+                raise exited("the policy", end) from end
             obs, reward, terminated, truncated, info = step(action)
             self.observation = obs
             try:
@@ -244,7 +248,10 @@ class Environment(System):
 
     def _step(self) -> None:
         """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
-        action = self._act(self.observation)
+        try:
+            action = self._act(self.observation)
+        except SystemExit as end:
+            raise exited("the policy", end) from end
         if self._substeps:
             result = self._inside.step(action, self._keep, self._rest.__len__)
         else:

@@ -1,19 +1,22 @@
 """A system that calls ``sys.exit`` has failed: it ends neither the program nor a search."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mujoco  # type: ignore[import-untyped]
 import pytest
 from leaving import LEAVING, Leaving, leaves_while_running, leaving_policy
 
 from rtamt import InputError
-from rtamt_gym import Parameter, Runner, evaluate_policy, falsify, simulate
+from rtamt_gym import Parameter, Runner, StepMonitor, evaluate_policy, falsify, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 Output = pytest.CaptureFixture[str]
+BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 NO_END = "which is no end of a simulation; let it return, or raise an error"
 
 
@@ -46,9 +49,9 @@ def test_an_episode_that_leaves_is_not_satisfied(where: str, options: dict[str, 
     def make() -> Any:  # noqa: ANN401
         return Leaving(where)
 
-    env = make
+    env, name = make, "Leaving"
     if options == {"vector": True}:
-        options = {}
+        options, name = {}, "an environment" if where == "step" else "SyncVectorEnv"
         env = lambda: gym.vector.SyncVectorEnv([make, make])  # noqa: E731
     policy = leaving_policy if where == "policy" else (lambda _obs: 0)
     with pytest.warns(FailedSimulationWarning):
@@ -60,7 +63,43 @@ def test_an_episode_that_leaves_is_not_satisfied(where: str, options: dict[str, 
         )
     found = result.requirements["spec"]
     assert (found.satisfied, found.failed, found.rate) == (3, 3, 0.5)
-    assert all("called sys.exit(" in row.error for row in result.record.failed())
+    errors = {row.error.partition(", ")[0] for row in result.record.failed()}
+    if where == "policy":
+        assert errors == {"InputError: the policy called sys.exit()"}
+    else:
+        assert errors == {f"InputError: {name} called sys.exit(0)"}
+
+
+def test_a_policy_of_a_module_that_leaves_is_named_with_the_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("quitter.py").write_text("import sys\n\ndef act(obs):\n    sys.exit(0)\n")
+    of = ["CartPole-v1", "--signal", "x=obs[0]", "--policy", "quitter:act"]
+    said = f"the policy quitter:act called sys.exit(0) (quitter.py, line 4), {NO_END}\n"
+    assert main(["run", *of, "--spec", "always(x < 2)"]) == 2
+    assert capsys.readouterr().err == f"rtamt: error: {said}"
+    all_failed = "rtamt: error: all 3 episodes failed, the first with InputError: "
+    assert main(["evaluate", *of, "--spec", "always(x < 2)", "--episodes", "3"]) == 2
+    assert capsys.readouterr().err.splitlines(keepends=True)[-1] == f"{all_failed}{said}"
+
+
+def test_a_policy_that_leaves_is_told_from_its_environment() -> None:
+    def act(*_shown: object) -> int:
+        sys.exit(3)
+
+    model = mujoco.MjModel.from_xml_string(BALL)
+    given = "always(y < 9)", {"y": "qpos[0]"}
+    systems: list[tuple[Any, tuple[Any, ...]]] = [
+        (Leaving("policy"), (given[0], {"y": "obs[0]"})),
+        ((model, mujoco.MjData(model)), given),
+        (StepMonitor(model, mujoco.MjData(model), *given), ()),
+    ]
+    for system, asked in systems:
+        with pytest.raises(InputError) as told:
+            simulate(system, *asked, policy=act, duration=3)
+        assert str(told.value) == f"the policy called sys.exit(3), {NO_END}"
+        assert told.value.run.steps == 0  # type: ignore[attr-defined]
 
 
 def test_an_environment_that_leaves_while_it_is_made_is_an_error() -> None:
