@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
     from rtamt_gym.results.table import Results
 
-__all__ = ["INTERRUPTED", "Hollow", "exit_code", "tell", "unasked"]
+__all__ = ["INTERRUPTED", "Hollow", "exit_code", "tell", "unasked", "undecided"]
 
 INTERRUPTED: Final = 130
 """The exit code after Ctrl-C, as shells have it."""
@@ -56,6 +56,22 @@ def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
     if "violated" in words:
         return 1
     return 3 if "undecided" in words or any(each.fails for each in hollow) else 0
+
+
+def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
+    """What trials leave undecided.
+
+    Args:
+        results: The trials.
+        what: What a trial is, in a word.
+        fails: Whether the command is to fail for a requirement of which nothing is decided.
+    """
+    from rtamt_gym.results.undecided import decides_nothing, undecided_texts
+
+    return [
+        Hollow(text, fails and decides_nothing(results, name))
+        for name, text in undecided_texts(results, what).items()
+    ]
 
 
 def unasked(results: Results, what: str, *, fails: bool) -> list[Hollow]:

@@ -29,7 +29,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import INTERRUPTED, Hollow, exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
@@ -51,8 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Searches for an input with which a system violates one of its requirements. Prints what "
         "was found, made as simple as it can be, and why it violates. Exits 1 if a requirement is "
-        "violated; else 3 if simulations failed, of which nothing is known; else 0, which is no "
-        "guarantee. Ctrl-C ends the search with what it has found so far, and 130."
+        "violated; else 3 if simulations failed, of which nothing is known, or if all leave a "
+        "requirement undecided; else 0, which is no guarantee. Ctrl-C ends the search with what it "
+        "has found so far, and 130."
     )
     parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
     add_environment(
@@ -193,7 +194,10 @@ def run(options: argparse.Namespace) -> int:
         files = list(_write(found, options, name.get("object")))
         if files and not options.json:
             print("", *files, sep="\n")
-    hollow = [] if found.falsified else hollow_failures(found.record, options, found.not_violated)
+    hollow: list[Hollow] = []
+    if not found.falsified:
+        hollow += hollow_failures(found.record, options, found.not_violated)
+        hollow += undecided(found.record, "simulation", fails=True)
     hollow += unasked(found.record, "simulation", fails=options.require_asked)
     tell(hollow, stderr=options.json)
     words: list[Word] = ["violated"] if found.falsified else []

@@ -26,7 +26,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
@@ -176,6 +176,7 @@ def run(options: argparse.Namespace) -> int:
     _write(done, options)
     failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
     hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
+    hollow += undecided(done.record, "simulation", fails=False)
     hollow += unasked(done.record, "simulation", fails=options.require_asked)
     tell(hollow)
     return exit_code([], hollow)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from rtamt import Asked, DenseAsked
 from rtamt_gym.results.outcome import Outcome
@@ -96,12 +96,17 @@ def asked_texts(asked: Sequence[Asked | DenseAsked], instant: Callable[[float], 
     ]
 
 
-def asked_said(results: Results, what: str = "trace") -> list[str]:
+def asked_said(results: Results, what: str = "trace", before: Iterable[str] = ()) -> list[str]:
     """What is hollow in requirements with implications, in lines of at most 80 columns.
 
     An empty line stands above; there is no line if nothing is hollow.
+
+    Args:
+        results: The trials.
+        what: What a trial is, in a word.
+        before: Texts for what else is hollow, which stand before it.
     """
-    texts = [*never_asked_lines(results, what), *partly_asked_lines(results, what)]
+    texts = [*before, *never_asked_lines(results, what), *partly_asked_lines(results, what)]
     lines = [line for text in texts for line in wrapped(text)]
     return [""] * bool(lines) + lines
 

@@ -21,6 +21,7 @@ from rtamt_gym.results.asked import asked_said, never_asked
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.outcome import BY_END, violated_by_end
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.undecided import decides_nothing, undecided_in, undecided_texts
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import case_lines, failures
@@ -106,11 +107,14 @@ class Falsification:
     @property
     def not_violated(self) -> str:
         """What a search without a violation has shown: of judged simulations alone."""
-        asked = ", and never asked" * (self.requirement in never_asked(self.record))
+        hollow = ", and never asked" * (self.requirement in never_asked(self.record))
+        if decides_nothing(self.record, self.requirement):
+            left, every = undecided_in(self.record, self.requirement)
+            hollow += f", and is undecided in {left} of {counted(every, 'simulation')}"
         if not self.failed:
-            return f"not violated{asked}"
+            return f"not violated{hollow}"
         judged = counted(self.judged, "judged simulation")
-        return f"not violated in {judged}{asked}; {self.failed} failed"
+        return f"not violated in {judged}{hollow}; {self.failed} failed"
 
     def replay(self) -> Run:
         """Runs `input` again, alone, and keeps every sample.
@@ -209,7 +213,8 @@ class Falsification:
         )
 
     def __str__(self) -> str:
-        return "\n".join([*self.lines(), *asked_said(self.record, "simulation")])
+        left = {} if self.falsified else undecided_texts(self.record, "simulation")
+        return "\n".join([*self.lines(), *asked_said(self.record, "simulation", left.values())])
 
     @property
     def _by_end(self) -> bool:

@@ -65,6 +65,31 @@ def test_nothing_found_exits_0_and_says_what_was_seen(capsys: Output) -> None:
     assert any("seen, without any guarantee: 9 simulations in 1 column" in line for line in told)
 
 
+@pytest.mark.parametrize("more", [[], ["soon = always[0:2](gnt < 99)"]])
+def test_a_search_that_decides_nothing_exits_3(more: list[str], capsys: Output) -> None:
+    late = ["late = always[0:900](gnt < 9)", *more, "--vary", "height=2:8", "--budget", "4"]
+    told = lines(capsys, 3, "falsify", SYSTEM, *late)
+    assert " ".join(" ".join(told[:2]).split()).startswith(
+        f"late of {SYSTEM} was not violated, and is undecided in 4 of 4 simulations: robustness "
+    )
+    assert told[-2:] == ["", "undecided: late in 4 of 4 simulations"]
+    assert main(["falsify", SYSTEM, *late, "--json"]) == 3
+    out, err = capsys.readouterr()
+    found = json.loads(out)["results"]
+    assert (found["late"]["satisfied"], found["late"]["undecided"]) == (0, 4)
+    assert all(found[name]["satisfied"] == 4 for name in found.keys() - {"late"})
+    assert err.endswith("undecided: late in 4 of 4 simulations\n")
+
+
+def test_a_violation_beside_what_is_undecided_exits_1_and_does_not_speak_of_it(
+    capsys: Output,
+) -> None:
+    both = ["late = always[0:900](gnt < 9)", "low = always(req < 3)", "--vary", "height=2:8"]
+    told = lines(capsys, 1, "falsify", SYSTEM, *both)
+    assert told[0].startswith(f"low of {SYSTEM} is violated: robustness ")
+    assert not any("undecided" in line for line in told)
+
+
 def test_json_is_strict_and_is_all_that_is_printed(capsys: Output) -> None:
     arguments = [SYSTEM, "always(req < 9 or gnt < -1)", "--vary", "height=2:8", "--budget", "5"]
     told = json.loads("\n".join(_printed(capsys, 0, "falsify", *arguments, "--json")))

@@ -39,6 +39,22 @@ def leaves(load=0.5):
     yield {}
 
 
+def fades(load=0.5):
+    yield from ({"gnt": 5.0} for _ in range(20 if load > 0.5 else 5))
+
+
+def leaves_at_times(load=0.5):
+    if load > 0.5:
+        sys.exit(0)
+    yield from hollow_server(load)
+
+
+def quits(observation):
+    if observation[0] > 0:
+        sys.exit(0)
+    return 0
+
+
 def frail(observation):
     if observation[0] > 0:
         raise ValueError("no such layer")
@@ -78,6 +94,12 @@ EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
 MINED = "'always(req >= ?r implies gnt < 0)' --range r=0:9 --tolerance 0.0001"
 STANDS = "--spec 'always(abs(angle) < 1)'"
 ASKED = "--require-asked"
+FADES = (
+    "falsify hollow_systems:fades 'late = always[0:10](gnt >= 3)' --vary load=0:1 --budget 8 "
+    "--period 1 --at-termination cut"
+)
+SOON = "late = always[0:0.2](abs(angle) < 1)"
+QUITS = POLE.replace("zero", "hollow_systems:quits")
 FRAIL = POLE.replace("zero", "hollow_systems:frail")
 GRANTED = "'always(gnt >= 3)'"
 LIMITED = "'input float64 limit = 5.0; float64 gnt; fine = always(gnt > limit)'"
@@ -121,6 +143,15 @@ SHOWN: dict[str, Shown] = {
     "a trace cannot be read, the others satisfy": Shown(
         f"monitor {GRANTED} -- idle.csv broken.csv"
     ),
+    "all simulations of a search leave a requirement undecided": Shown(
+        FADES.replace("[0:10]", "[0:30]")
+    ),
+    "some simulations of a search do": Shown(
+        FADES, "--at-termination failure", "--at-termination cut"
+    ),
+    "points of a sweep do": Shown(
+        f"sweep {POLE} --requirement '{SOON}' --vary env.gravity=9:10 --samples 2 --duration 0.1"
+    ),
     "some simulations of a search failed": Shown(
         SEARCH.replace(":hollow_server", ":half").replace(RESPONSE, "always(gnt >= 3)")
     ),
@@ -135,7 +166,17 @@ SHOWN: dict[str, Shown] = {
         "--target 0.95",
         "--episodes 6",
     ),
-    "a system ends the program": Shown(SEARCH.replace(":hollow_server", ":leaves")),
+    "a system ends the program in all simulations": Shown(
+        SEARCH.replace(":hollow_server", ":leaves")
+    ),
+    "a system ends the program in some simulations of a search": Shown(
+        SEARCH.replace(":hollow_server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")
+    ),
+    "a policy ends the program in some episodes": Shown(
+        f"evaluate {QUITS} {STANDS} --episodes 6 --at-termination cut",
+        "--target 0.95",
+        "--episodes 6",
+    ),
     "a module ends the program": Shown(SEARCH.replace("hollow_systems:", "hollow_exit:")),
     "the environment ended while a requirement was open": Shown(
         f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
