@@ -85,7 +85,8 @@ class DenseExplanationStep:
         time: The time at which it was evaluated.
         value: Its robustness there, exactly at this time, or right after it.
         witness: For ``until``, ``since`` and ``unless``: the time at which the right side was
-            reached, whichever side decided; None if there is none.
+            reached, whichever side decided, or which comes nearest to that where the formula fails;
+            None if there is none.
         outside: Begin and end of the formula's window if the window lies outside the trace and
             that decided: the formula is then +inf or -inf whatever the signals are. The begin is
             None for a window without one, so is the end.

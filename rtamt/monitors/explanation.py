@@ -78,7 +78,8 @@ class ExplanationStep:
         time: The time of that sample in seconds; None without a period.
         value: Its robustness at that sample.
         witness: For ``until``, ``since`` and ``unless``: the sample at which the right side was
-            reached, whichever side decided; None if there is none.
+            reached, whichever side decided, or which comes nearest to that where the formula fails;
+            None if there is none.
         outside: First and last sample of the formula's window if the window lies outside the trace
             and that decided: the formula is then +inf or -inf whatever the samples are. The first
             is None for a window without a beginning, the last for one without an end.

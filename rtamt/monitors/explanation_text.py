@@ -86,7 +86,9 @@ def as_text(
     rows = [("at", "value", "formula")]
     for step, place, note in zip(steps, places, aligned or [None] * len(steps), strict=True):
         rows.append((at(place), robustness(step.value), _shown(step)))
-        notes = [*filter(None, [note]), *_notes(step, at, end)]
+        # A 0 that hangs on a predicate left out neither holds nor fails.
+        held = holds(step.value) and (step.value != 0 or last.reading != "zero")
+        notes = [*filter(None, [note]), *_notes(step, at, end, held=held)]
         rows += [("", "", f"  {note}") for note in notes]
     rows += [(at(place), _number(value), variable) for variable, place, value in causes]
     for part, place, window in circumstances[:_MOST]:
@@ -108,9 +110,12 @@ def as_text(
     return "\n".join(lines)
 
 
-def _notes(step: _Step[_P], at: Callable[[_P], str], end: _P | None) -> Iterator[str]:
+def _notes(
+    step: _Step[_P], at: Callable[[_P], str], end: _P | None, *, held: bool
+) -> Iterator[str]:
     if step.witness is not None:
-        yield f"witness: the right side at {at(step.witness)}"
+        what = "witness" if held else "nearest"
+        yield f"{what}: the right side at {at(step.witness)}"
     if step.outside is not None:
         yield _outside(step.outside, at, end)
     if step.reading == "sign":

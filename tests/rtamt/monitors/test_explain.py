@@ -210,6 +210,31 @@ def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided(
     assert pickle.loads(pickle.dumps(explanation)) == explanation
 
 
+@pytest.mark.parametrize(
+    ("formula", "b", "said"),
+    [
+        ("a > 0 until b > 0", [-1, -2, -3], "nearest: the right side at sample 0"),
+        ("a > 0 until b > 0", [-1, -2, 0], "nearest: the right side at sample 2"),
+        ("a > 0 until b >= 0", [-1, -2, 0], "witness: the right side at sample 2"),
+        ("not (a > 0 until b > 0)", [-1, -2, -3], "nearest: the right side at sample 0"),
+        ("not (a > 0 until b > 0)", [-1, -2, 3], "witness: the right side at sample 2"),
+        ("historically(a > 0 since b > 0)", [-1, -2, -3], "nearest: the right side at sample 0"),
+        # The right side holds there, and the left side broke before.
+        ("a > 1 until b > 0", [-1, -2, 3], "nearest: the right side at sample 2"),
+    ],
+)
+def test_only_what_holds_has_a_witness(formula: str, b: list[float], said: str) -> None:
+    text = str(explain(formula, {"a": [3, 1, 2], "b": b}))
+    assert [line.strip() for line in text.splitlines() if "right side at" in line] == [said]
+
+
+def test_a_zero_that_hangs_on_a_predicate_left_out_has_no_witness() -> None:
+    text = "input float64 a; output float64 b; a > 0 until b > 0"
+    explanation = explain(text, {"a": [3, 1], "b": [-1, 2]}, semantics="input-vacuity")
+    assert (explanation.robustness, explanation.steps[-1].reading) == (0, "zero")
+    assert "nearest: the right side at sample 0" in str(explanation)
+
+
 def test_a_witness_and_a_window_outside_the_trace_are_named() -> None:
     trace = {"a": [3, 1, 2, 3], "b": [0, 0, 5, 0]}
     assert str(explain("a until[1:3] b", trace)) == (

@@ -94,6 +94,16 @@ def test_of_equal_values_the_first_operand_and_the_first_time_decide(
     assert [(c.variable, c.time) for c in explanation.causes] == [decided]
 
 
+def test_only_what_holds_has_a_witness() -> None:
+    trace = {"a": [(0, 3), (2, 1), (4, 1)], "b": [(0, -3), (2, -1), (4, -1)]}
+    said = "      nearest: the right side at 2 s\n"
+    for formula in ("a > 0 since b > 0", "not (a > 0 since b > 0)"):
+        text = str(explain_dense(formula, trace, 3))
+        assert (said in text, "witness" in text) == (True, False)
+    text = str(explain_dense("a > 0 since b >= -1", trace, 3))
+    assert (said.replace("nearest", "witness") in text, "nearest: " in text) == (True, False)
+
+
 def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
     trace = {"a": [(0, 1), (2, 4), (6, 4)], "b": [(0, 0), (1, 5), (2, 0), (6, 0)]}
     # The right side holds from 1 s to 2 s, and right after every moment of it a is 1.
