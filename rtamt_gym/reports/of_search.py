@@ -109,6 +109,8 @@ def of_case(saved: SavedCase, room: int) -> Section:
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
     step = saved.reading.get("view") == "step"
+    # What another verdict would stand on is not what this one stands on.
+    stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
     trial = ShownTrial(
         "the case found",
         WORDS[saved.verdict],
@@ -117,6 +119,8 @@ def of_case(saved: SavedCase, room: int) -> Section:
         None if run is None else six(run.duration),
         seed=saved.seed,
         case=case_texts(saved.case),
+        asked=None if stands_on is None else stands_on.occasions,
+        vacuous=stands_on is not None and stands_on.vacuous,
     )
     system = _system_text(saved.system)
     requirement = requirement_of(

@@ -9,10 +9,13 @@ import pytest
 from made_results import row, searched, swept
 
 from rtamt_gym import Record, SavedCase, Sweep
+from rtamt_gym.__main__ import main
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_search import convergence_of, of_case, of_search
+from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.rows import cases_of
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.standing import standing_of
 
 
 def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
@@ -109,6 +112,35 @@ def test_every_new_least_of_a_long_search_is_shown() -> None:
     known = np.minimum.accumulate([math.inf, *heights[1:]])
     steps = {i + 1 for i in range(1, 9000) if known[i] < known[i - 1]}
     assert steps <= set(course.simulations)
+
+
+@pytest.mark.parametrize("least", [2, 0])
+def test_a_saved_case_says_how_often_its_run_was_asked(
+    least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tank_of_case.py").write_text(
+        "def tank(inflow):\n"
+        "    for _ in range(9):\n"
+        '        yield {"level": inflow, "valve": 1.0}\n',
+        encoding="utf-8",
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    formula = f"shut = always(level >= {least} implies valve > 0)"
+    words = [formula, "--vary", "inflow=0:1", "--budget", "3", "--period", "1"]
+    assert main(["falsify", "tank_of_case:tank", *words, "--save", "case.json"]) == 0
+    section = section_of("case.json", ROOM)
+    (trial,) = section.requirements[0].trials
+    assert (trial.asked, trial.vacuous) == ((0, True) if least else (1, False))
+    assert section.requirements[0].asked == (1 - bool(least), 1)
+    said = standing_of([section])
+    assert said is not None
+    assert ("never asked: shut" in said.text) is (least > 0)
+    # What is shown of a run with another verdict is the verdict of the file.
+    other = json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
+    other["expected"]["verdict"] = "VIOLATED"
+    (tmp_path / "case.json").write_text(json.dumps(other), encoding="utf-8")
+    assert section_of("case.json", ROOM).requirements[0].asked is None
 
 
 def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
