@@ -22,11 +22,13 @@ from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.asked import never_asked_texts
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.unmet import Unmet
 from rtamt_gym.tables import number
 
 __all__ = [
@@ -37,6 +39,7 @@ __all__ = [
     "matrix_of",
     "row_of",
     "too_short",
+    "unmet_of",
 ]
 
 
@@ -229,6 +232,26 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """The rows, with the formulas of the requirements."""
     texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
+
+
+def unmet_of(asked: TracesAsked, matrix: Matrix, *, require_asked: bool) -> Unmet:
+    """What the traces were to have beside verdicts, and do not have: `Hollow` that fails.
+
+    Args:
+        asked: What the command line asks for.
+        matrix: The outcomes.
+        require_asked: Whether some trace is to put each requirement to the test.
+    """
+    unasked = never_asked_texts(matrix) if require_asked else {}
+    short = {
+        row.name: text
+        for row in matrix.rows
+        if asked.min_duration is not None and row.extent is not None
+        if (text := short_text({row.name: row.extent}, asked.min_duration))
+    }
+    parts = [f"never asked: {', '.join(unasked)}"] if unasked else []
+    parts += [each.text for each in too_short(asked, matrix.rows)]
+    return Unmet(unasked, short, "; ".join(parts))
 
 
 def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:

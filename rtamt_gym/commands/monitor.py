@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
     from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.results.matrix import Matrix
+    from rtamt_gym.results.unmet import Unmet
 
 __all__ = ["add_arguments", "run"]
 
@@ -91,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
         matrix_of,
         row_of,
         too_short,
+        unmet_of,
     )
 
     for option in _OVER_TIME:
@@ -130,7 +132,8 @@ def run(options: argparse.Namespace) -> int:
         print(to_json(made_of, _rules(asked), columns, code, least=least))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
-    said = _write(options, asked, matrix, judged)
+    unmet = unmet_of(asked, matrix, require_asked=options.require_asked)
+    said = _write(options, asked, matrix, judged, unmet)
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     tell(hollow, stderr=options.json)
     print(end="", flush=True)
@@ -184,19 +187,24 @@ def _rules(asked: TracesAsked) -> dict[str, str]:
 
 
 def _write(
-    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, judged: Judged | None
+    options: argparse.Namespace,
+    asked: TracesAsked,
+    matrix: Matrix,
+    judged: Judged | None,
+    unmet: Unmet,
 ) -> list[str]:
     """Writes the files that are asked for; returns a line about each."""
     said = []
     if options.junit:
         from rtamt_gym.results.junit import to_junit
 
-        options.junit.write_bytes(to_junit(matrix, _rules(asked), least=asked.min_duration))
+        made = to_junit(matrix, _rules(asked), unmet, least=asked.min_duration)
+        options.junit.write_bytes(made)
         said.append(f"outcomes: {options.junit}\n")
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown
 
-        options.markdown.write_text(to_markdown(matrix), encoding="utf-8")
+        options.markdown.write_text(to_markdown(matrix, unmet), encoding="utf-8")
         said.append(f"outcomes: {options.markdown}\n")
     if judged is None or judged.trace is None or not judged.judgements:
         return said

@@ -16,6 +16,7 @@ __all__ = [
     "asked_texts",
     "never_asked",
     "never_asked_lines",
+    "never_asked_texts",
     "partly_asked_lines",
 ]
 
@@ -35,18 +36,23 @@ def never_asked(results: Results) -> list[str]:
     return [name for name, count in counts.items() if count is not None and not count[0]]
 
 
-def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
-    """A text for each requirement that nothing has put to the test.
+def never_asked_texts(results: Results, what: str = "trace") -> dict[str, str]:
+    """A text for each requirement that nothing has put to the test, by its name.
 
     Args:
         results: The trials.
         what: What a trial is, in a word.
     """
-    return [
-        f"never asked: {name} was put to the test in 0 of "
+    return {
+        name: f"never asked: {name} was put to the test in 0 of "
         f"{counted(len(_counted(results, name)), what)}"
         for name in never_asked(results)
-    ]
+    }
+
+
+def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
+    """The texts of `never_asked_texts`."""
+    return list(never_asked_texts(results, what).values())
 
 
 def partly_asked_lines(results: Results, what: str = "trace") -> list[str]:

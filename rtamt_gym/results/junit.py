@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from xml.etree import ElementTree as ET
 
@@ -11,6 +11,7 @@ from rtamt import RequirementId, Verdict
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.unmet import Unmet
 from rtamt_gym.tables import number
 
 __all__ = ["to_junit"]
@@ -18,27 +19,40 @@ __all__ = ["to_junit"]
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
 
+_NONE = Unmet()
 
-def to_junit(matrix: Matrix, rules: Mapping[str, str], *, least: Fraction | None = None) -> bytes:
+
+def to_junit(
+    matrix: Matrix,
+    rules: Mapping[str, str],
+    unmet: Unmet = _NONE,
+    *,
+    least: Fraction | None = None,
+) -> bytes:
     """The outcomes as a file of JUnit XML.
 
     A violation is a failure, what is undecided is skipped, and what could not be judged is an
-    error. There are no times: the same traces give the same file.
+    error. A failure is also what a switch asks for and the traces do not have: those who read the
+    file come to the same end as the exit code. There are no times: the same traces give the same
+    file.
 
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name; properties of every suite.
+        unmet: What was asked for beside verdicts, and is not so.
         least: How long each trace is to last, in seconds, which is the property ``shorter_than`` of
             the suite of one that is shorter; None: any time.
     """
-    counts = _counts(matrix.counts())
+    counts = _counts(
+        [_word(row, name, unmet) for row in matrix.rows for name in matrix.requirements]
+    )
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
     shorter = [] if least is None else matrix.shorter(least)
     said = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
     for row in matrix.rows:
         own = {**rules, **said} if row.name in shorter else rules
-        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids))
+        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids, unmet))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
@@ -49,9 +63,9 @@ def _suite(
     formulas: Mapping[str, str],
     rules: Mapping[str, str],
     ids: Mapping[str, RequirementId],
+    unmet: Unmet,
 ) -> ET.Element:
-    words = [word(row.cell(name)) for name in formulas]
-    counts = _counts({each: words.count(each) for each in words})
+    counts = _counts([_word(row, name, unmet) for name in formulas])
     suite = ET.Element("testsuite", {"name": _xml(row.name), **counts})
     properties = ET.SubElement(suite, "properties")
     for name, value in rules.items():
@@ -64,7 +78,7 @@ def _suite(
             properties = ET.SubElement(case, "properties")
             for key, value in own.items():
                 ET.SubElement(properties, "property", name=key, value=_xml(value))
-        _say(case, cell, formulas[name])
+        _say(case, cell, formulas[name], unmet.of(row.name, name, cell))
         if isinstance(cell, Outcome) and cell.asked:
             rows = (f"{each}: {each.text}" for each in cell.asked)
             ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
@@ -86,11 +100,18 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
     return {key: value for key, value in found.items() if value}
 
 
-def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:
-    """Adds what is to say of a requirement that is not satisfied."""
+def _say(
+    case: ET.Element, cell: Outcome | Failure, formula: str, unmet: tuple[str, str] | None
+) -> None:
+    """Adds what is to say of a requirement that is not satisfied, or not as was asked for."""
     if isinstance(cell, Failure):
         said = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
         said.text = _xml(cell.traceback or cell.message)
+    elif unmet is not None:
+        kind, message = unmet
+        said = ET.SubElement(case, "failure", message=_xml(message), type=kind)
+        reasons = filter(None, (cell.text, *cell.not_recorded, cell.way_out))
+        said.text = _xml("\n".join([formula, "", message, *reasons]))
     elif cell.verdict == Verdict.VIOLATED:
         said = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")
         said.text = _xml(f"{formula}\n\n{cell.explanation}")
@@ -100,12 +121,18 @@ def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:
         said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
 
 
-def _counts(words: Mapping[Word, int]) -> dict[str, str]:
+def _word(row: Trial, name: str, unmet: Unmet) -> Word:
+    """What a test case counts as."""
+    cell = row.cell(name)
+    return word(cell) if unmet.of(row.name, name, cell) is None else "violated"
+
+
+def _counts(words: Sequence[Word]) -> dict[str, str]:
     counts = {
-        "tests": sum(words.values()),
-        "failures": words.get("violated", 0),
-        "errors": words.get("failed", 0),
-        "skipped": words.get("undecided", 0),
+        "tests": len(words),
+        "failures": words.count("violated"),
+        "errors": words.count("failed"),
+        "skipped": words.count("undecided"),
     }
     return {name: str(count) for name, count in counts.items()}
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
 from rtamt_gym.results.matrix import Matrix, cell_text, label, legend, summary, times_text
 from rtamt_gym.results.outcome import Failure, Outcome
+from rtamt_gym.results.unmet import Unmet
 
 __all__ = ["to_markdown"]
 
@@ -14,14 +15,22 @@ _MOST = 50
 """The number of cells that are explained: the pages of CI systems are limited in size."""
 
 
-def to_markdown(matrix: Matrix) -> str:
+_NONE = Unmet()
+
+
+def to_markdown(matrix: Matrix, unmet: Unmet = _NONE) -> str:
     """The table of outcomes, and below it why a requirement is violated, undecided or in error.
 
     The first 50 are explained.
+
+    Args:
+        matrix: The outcomes.
+        unmet: What was asked for beside verdicts, and is not so; the heading says it.
     """
     asked = {name for name in matrix.requirements if asked_in(matrix, name) is not None}
     names = [_escaped(name) + " | asked" * (name in asked) for name in matrix.requirements]
-    lines = [f"# {label(matrix.word)}", ""]
+    heading = [label(matrix.word), *filter(None, [_escaped(unmet.summary)])]
+    lines = [f"# {', '.join(heading)}", ""]
     lines += [f"{_escaped(text)}  " for text in summary(matrix)]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
     lines.append(f"|---|---|{'---:|' * (len(names) + len(asked))}")

@@ -134,6 +134,76 @@ def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
             assert element.get(attribute) == str(len(list(element.iter(tag))))
 
 
+def failures_in(path: Path) -> dict[tuple[str | None, str | None], tuple[str, str | None]]:
+    """What each test case with anything but success has: the tag and the type."""
+    root = ET.parse(path).getroot()  # noqa: S314 - our own
+    for element in (root, *root):
+        assert element.get("failures") == str(len(list(element.iter("failure"))))
+    assert [each.get("skipped") for each in root] == [
+        str(len(list(each.iter("skipped")))) for each in root
+    ]
+    return {
+        (case.get("classname"), case.get("name")): (found.tag, found.get("type"))
+        for case in root.iter("testcase")
+        for found in case
+        if found.tag in {"failure", "error", "skipped"}
+    }
+
+
+def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_for(
+    folder: Path,
+) -> None:
+    never = "rare = always(req >= 9 implies eventually[0:1](gnt >= 3))"
+    files = ["--junit", "out.xml", "--markdown", "out.md"]
+    words = ["monitor", "req.stl", never, *files]
+    traces = ["good.csv", "near.csv", "open.csv", "bad.csv"]
+    alone = {
+        ("near.csv", "near"): ("failure", "violation"),
+        ("open.csv", "answered"): ("skipped", None),
+        **{("bad.csv", name): ("error", "error") for name in ("near", "answered", "rare")},
+    }
+    assert main([*words, "--", *traces]) == 2
+    assert failures_in(folder / "out.xml") == alone
+    assert (folder / "out.md").read_text().startswith("# ERROR\n")
+    assert main([*words, "--require-asked", "--", *traces]) == 2
+    asked = {(trace, "rare"): ("failure", "never asked") for trace in traces[:3]}
+    assert failures_in(folder / "out.xml") == alone | asked
+    assert (folder / "out.md").read_text().startswith("# ERROR, never asked: rare\n")
+    found = ET.parse(folder / "out.xml").getroot().find(".//failure")  # noqa: S314 - our own
+    assert found is not None
+    message = "never asked: rare was put to the test in 0 of 3 traces"
+    assert found.get("message") == message
+    assert f"\n\n{message}\nSATISFIED, robustness 5" in str(found.text)
+    # One trace that asks is enough.
+    assert (
+        main(["monitor", "req.stl", *files, "--require-asked", "--", "near.csv", "good.csv"]) == 1
+    )
+    assert failures_in(folder / "out.xml") == {("near.csv", "near"): ("failure", "violation")}
+    assert (folder / "out.md").read_text().startswith("# VIOLATED\n")
+
+
+def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> None:
+    (folder / "long.csv").write_text(HEAD + "".join(f"{i},5,0,0\n" for i in range(9)))
+    files = ["--junit", "out.xml", "--markdown", "out.md", "--min-duration", "5s"]
+    words = ["monitor", "calm = always(gap > 2)", "answered = always(req >= 9 implies gnt > 0)"]
+    assert main([*words, *files, "--", "long.csv", "good.csv"]) == 3
+    short = {("good.csv", name): ("failure", "too short") for name in ("calm", "answered")}
+    assert failures_in(folder / "out.xml") == short
+    found = ET.parse(folder / "out.xml").getroot().find(".//failure")  # noqa: S314 - our own
+    assert found is not None
+    assert found.get("message") == "shorter than 5 s: good.csv (1 s)"
+    heading = (folder / "out.md").read_text().partition("\n")[0]
+    assert heading == "# SATISFIED, shorter than 5 s: good.csv (1 s)"
+    assert main([*words, *files, "--require-asked", "--", "long.csv", "good.csv"]) == 3
+    never = {(trace, "answered"): ("failure", "never asked") for trace in ("long.csv", "good.csv")}
+    assert failures_in(folder / "out.xml") == short | never
+    heading = (folder / "out.md").read_text().partition("\n")[0]
+    assert heading == "# SATISFIED, never asked: answered; shorter than 5 s: good.csv (1 s)"
+    # What is violated fails as a violation.
+    assert main(["monitor", "calm = always(gap > 9)", *files, "--", "good.csv"]) == 1
+    assert failures_in(folder / "out.xml") == {("good.csv", "calm"): ("failure", "violation")}
+
+
 def test_what_no_xml_may_hold_is_replaced() -> None:
     name = "a\x1b[0m\ud800<&>\"'.csv"
     failure = Failure("bad \x00 byte & <tag>")

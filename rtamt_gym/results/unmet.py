@@ -1,0 +1,40 @@
+"""`Unmet`: what outcomes were to stand on and do not, so that the command fails for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rtamt import Verdict
+from rtamt_gym.results.outcome import Failure, Outcome
+
+__all__ = ["Unmet"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet:
+    """What a switch asks for and outcomes do not have.
+
+    Attributes:
+        unasked: For each requirement that nothing has put to the test, that in words.
+        short: For each trace that is shorter than it is to be, that in words.
+        summary: All of it in a few words, for a heading; empty if there is nothing.
+    """
+
+    unasked: Mapping[str, str] = field(default_factory=dict)
+    short: Mapping[str, str] = field(default_factory=dict)
+    summary: str = ""
+
+    def of(self, trace: str, requirement: str, cell: Outcome | Failure) -> tuple[str, str] | None:
+        """What a requirement fails for on a trace: its kind and the words.
+
+        None if there is nothing, and where the outcome is a failure of its own.
+        """
+        if isinstance(cell, Failure) or cell.verdict is Verdict.VIOLATED:
+            return None
+        found = {
+            "never asked": self.unasked.get(requirement),
+            "too short": self.short.get(trace),
+        }
+        said = {kind: text for kind, text in found.items() if text}
+        return (next(iter(said)), "; ".join(said.values())) if said else None
