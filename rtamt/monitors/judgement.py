@@ -202,7 +202,10 @@ class Judgement:
         for part in self.untested:
             lines += _wrapped(str(part))
         for each in self.asked:
-            lines += _wrapped(str(each) if len(self.asked) == 1 else f"{each}: {each.text}")
+            # Where values are not known, its left side may hold at an instant.
+            never = each.first is None and bool(self.unknown)
+            said = "not asked for certain" if never else str(each)
+            lines += _wrapped(said if len(self.asked) == 1 else f"{said}: {each.text}")
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
                 way = f"no reading of the end decides it: it hangs on {self.open_for}"

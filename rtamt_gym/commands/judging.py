@@ -22,7 +22,7 @@ from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.results.asked import never_asked_texts
+from rtamt_gym.results.asked import never_asked_texts, never_asked_word, rests_on_unknown
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
@@ -249,7 +249,11 @@ def unmet_of(asked: TracesAsked, matrix: Matrix, *, require_asked: bool) -> Unme
         if asked.min_duration is not None and row.extent is not None
         if (text := short_text({row.name: row.extent}, asked.min_duration))
     }
-    parts = [f"never asked: {', '.join(unasked)}"] if unasked else []
+    words: dict[str, list[str]] = {}
+    for name in unasked:
+        word = never_asked_word(unknown=rests_on_unknown(matrix, name))
+        words.setdefault(word, []).append(name)
+    parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
     parts += [each.text for each in too_short(asked, matrix.rows)]
     return Unmet(unasked, short, "; ".join(parts))
 
@@ -334,6 +338,7 @@ def _outcome(
         asked=found.asked,
         vacuous=found.vacuous,
         defaults=_defaults(spec, judged),
+        unknown=found.unknown,
     )
 
 

@@ -216,7 +216,9 @@ def _asked(trial: ShownTrial) -> str:
         return ""
     if trial.vacuous and trial.asked:
         return f"{trial.asked}x, no answer"
-    return f"{trial.asked}x" if trial.asked else "never"
+    if not trial.asked:
+        return "not for certain" if trial.unknown else "never"
+    return f"{trial.asked}x"
 
 
 def _some(chart: Chart | None) -> list[Chart]:

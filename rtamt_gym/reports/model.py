@@ -98,6 +98,7 @@ class ShownTrial:
             counted, or there are none.
         vacuous: Whether it satisfied the requirement without an answer.
         defaults: The declared defaults that it read, each as ``limit = 0.5``.
+        unknown: Whether values are not known in it, so that ``asked`` counts what is certain.
     """
 
     label: str
@@ -112,6 +113,7 @@ class ShownTrial:
     asked: int | None = None
     vacuous: bool = False
     defaults: tuple[str, ...] = ()
+    unknown: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +227,7 @@ class ShownRequirement:
         by_end: How many episodes are violated by how they ended, at a robustness above zero.
         id: Its id where requirements are kept, with a link; None if its text gives none.
         asked: How many episodes put it to the test, and of how many; None without implications.
+        unknown: Whether values are not known in one, so that ``asked`` counts what is certain.
         vacuous: How many episodes satisfied it without an answer.
         defaults: How many episodes read each of the declared defaults, as ``limit = 0.5``.
         answer: What sequential stopping has said of its rate; None without a target.
@@ -249,6 +252,7 @@ class ShownRequirement:
     by_end: int = 0
     id: RequirementId | None = None
     asked: tuple[int, int] | None = None
+    unknown: bool = False
     vacuous: int = 0
     defaults: Mapping[str, int] = field(default_factory=dict)
     answer: Word | None = None

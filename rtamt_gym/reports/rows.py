@@ -102,6 +102,7 @@ def trials_of(
                 defaults=()
                 if outcome is None
                 else tuple(f"{each} = {number(v)}" for each, v in outcome.defaults.items()),
+                unknown=outcome is not None and bool(outcome.unknown),
             )
         )
     return sorted(trials, key=worst_first)
@@ -163,6 +164,7 @@ def requirement_of(
         worst=tuple(worst),
         by_end=sum(map(_by_end, trials)),
         asked=(sum(map(bool, asked)), len(asked)) if asked else None,
+        unknown=any(each.unknown for each in trials if each.asked is not None),
         vacuous=sum(each.vacuous for each in trials),
         defaults=Counter(text for each in trials for text in each.defaults),
         **also,

@@ -10,6 +10,7 @@ from typing import Final, Literal, get_args
 from rtamt_gym.reports.charts import NOUNS
 from rtamt_gym.reports.model import Section, ShownRequirement
 from rtamt_gym.reports.views import ComparedRequirement
+from rtamt_gym.results.asked import never_asked_word
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.tables import counted
 
@@ -48,6 +49,7 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     """
     found: dict[tuple[str, str], Word] = {}
     asked: dict[tuple[str, str], bool] = {}
+    unknown: set[tuple[str, str]] = set()
     names = {}
     rests: dict[str, None] = {}
     for section in sections:
@@ -61,16 +63,19 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
             found[key] = _worse(word_of(each), found.get(key, "satisfied"))
             if each.asked is not None:
                 asked[key] = asked.get(key, False) or each.asked[0] > 0
+                unknown |= {key} if each.unknown else set()
     if not found:
         return None
     words = Counter(found.values())
     worst = next(each for each in _WORST if words[each])
     of = [f"{words[each]} {each}" for each in (*get_args(Word)[1:], "failed") if words[each]]
-    never = [names[key] for key, ever in asked.items() if not ever]
+    never: dict[str, list[str]] = {}
+    for key in (key for key, ever in asked.items() if not ever):
+        never.setdefault(never_asked_word(unknown=key in unknown), []).append(names[key])
     parts = [
         f"of {counted(len(found), 'requirement')} {', '.join(of)}",
         *_runs(sections),
-        *([f"never asked: {', '.join(never)}"] if never else []),
+        *(f"{word}: {', '.join(those)}" for word, those in never.items()),
         *([f"on defaults: {', '.join(rests)}"] if rests else []),
     ]
     return Standing(worst, f"{_SAID[worst]}: {'; '.join(parts)}.")

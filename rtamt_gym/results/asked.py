@@ -17,7 +17,9 @@ __all__ = [
     "never_asked",
     "never_asked_lines",
     "never_asked_texts",
+    "never_asked_word",
     "partly_asked_lines",
+    "rests_on_unknown",
 ]
 
 
@@ -36,6 +38,20 @@ def never_asked(results: Results) -> list[str]:
     return [name for name, count in counts.items() if count is not None and not count[0]]
 
 
+def never_asked_word(*, unknown: bool) -> str:
+    """What is said where nothing was put to the test for certain.
+
+    Args:
+        unknown: Whether values are not known, so that the left side of an implication may hold.
+    """
+    return "not asked for certain" if unknown else "never asked"
+
+
+def rests_on_unknown(results: Results, name: str) -> bool:
+    """Whether values are not known in a trial in which somebody has counted."""
+    return any(each.unknown for each in _counted(results, name))
+
+
 def never_asked_texts(results: Results, what: str = "trace") -> dict[str, str]:
     """A text for each requirement that nothing has put to the test, by its name.
 
@@ -43,11 +59,14 @@ def never_asked_texts(results: Results, what: str = "trace") -> dict[str, str]:
         results: The trials.
         what: What a trial is, in a word.
     """
-    return {
-        name: f"never asked: {name} was put to the test in 0 of "
-        f"{counted(len(_counted(results, name)), what)}"
-        for name in never_asked(results)
-    }
+    texts = {}
+    for name in never_asked(results):
+        unknown = rests_on_unknown(results, name)
+        texts[name] = (
+            f"{never_asked_word(unknown=unknown)}: {name} was put to the test"
+            f"{' for certain' * unknown} in 0 of {counted(len(_counted(results, name)), what)}"
+        )
+    return texts
 
 
 def never_asked_lines(results: Results, what: str = "trace") -> list[str]:
@@ -71,12 +90,13 @@ def partly_asked_lines(results: Results, what: str = "trace") -> list[str]:
         every = f"of {counted(len(found), what)}"
         if not any(each.occasions for each in found):
             continue
+        word = never_asked_word(unknown=rests_on_unknown(results, name))
         asked: dict[str, int] = {}
         for outcome in found:
             for each in outcome.asked or ():
                 asked[each.text] = asked.get(each.text, 0) + each.occasions
         lines += [
-            f"never asked in {name}: {shorten(text, 60)} in 0 {every}"
+            f"{word} in {name}: {shorten(text, 60)} in 0 {every}"
             for text, times in asked.items()
             if not times
         ]
@@ -120,7 +140,12 @@ def asked_said(results: Results, what: str = "trace", before: Iterable[str] = ()
 def asked_line(results: Results, what: str = "trace") -> str:
     """How many trials have put each requirement with an implication to the test; may be empty."""
     counts = {name: asked_in(results, name) for name in results.requirements}
-    said = [f"{name} in {of[0]} of {counted(of[1], what)}" for name, of in counts.items() if of]
+    said = [
+        f"{name} in {of[0]} of {counted(of[1], what)}"
+        + " for certain" * rests_on_unknown(results, name)
+        for name, of in counts.items()
+        if of
+    ]
     return f"asked: {', '.join(said)}" if said else ""
 
 

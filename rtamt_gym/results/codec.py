@@ -96,7 +96,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
     """What a requirement has become, as JSON holds it."""
     if isinstance(found, Failure):
         return {"verdict": "ERROR", "error": found.message}
-    texts = ("text", "not_recorded", "way_out", "explanation")
+    texts = ("text", "not_recorded", "way_out", "explanation", "unknown")
     kept = {
         "verdict": found.verdict,
         "robustness": found.robustness,
@@ -200,6 +200,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
         defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
+        unknown=tuple(kept.get("unknown", ())),
     )
 
 

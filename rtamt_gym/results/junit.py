@@ -8,6 +8,7 @@ from fractions import Fraction
 from xml.etree import ElementTree as ET
 
 from rtamt import RequirementId, Verdict
+from rtamt_gym.results.asked import never_asked_word
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
@@ -80,7 +81,8 @@ def _suite(
                 ET.SubElement(properties, "property", name=key, value=_xml(value))
         _say(case, cell, formulas[name], unmet.of(row.name, name, cell))
         if isinstance(cell, Outcome) and cell.asked:
-            rows = (f"{each}: {each.text}" for each in cell.asked)
+            never = never_asked_word(unknown=bool(cell.unknown))
+            rows = (f"{never if each.first is None else each}: {each.text}" for each in cell.asked)
             ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))

@@ -80,6 +80,7 @@ class Outcome:
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
         defaults: The variables of which it read a declared default, in part of a recorded trace or
             in all of it, with the values.
+        unknown: The variables of which a value was not known (`rtamt.Judgement.unknown`).
     """
 
     robustness: float
@@ -94,6 +95,7 @@ class Outcome:
     asked: tuple[Asked | DenseAsked, ...] | None = None
     vacuous: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
+    unknown: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]

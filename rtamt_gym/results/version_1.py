@@ -48,7 +48,7 @@ def documented(traces: Iterable[Kept]) -> list[dict[str, Any]]:
     ]
 
 
-_NEWER = {"decided_at", "text", "asked", "vacuous", "never_asked", "defaults"}
+_NEWER = {"decided_at", "text", "asked", "vacuous", "never_asked", "defaults", "unknown"}
 
 
 def _named(outcome: Kept) -> dict[str, Any]:

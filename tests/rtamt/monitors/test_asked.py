@@ -1,6 +1,7 @@
 """What a verdict stands on, against its definition and against the golden file."""
 
 import copy
+import math
 import pickle
 from dataclasses import astuple
 from typing import Literal
@@ -140,6 +141,22 @@ def test_a_satisfied_response_without_a_request_says_so(backend: Backend) -> Non
         "asked 1x, first at sample 0: a implies b",
         "never asked: b implies c",
     ]
+
+
+def test_a_request_that_may_have_been_is_not_said_to_be_missing(backend: Backend) -> None:
+    nan = math.nan
+    for req, gnt, verdict in (([0, nan, 0], [0] * 3, "UNDECIDED"), ([nan], [5], "SATISFIED")):
+        found = judge(RESPONSE, {"req": req, "gnt": gnt}, nan="unknown", backend=backend)
+        assert (found.verdict.name, found.asked[0].occasions) == (verdict, 0)
+        assert "not asked for certain" in str(found).splitlines()
+        assert "never asked" not in str(found)
+    events = {"req": [(0, 0.0), (1, nan), (2, 0.0)], "gnt": [(0, 0.0), (2, 0.0)]}
+    dense = judge_dense("always(req >= 3 implies gnt >= 3)", events, nan="unknown", backend=backend)
+    assert "not asked for certain" in str(dense).splitlines()
+    several = "always(a > 0 implies b > 0) and always(b > 0 implies c > 0)"
+    two = judge(several, {"a": [1], "b": [nan], "c": [1]}, nan="unknown", backend=backend)
+    assert "asked 1x, first at sample 0: a > 0 implies b > 0" in str(two)
+    assert "not asked for certain: b > 0 implies c > 0" in str(two)
 
 
 def test_bounds_are_in_the_unit_of_the_text_and_whole_samples(backend: Backend) -> None:

@@ -107,6 +107,9 @@ SHOWN: dict[str, Shown] = {
     "no trace puts a requirement to the test": Shown(
         f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED
     ),
+    "a request may lie in values that are not known": Shown(
+        f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
+    ),
     "no episode of a policy does": Shown(
         f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED
     ),
@@ -213,6 +216,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     late = "".join(f"{time},9\n" for time in (*range(12), *range(36000, 36012)))
     (tmp_path / "gap.csv").write_text(f"time [s],gnt\n{late}")
     (tmp_path / "holes.csv").write_text("time [s],gnt\n0,4\n1,\n2,4\n")
+    (tmp_path / "asks.csv").write_text("time [s],req,gnt\n0,0,9\n1,,9\n2,0,9\n")
     (tmp_path / "late.csv").write_text("time [s],gnt\n0,4\n1,4\n2.5,4\n3,4\n4,4\n")
     (tmp_path / "broken.csv").write_text("time [s],gnt\n0,x\n")
     (tmp_path / "hollow_systems.py").write_text(SYSTEMS)

@@ -9,6 +9,11 @@ import pytest
 
 from rtamt import Asked, DenseAsked, Verdict
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports.html import render
+from rtamt_gym.reports.model import Report
+from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.standing import standing_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Outcome
 
@@ -79,6 +84,39 @@ def test_json_has_it_and_standard_error_says_it(capsys: Output) -> None:
     assert (outcomes["answered"]["vacuous"], outcomes["answered"]["never_asked"]) == (True, True)
     assert outcomes["calm"]["asked"] == []
     assert "vacuous" not in outcomes["calm"]
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
+    dense: list[str], folder: Path, capsys: Output
+) -> None:
+    (folder / "holes.csv").write_text("time,req,gnt\n0,0,9\n1,nan,9\n2,0,9\n")
+    said = "not asked for certain: answered was put to the test for certain in 0 of 2 traces"
+    words = ["--missing", "unknown", *dense, "--require-asked"]
+    files = ["--json", "--junit", "out.xml", "--markdown", "out.md"]
+    assert run("idle.csv", "holes.csv", *words, *files) == 3
+    out, errors = capsys.readouterr()
+    assert " ".join(errors.split()).endswith(said)
+    (folder / "result.json").write_text(out)
+    kept = json.loads(out)
+    outcomes = [each["outcomes"]["answered"] for each in kept["trials"]]
+    assert [each.get("unknown") for each in outcomes] == [None, ["req"]]
+    assert outcome_of(outcomes[1]).unknown == ("req",)  # type: ignore[union-attr]
+    markdown = (folder / "out.md").read_text()
+    assert markdown.startswith("# SATISFIED, not asked for certain: answered\n")
+    assert "asked: answered in 0 of 2 traces for certain" in markdown
+    written = (folder / "out.xml").read_text()
+    assert f'message="{said}"' in written
+    assert written.count("not asked for certain: req &gt;= 3 implies") == 1
+    assert written.count("never asked: req &gt;= 3 implies") == 1  # of idle.csv all is known
+    section = section_of("result.json", ROOM)
+    assert "; not asked for certain: answered" in str(standing_of([section]))
+    page = render(Report("made up", "rtamt", (section,)))
+    assert "Not asked for certain: no trace of 2 put it to the test for certain." in page
+    assert "ever asked" not in page
+    # A trace that asks for certain is enough.
+    assert run("busy.csv", "holes.csv", *words) == 0
+    assert "not asked" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
