@@ -112,7 +112,7 @@ def _say(
     elif unmet is not None:
         kind, message = unmet
         said = ET.SubElement(case, "failure", message=_xml(message), type=kind)
-        reasons = filter(None, (cell.text, *cell.not_recorded, cell.way_out))
+        reasons = [each for each in (cell.text, *cell.not_recorded, cell.way_out) if each]
         said.text = _xml("\n".join([formula, "", message, *reasons]))
     elif cell.verdict == Verdict.VIOLATED:
         said = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")

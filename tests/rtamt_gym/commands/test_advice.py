@@ -21,8 +21,8 @@ Output = pytest.CaptureFixture[str]
 
 # Arguments of Python alone: no command has an option for them.
 OF_PYTHON = {
-    *("batch", "cost", "eval_freq", "inputs", "modules", "observe", "outputs", "resamples"),
-    *("resolution", "window"),
+    *("batch", "cost", "eval_freq", "inputs", "modules", "names", "observe", "outputs"),
+    *("resamples", "resolution", "window"),
 }
 
 
