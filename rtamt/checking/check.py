@@ -63,6 +63,7 @@ def check(
             or no trace fulfils what is assumed.
 
     Example:
+        >>> import rtamt
         >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
         >>> str(found.requirements["spec"].satisfiable), found.says
         ('yes, in 1 sample', 'no')

@@ -113,6 +113,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
     extras = distribution.metadata.get_all("Provides-Extra")
     assert extras is not None
     promised = {
+        "check",
         "gym",
         "cases",
         "search",

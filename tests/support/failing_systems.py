@@ -28,4 +28,5 @@ class HalfCart(CartPoleEnv):
         return stepped
 
 
-gym.register("HalfCart-v0", "failing_systems:HalfCart", max_episode_steps=5)
+if "HalfCart-v0" not in gym.registry:  # the search for examples imports this file under another name
+    gym.register("HalfCart-v0", "failing_systems:HalfCart", max_episode_steps=5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from leaving import LEAVING, Leaving
+from leaving import LEAVING, Leaving, leaving_policy
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.write import report_of
@@ -54,9 +55,12 @@ def test_the_table_has_the_others_and_the_first_error_stands_below(
     assert main([*RUN, *SPEC, *episodes]) == 2
     out, err = capsys.readouterr()
     assert err == ""
-    called = f"RtamtLeaves-v0 called sys.exit({'' if where == 'policy' else '0'}), {NO_END}"
+    culprit = "RtamtLeaves-v0 called sys.exit(0)"
+    if where == "policy":
+        line = inspect.getsourcelines(leaving_policy)[1] + 3
+        culprit = f"the policy leaving:leaving_policy called sys.exit() (leaving.py, line {line})"
     head, below = out.split("\n2 of 4 episodes failed; the first, seed 1:\n")
-    assert " ".join(below.split()) == f"InputError: {called}"
+    assert " ".join(below.split()) == f"InputError: {culprit}, {NO_END}"
     assert [line.split() for line in head.splitlines()[3:] if line] == [
         ["1", "-", "-", "low", "-", "ERROR", "-"],
         ["2", "3", "-", "low", "+2", "SATISFIED", "-"],
