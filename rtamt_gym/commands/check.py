@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import itertools
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -13,11 +11,11 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Final
 
 import rtamt
-from rtamt import Answer, Check, CheckedRequirement, ExampleTrace, InputError
+from rtamt import Answer, Check, CheckedRequirement, InputError
 from rtamt_gym.commands.arguments import add_reading, positive, read_reading
+from rtamt_gym.commands.example_traces import answer_data, drawn, first_timed, write
 from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.commands.specs import read_constants, read_requirements
-from rtamt_gym.tables import counted, number, table
 
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
@@ -74,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
     specs = read_requirements(options.specs, read_constants(options.constant))
     period = read_reading(options).seconds
-    if period is None and (timed := _timed(specs)):
+    if period is None and (timed := first_timed(specs)):
         raise InputError(
             f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
             "give --period 100ms, for instance"
@@ -93,15 +91,6 @@ def run(options: argparse.Namespace) -> int:
     return exit_code([_WORDS[found.says]])
 
 
-def _timed(specs: dict[str, rtamt.Specification]) -> str:
-    """The first requirement with a unit in a bound; empty if there is none."""
-    for name, spec in specs.items():
-        bounds = (node.interval for node in spec.formula.nodes())
-        if any(interval is not None and interval.unit is not None for interval in bounds):
-            return name
-    return ""
-
-
 def _lines(found: Check) -> Iterator[str]:
     for name, each in found.requirements.items():
         yield from wrap(f"{name}: {each.text}", 80, subsequent_indent="    ")
@@ -113,7 +102,7 @@ def _lines(found: Check) -> Iterator[str]:
     for name, what, trace in found.traces():
         if what != "satisfied":
             yield " ".join(filter(None, [name, f"{what}:"]))
-            yield from _drawn(trace)
+            yield from drawn(trace)
             yield ""
     yield {
         "yes": "nothing wrong was found",
@@ -158,39 +147,14 @@ def _row(what: str, text: str) -> list[str]:
     return wrap(f"  {what:<11}{text}", 80, subsequent_indent=" " * 13, break_on_hyphens=False)
 
 
-def _drawn(trace: ExampleTrace) -> list[str]:
-    """The trace as a table: a column for each run of equal samples, in as many tables as needed."""
-    rows = list(zip(*trace.columns.values(), strict=True))
-    runs: list[tuple[str, tuple[float, ...]]] = []
-    begin = 0
-    for values, run in itertools.groupby(rows):
-        end = begin + len([*run]) - 1
-        runs.append((f"{begin}" if begin == end else f"{begin}-{end}", values))
-        begin = end + 1
-    if not runs:
-        return [f"  any {counted(trace.samples, 'sample')}"]
-    width = max(len(text) for at, values in runs for text in (at, *map(number, values))) + 2
-    most = max(1, (78 - max(map(len, ("sample", *trace.columns)))) // width)
-    lines: list[str] = []
-    for first in range(0, len(runs), most):
-        some = runs[first : first + most]
-        cells = [["sample", *(at for at, _ in some)]]
-        for i, name in enumerate(trace.columns):
-            cells.append([name, *(number(values[i]) for _, values in some)])
-        lines += [f"  {line}" for line in table(cells, "<" + ">" * len(some))]
-    if trace.loop:
-        lines.append(f"  the last {counted(trace.loop, 'sample')} again and again")
-    return lines
-
-
 def _data(found: Check) -> dict[str, Any]:
     requirements = {
         name: {
             "formula": each.text,
             "says": each.says,
-            "satisfiable": _answer(each.satisfiable),
-            "falsifiable": _answer(each.falsifiable),
-            "asked": {text: _answer(answer) for text, answer in each.asked.items()},
+            "satisfiable": answer_data(each.satisfiable),
+            "falsifiable": answer_data(each.falsifiable),
+            "asked": {text: answer_data(answer) for text, answer in each.asked.items()},
             "idle": [
                 {"text": idle.text, "instead": idle.instead, "samples": idle.samples}
                 for idle in each.idle
@@ -202,10 +166,10 @@ def _data(found: Check) -> dict[str, Any]:
     data: dict[str, Any] = {"says": found.says, "requirements": requirements}
     if found.together is not None:
         data |= {
-            "together": _answer(found.together),
+            "together": answer_data(found.together),
             "conflict": [*found.conflict],
             "asked": [
-                {"requirement": name, "text": text, **_answer(answer)}
+                {"requirement": name, "text": text, **answer_data(answer)}
                 for (name, text), answer in found.asked.items()
             ],
             "implied": {**found.implied},
@@ -215,27 +179,9 @@ def _data(found: Check) -> dict[str, Any]:
     return data
 
 
-def _answer(answer: Answer) -> dict[str, Any]:
-    data: dict[str, Any] = {"says": answer.says}
-    if answer.trace is not None:
-        columns = {name: [*map(_strict, values)] for name, values in answer.trace.columns.items()}
-        data["trace"] = {"samples": answer.trace.samples, "repeats": answer.trace.loop} | {
-            "columns": columns
-        }
-    if answer.says == "no":
-        data |= {"samples": answer.samples or None, "clash": [*answer.clash]}
-    return data | ({"why": answer.why} if answer.why else {})
-
-
-def _strict(value: float) -> float | str:
-    return value if abs(value) != float("inf") else ("inf" if value > 0 else "-inf")
-
-
 def _save(found: Check, folder: Path) -> None:
     """Writes each trace as a file of its samples, for `rtamt monitor` with the same period."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, what, trace in found.traces():
         stem = re.sub(r"[^\w.-]", "_", "-".join(filter(None, [name, what])))
-        columns = [trace.unrolled(variable) for variable in trace.columns]
-        with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([[*trace.columns], *zip(*columns, strict=True)])
+        write(trace, folder / f"{stem}.csv")
