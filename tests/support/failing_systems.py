@@ -28,5 +28,6 @@ class HalfCart(CartPoleEnv):
         return stepped
 
 
-if "HalfCart-v0" not in gym.registry:  # the search for examples imports this file under another name
+# The search for examples imports this file under another name.
+if "HalfCart-v0" not in gym.registry:
     gym.register("HalfCart-v0", "failing_systems:HalfCart", max_episode_steps=5)
