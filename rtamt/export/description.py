@@ -5,6 +5,7 @@ Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -95,7 +96,7 @@ def _variables_2(root: Element, variables: Sequence[UnitVariable]) -> None:
     parent = SubElement(root, "ModelVariables")
     for each in variables:
         scalar = SubElement(parent, "ScalarVariable", _attributes(each))
-        SubElement(scalar, _TYPES[2][each.kind], _start(each))
+        SubElement(scalar, _TYPES[2][each.kind], {**_limits(each), **_start(each)})
     structure = SubElement(root, "ModelStructure")
     places = {str(i): each for i, each in enumerate(variables, 1)}
     for name, dependencies in _dependencies(places).items():
@@ -117,7 +118,8 @@ def _variables_3(root: Element, variables: Sequence[UnitVariable]) -> None:
         unit="s",
     )
     for each in variables:
-        SubElement(parent, _TYPES[3][each.kind], {**_attributes(each), **_start(each)})
+        attributes = {**_attributes(each), **_limits(each), **_start(each)}
+        SubElement(parent, _TYPES[3][each.kind], attributes)
     structure = SubElement(root, "ModelStructure")
     places = {str(each.reference): each for each in variables}
     for name, dependencies in _dependencies(places).items():
@@ -156,6 +158,12 @@ def _attributes(variable: UnitVariable) -> dict[str, str]:
         "variability": variability,
     }
     return attributes if initial is None else {**attributes, "initial": initial}
+
+
+def _limits(variable: UnitVariable) -> dict[str, str]:
+    """The range of a variable; a limit that is infinite is none."""
+    named = zip(("min", "max"), variable.range or (), strict=False)
+    return {name: repr(limit) for name, limit in named if math.isfinite(limit)}
 
 
 def _start(variable: UnitVariable) -> dict[str, str]:

@@ -55,7 +55,7 @@ class Programs:
     def file(self, *, token: str, stop: bool) -> ProgramFile:
         """The file of the unit."""
         spec = self.program.specification
-        variables = [Named(name, spec.defaults.get(name, 0.0)) for name in self.program.variables]
+        variables = [Named(name, _start(spec, name)) for name in self.program.variables]
         constants = [Named(name, value) for name, value in spec.constants.items()]
         used = self._constants()
         return ProgramFile(
@@ -73,6 +73,12 @@ class Programs:
         numbers = [i.value for i in self.program.instructions if isinstance(i, Const)]
         traced = [number for number in numbers if isinstance(number, Traced)]
         return frozenset[str]().union(*(number.constants for number in traced))
+
+
+def _start(spec: Specification, variable: str) -> float:
+    """The start value of an input: its default, else the number next to 0 in its range."""
+    lower, upper = spec.declared_ranges.get(variable, (0.0, 0.0))
+    return spec.defaults.get(variable, min(max(0.0, lower), upper))
 
 
 def sampled_programs(

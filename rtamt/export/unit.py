@@ -42,7 +42,7 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
         text=str(spec.formula),
         token=_UNNAMED,
         step=programs.step,
-        variables=variables_of(file, meanings),
+        variables=variables_of(file, meanings, spec.declared_ranges),
     )
     # What the unit holds names it: a tool that kept another unit's files finds that they differ.
     content = description_text(described, fmi) + program_text(file).encode()

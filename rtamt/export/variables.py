@@ -49,6 +49,7 @@ class UnitVariable(NamedTuple):
         causality: Its role, in the words of FMI; a local one is a constant that cannot be set.
         start: Its start value; None if it is calculated.
         meaning: What it is, for the reader of a model description.
+        range: The least and the greatest value that its declaration says; None if it says none.
     """
 
     name: str
@@ -57,19 +58,25 @@ class UnitVariable(NamedTuple):
     causality: Causality
     start: float | None
     meaning: str
+    range: tuple[float, float] | None = None
 
 
-def variables_of(file: ProgramFile, formulas: Mapping[str, str]) -> list[UnitVariable]:
+def variables_of(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+) -> list[UnitVariable]:
     """The variables of a unit, without ``time``, in the order of their value references.
 
     Args:
         file: What the unit runs.
         formulas: What each named formula means.
+        ranges: The ranges that inputs are declared with.
 
     Raises:
         SpecificationError: If the specification has a name that is in `RESERVED`.
     """
-    found = [*_own(file), *_of_text(file, formulas)]
+    found = [*_own(file), *_of_text(file, formulas, ranges)]
     for each in found[len(RESERVED) - 1 :]:
         if each.name in RESERVED:
             msg = (
@@ -97,7 +104,11 @@ def _own(file: ProgramFile) -> Iterator[UnitVariable]:
     yield UnitVariable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
 
 
-def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[UnitVariable]:
+def _of_text(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+) -> Iterator[UnitVariable]:
     reference = count(FIRST)
     parts: tuple[tuple[Causality, str], ...] = (
         ("input", "a variable of the specification"),
@@ -108,6 +119,9 @@ def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[UnitVar
         parts, (file.inputs, file.parameters, file.fixed), strict=True
     ):
         for each in named:
-            yield UnitVariable(each.name, next(reference), "real", causality, each.start, meaning)
+            within = ranges.get(each.name) if causality == "input" else None
+            yield UnitVariable(
+                each.name, next(reference), "real", causality, each.start, meaning, within
+            )
     for name in file.formulas:
         yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])

@@ -23,6 +23,7 @@ from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text, number_text
+from rtamt.language.ranges import range_of_type, range_text
 from rtamt.language.table import Bounds
 
 __all__ = ["PRIMITIVES", "Declaration", "Specification"]
@@ -42,11 +43,14 @@ class Declaration:
         type: A primitive type or the name of an imported one.
         io: ``"input"`` if the system reads the variable, ``"output"`` if it sets it, else None.
         default: The value of the variable before the first sample that has one, or None.
+        range: The least and the greatest value that the text declares, or None. Monitors do not
+            look at it.
     """
 
     type: str
     io: Literal["input", "output"] | None = None
     default: float | None = None
+    range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -234,14 +238,33 @@ class Specification:
         They have it before the first sample or message with a value of theirs. Where the variable
         is a message, it is the number in the field ``data``.
         """
-        said = {v: (self._declared(v), self.declaration(v)) for v in self.variables}
         return MappingProxyType(
-            {
-                v: d.default
-                for v, (name, d) in said.items()
-                if d is not None and d.default is not None and v in (name, f"{name}.data")
-            }
+            {v: d.default for v, d in self._plain.items() if d.default is not None}
         )
+
+    @cached_property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """The used plain variables that have a range, with their least and greatest value.
+
+        A declaration says it, ``input float x in [0, 120]``, or the type does: ``bool``, ``uint8``
+        and so on. `check` takes it for granted; monitors judge any value. Where the variable is a
+        message, it is the number in the field ``data``.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse("input float x in [0, 120]; uint8 gear; float y; x > gear + y")
+            >>> dict(spec.ranges)
+            {'x': (0.0, 120.0), 'gear': (0.0, 255.0)}
+        """
+        typed = {v: range_of_type(d.type) for v, d in self._plain.items()}
+        known = {v: each for v, each in typed.items() if each is not None}
+        return MappingProxyType({**known, **self.declared_ranges})
+
+    @cached_property
+    def declared_ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Those of `ranges` that a declaration says itself."""
+        found = {v: d.range for v, d in self._plain.items()}
+        return MappingProxyType({v: each for v, each in found.items() if each is not None})
 
     @cached_property
     def horizon(self) -> float:
@@ -311,6 +334,7 @@ class Specification:
         lines += [f"const float {n} = {number_text(v)}" for n, v in self.constants.items()]
         for name, d in self.declarations.items():
             words = [d.io, d.type, name] if d.io else [d.type, name]
+            words += [] if d.range is None else ["in", range_text(d.range)]
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
@@ -332,6 +356,12 @@ class Specification:
 
     def __repr__(self) -> str:
         return f"<Specification {self}>"
+
+    @cached_property
+    def _plain(self) -> Mapping[str, Declaration]:
+        """The used variables that a declaration is about by itself, with it."""
+        said = {v: (self._declared(v), self.declaration(v)) for v in self.variables}
+        return {v: d for v, (name, d) in said.items() if d and v in (name, f"{name}.data")}
 
     @cached_property
     def _content(self) -> tuple[object, ...]:

@@ -41,7 +41,13 @@ part
 
 constant : 'const' kind=NAME name=NAME '=' default=value ;
 
-declaration : io=('input' | 'output')? kind=NAME name=NAME ('=' default=value)? ;
+// The name before the range is "in", which is no word of the language.
+declaration : io=('input' | 'output')? kind=NAME name=NAME (within=NAME bounds=range)? ('=' default=value)? ;
+
+range : '[' lower=limit (':' | ',') upper=limit ']' ;
+
+// A number or the name of a constant.
+limit : '-'? (NUMBER | NAME | 'inf') ;
 
 value : '-'? NUMBER ;
 

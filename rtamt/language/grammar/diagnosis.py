@@ -20,6 +20,7 @@ from rtamt.language.table import Notation, Operator
 __all__ = [
     "ID_HINT",
     "LINK_HINT",
+    "RANGE_HINT",
     "Token",
     "diagnose",
     "exact_number",
@@ -28,6 +29,7 @@ __all__ = [
     "no_bound",
     "no_formula",
     "no_id",
+    "no_range",
     "shown",
     "similar",
     "similar_name",
@@ -77,6 +79,8 @@ _HEADS = {
 }
 ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
 LINK_HINT = 'write @ id(NAME, "SYS-REQ-7", "https://reqs.example/{id}")'
+RANGE_HINT = "write in [0, 120]"
+_NEXT_STATEMENT = "write ';' or a new line between two statements"
 _BEFORE_ID = 5  # the tokens '@', 'id', '(', its name and ','
 _LONG = 60
 _INDEX = re.compile(r"\[\s*-?\d+\s*\]")
@@ -115,6 +119,11 @@ def diagnose(
     """
     if rule in ("interval", "bound"):
         return _in_interval(text, token, expected)
+    if rule in ("range", "limit"):
+        before = tokens[token.tokenIndex - 1]
+        if StlParser.OPEN_INTERVAL not in expected or before.text == "in":
+            return _in_range(text, token, expected)
+        token, expected, rule = before, frozenset({StlParser.END}), "declaration"
     at = token.tokenIndex
     first = max((i + 1 for i in range(at) if tokens[i].type == StlParser.END), default=0)
     if at == first:
@@ -213,6 +222,25 @@ def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseEr
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
 
 
+def no_range(text: str, token: Token) -> ParseError:
+    """The error for a token that stands where a range, or the end of a declaration, belongs."""
+    reason = f"expected the end of the statement, got {_got(token)}"
+    return fail(text, token, reason, _NEXT_STATEMENT)
+
+
+def _in_range(text: str, token: Token, expected: AbstractSet[int]) -> ParseError:
+    if StlParser.OPEN_INTERVAL in expected:
+        return fail(text, token, f"expected a range after 'in', got {_got(token)}", RANGE_HINT)
+    if StlParser.NUMBER in expected:
+        hint = "write a number, a constant or inf"
+        return fail(text, token, f"expected a limit of a range, got {_got(token)}", hint)
+    if StlParser.COLON in expected:
+        reason = f"expected ',' and the greatest value, got {_got(token)}"
+        return fail(text, token, reason, f"a range has both limits: {RANGE_HINT}")
+    hint = "a range ends with ']' and has no unit"
+    return fail(text, token, f"expected ']', got {_got(token)}", hint)
+
+
 def _in_id(
     text: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
 ) -> ParseError:
@@ -234,7 +262,11 @@ def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) ->
     if StlParser.NUMBER in expected:
         return f"expected a number, got {_got(token)}", "write a plain number, such as 5 or -0.5"
     if StlParser.END in expected:
-        hint = "write ';' or a new line between two statements"
+        hint = _NEXT_STATEMENT
+        if token.type == StlParser.OPEN_INTERVAL or token.text.startswith("in["):
+            hint = f"for a range {RANGE_HINT}"
+        elif token.text == "in":
+            hint = "a range stands before the value: float x in [0, 120] = 5"
         return f"expected the end of the statement, got {_got(token)}", hint
     words = [StlParser.literalNames[t] for t in sorted(expected)]
     return f"expected {' or '.join(words)}, got {_got(token)}", ""

@@ -20,6 +20,7 @@ from rtamt.language.grammar.diagnosis import (
     similar_name,
 )
 from rtamt.language.grammar.expressions import TreeBuilder
+from rtamt.language.grammar.ranges import RangeReader
 from rtamt.language.grammar.tokens import Span, Statement, Statements, read
 from rtamt.language.ids import RequirementId
 from rtamt.language.names import lineage
@@ -167,7 +168,11 @@ class _Reader:
         name = self._new(statement, (*PRIMITIVES, *self.imports), self.constants)
         io = None if statement.io is None else cast("Literal['input', 'output']", statement.io.text)
         default = None if statement.default is None else float(self._value(statement.default))
-        self.declarations[name] = Declaration(statement.kind.text, io, default)
+        kind, within = statement.kind.text, None
+        if statement.within is not None:
+            reader = RangeReader(self.text, self.tokens, self.constants)
+            within = reader.read(statement, kind, default)
+        self.declarations[name] = Declaration(kind, io, default, within)
 
     def _new(self, statement: Statement, types: Iterable[str], constants: Collection[str]) -> str:
         token = cast("Token", statement.name)

@@ -26,7 +26,7 @@ from rtamt.language.node import MAX_DEPTH, too_deep, too_long
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Notation
 
-__all__ = ["Span", "Statement", "Statements", "read"]
+__all__ = ["Limits", "Span", "Statement", "Statements", "read"]
 
 
 class Span(Protocol):
@@ -34,6 +34,13 @@ class Span(Protocol):
 
     start: Token
     stop: Token
+
+
+class Limits(Protocol):
+    """The limits of a range that the grammar has read."""
+
+    lower: Span
+    upper: Span
 
 
 class Statement(Protocol):
@@ -47,6 +54,8 @@ class Statement(Protocol):
     module: Token
     io: Token | None
     name: Token | None
+    within: Token | None
+    bounds: Limits | None
     default: Span | None
     formula: Span
 
@@ -193,9 +202,14 @@ class _Scanner:
             if token.type == StlParser.CLOSE and not open_end:
                 reason = f"expected ']' to close {_place(opened)}, got ')'"
                 raise fail(self.text, token, reason, "both bounds belong to an interval: [0:5]")
-            self.unfinished = True  # an operand follows an interval
+            self.unfinished = not self._is_range(opened)  # an operand follows an interval
         elif token.type == StlParser.CLOSE_INTERVAL:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
+
+    def _is_range(self, opened: Token) -> bool:
+        """Whether a bracket opens a range of a declaration, and no interval of an operator."""
+        at = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
+        return at > 0 and self.tokens[at - 1].type == StlParser.NAME
 
     def _count(self, token: Token) -> None:
         if not self.brackets or self.brackets[-1].type != StlParser.OPEN_INTERVAL:

@@ -42,6 +42,25 @@ def test_every_export_is_valid(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
+def test_declared_ranges_are_limits_of_inputs(tmp_path: Path, fmi: Fmi) -> None:
+    path = tmp_path / "ranges.fmu"
+    text = "input float v in [5, 120]; uint8 gear in [0, 5] = 1; uint8 mode; float y in [-inf, -2]"
+    export_fmu(f"{text}; always(v > gear + mode + y)", path, period="100ms", fmi=fmi)
+    assert validate_fmu(path) == []
+    said = {
+        each.name: (each.min, each.max, each.start)
+        for each in read_model_description(path).modelVariables
+        if each.causality == "input"
+    }
+    assert said == {
+        "v": ("5.0", "120.0", "5.0"),
+        "gear": ("0.0", "5.0", "1.0"),
+        "mode": (None, None, "0.0"),
+        "y": (None, "-2.0", "-2.0"),
+    }
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) -> None:
     path = tmp_path / "lane.fmu"
     export_fmu(TEXT, path, period="100ms", fmi=fmi, stop_on_violation=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 import types
 
@@ -170,3 +171,66 @@ def test_modules_that_are_given_have_what_is_imported() -> None:
         rtamt.parse("from mmsg import Twist\nx", modules={"m.msg": given["m"]})
     with pytest.raises(ParseError, match=r"module 'm' has no type 'Twits'(.|\n)*mean 'Twist'"):
         rtamt.parse("from m import Twits\nx", modules=given)
+
+
+def test_a_declaration_says_a_range() -> None:
+    text = """
+    const float LIMIT = 4
+    input float x in [-LIMIT, LIMIT] = 2
+    uint8 gear in [0:5]
+    output float y in [-inf, 0.5]
+    float in in [0, inf]
+    x > y and gear > in
+    """
+    spec = rtamt.parse(text)
+    assert spec.ranges == {
+        "x": (-4.0, 4.0),
+        "gear": (0.0, 5.0),
+        "y": (float("-inf"), 0.5),
+        "in": (0.0, float("inf")),
+    }
+    assert spec.declarations["x"] == Declaration("float", "input", 2.0, (-4.0, 4.0))
+    assert str(spec).splitlines()[1:5] == [
+        "input float x in [-4, 4] = 2",
+        "uint8 gear in [0, 5]",
+        "output float y in [-inf, 0.5]",
+        "float in in [0, inf]",
+    ]
+    again = rtamt.parse(str(spec))
+    assert again == spec
+    assert again.ranges == spec.ranges
+    wider = rtamt.parse(text, constants={"LIMIT": 9})
+    assert wider.ranges["x"] == (-9.0, 9.0)
+    assert wider != spec
+    assert pickle.loads(pickle.dumps(wider)) == wider
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("bool", (0.0, 1.0)),
+        ("uint8", (0.0, 255.0)),
+        ("int16", (-32768.0, 32767.0)),
+        ("uint", (0.0, float("inf"))),
+        ("int", None),
+        ("long", None),
+        ("float32", None),
+    ],
+)
+def test_types_have_ranges(kind: str, values: tuple[float, float] | None) -> None:
+    assert rtamt.parse(f"{kind} x; x > 0").ranges.get("x") == values
+    if values is not None:
+        assert rtamt.parse(f"{kind} x in [0, 1]; x > 0").ranges["x"] == (0.0, 1.0)
+
+
+def test_the_range_of_a_message_is_that_of_its_data() -> None:
+    text = "from std_msgs.msg import Float64\ninput Float64 level in [0, 9]\nlevel.data > 3"
+    assert rtamt.parse(text).ranges == {"level.data": (0.0, 9.0)}
+    other = "from sensor_msgs.msg import Imu\ninput Imu imu in [0, 9]\nimu.orientation.x > 3"
+    assert rtamt.parse(other).ranges == {}
+
+
+def test_monitors_judge_values_outside_of_a_range() -> None:
+    judged = rtamt.judge("float x in [0, 1]; always(x < 3)", {"x": [0.5, 2.0]})
+    assert judged.verdict is rtamt.Verdict.SATISFIED
+    assert judged.robustness == 1.0

@@ -10,73 +10,80 @@ else:
 
 def serializedATN():
     return [
-        4,1,33,185,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
-        6,2,7,7,7,2,8,7,8,2,9,7,9,2,10,7,10,2,11,7,11,2,12,7,12,1,0,5,0,
-        28,8,0,10,0,12,0,31,9,0,1,0,1,0,1,0,4,0,36,8,0,11,0,12,0,37,3,0,
-        40,8,0,1,0,1,0,1,0,1,0,1,0,3,0,47,8,0,1,0,4,0,50,8,0,11,0,12,0,51,
-        5,0,54,8,0,10,0,12,0,57,9,0,1,0,1,0,1,1,1,1,1,1,1,1,1,1,1,2,1,2,
-        1,2,1,2,1,2,1,2,1,2,1,2,1,2,3,2,75,8,2,3,2,77,8,2,1,2,1,2,1,3,3,
-        3,82,8,3,1,3,1,3,1,3,5,3,87,8,3,10,3,12,3,90,9,3,1,4,1,4,1,5,1,5,
-        1,5,1,5,1,5,1,5,1,6,3,6,101,8,6,1,6,1,6,1,6,1,6,3,6,107,8,6,1,7,
-        3,7,110,8,7,1,7,1,7,1,8,1,8,3,8,116,8,8,1,8,1,8,1,9,1,9,1,9,3,9,
-        123,8,9,1,9,1,9,1,9,3,9,128,8,9,1,9,5,9,131,8,9,10,9,12,9,134,9,
-        9,1,10,1,10,3,10,138,8,10,1,10,1,10,5,10,142,8,10,10,10,12,10,145,
-        9,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,1,10,
-        1,10,5,10,160,8,10,10,10,12,10,163,9,10,1,10,1,10,3,10,167,8,10,
-        1,11,1,11,1,11,1,11,1,11,1,11,1,11,3,11,176,8,11,1,12,3,12,179,8,
-        12,1,12,1,12,3,12,183,8,12,1,12,0,0,13,0,2,4,6,8,10,12,14,16,18,
-        20,22,24,0,5,4,0,1,7,11,11,14,14,28,33,1,0,5,6,1,0,16,17,2,0,20,
-        20,22,22,3,0,7,7,11,11,14,14,206,0,29,1,0,0,0,2,60,1,0,0,0,4,65,
-        1,0,0,0,6,81,1,0,0,0,8,91,1,0,0,0,10,93,1,0,0,0,12,100,1,0,0,0,14,
-        109,1,0,0,0,16,115,1,0,0,0,18,119,1,0,0,0,20,143,1,0,0,0,22,168,
-        1,0,0,0,24,178,1,0,0,0,26,28,5,23,0,0,27,26,1,0,0,0,28,31,1,0,0,
-        0,29,27,1,0,0,0,29,30,1,0,0,0,30,39,1,0,0,0,31,29,1,0,0,0,32,33,
-        5,1,0,0,33,35,5,11,0,0,34,36,5,23,0,0,35,34,1,0,0,0,36,37,1,0,0,
-        0,37,35,1,0,0,0,37,38,1,0,0,0,38,40,1,0,0,0,39,32,1,0,0,0,39,40,
-        1,0,0,0,40,55,1,0,0,0,41,47,3,2,1,0,42,47,3,4,2,0,43,47,3,10,5,0,
-        44,47,3,12,6,0,45,47,3,16,8,0,46,41,1,0,0,0,46,42,1,0,0,0,46,43,
-        1,0,0,0,46,44,1,0,0,0,46,45,1,0,0,0,47,49,1,0,0,0,48,50,5,23,0,0,
-        49,48,1,0,0,0,50,51,1,0,0,0,51,49,1,0,0,0,51,52,1,0,0,0,52,54,1,
-        0,0,0,53,46,1,0,0,0,54,57,1,0,0,0,55,53,1,0,0,0,55,56,1,0,0,0,56,
-        58,1,0,0,0,57,55,1,0,0,0,58,59,5,0,0,1,59,1,1,0,0,0,60,61,5,2,0,
-        0,61,62,5,11,0,0,62,63,5,3,0,0,63,64,5,11,0,0,64,3,1,0,0,0,65,66,
-        5,18,0,0,66,67,5,11,0,0,67,68,5,19,0,0,68,69,5,11,0,0,69,76,5,17,
-        0,0,70,77,3,6,3,0,71,74,5,13,0,0,72,73,5,17,0,0,73,75,5,13,0,0,74,
-        72,1,0,0,0,74,75,1,0,0,0,75,77,1,0,0,0,76,70,1,0,0,0,76,71,1,0,0,
-        0,77,78,1,0,0,0,78,79,5,20,0,0,79,5,1,0,0,0,80,82,5,10,0,0,81,80,
-        1,0,0,0,81,82,1,0,0,0,82,83,1,0,0,0,83,88,3,8,4,0,84,85,5,10,0,0,
-        85,87,3,8,4,0,86,84,1,0,0,0,87,90,1,0,0,0,88,86,1,0,0,0,88,89,1,
-        0,0,0,89,7,1,0,0,0,90,88,1,0,0,0,91,92,7,0,0,0,92,9,1,0,0,0,93,94,
-        5,4,0,0,94,95,5,11,0,0,95,96,5,11,0,0,96,97,5,15,0,0,97,98,3,14,
-        7,0,98,11,1,0,0,0,99,101,7,1,0,0,100,99,1,0,0,0,100,101,1,0,0,0,
-        101,102,1,0,0,0,102,103,5,11,0,0,103,106,5,11,0,0,104,105,5,15,0,
-        0,105,107,3,14,7,0,106,104,1,0,0,0,106,107,1,0,0,0,107,13,1,0,0,
-        0,108,110,5,9,0,0,109,108,1,0,0,0,109,110,1,0,0,0,110,111,1,0,0,
-        0,111,112,5,14,0,0,112,15,1,0,0,0,113,114,5,11,0,0,114,116,5,15,
-        0,0,115,113,1,0,0,0,115,116,1,0,0,0,116,117,1,0,0,0,117,118,3,18,
-        9,0,118,17,1,0,0,0,119,132,3,20,10,0,120,122,5,30,0,0,121,123,3,
-        22,11,0,122,121,1,0,0,0,122,123,1,0,0,0,123,128,1,0,0,0,124,128,
-        5,31,0,0,125,128,5,9,0,0,126,128,5,10,0,0,127,120,1,0,0,0,127,124,
-        1,0,0,0,127,125,1,0,0,0,127,126,1,0,0,0,128,129,1,0,0,0,129,131,
-        3,20,10,0,130,127,1,0,0,0,131,134,1,0,0,0,132,130,1,0,0,0,132,133,
-        1,0,0,0,133,19,1,0,0,0,134,132,1,0,0,0,135,137,5,28,0,0,136,138,
-        3,22,11,0,137,136,1,0,0,0,137,138,1,0,0,0,138,142,1,0,0,0,139,142,
-        5,29,0,0,140,142,5,9,0,0,141,135,1,0,0,0,141,139,1,0,0,0,141,140,
-        1,0,0,0,142,145,1,0,0,0,143,141,1,0,0,0,143,144,1,0,0,0,144,166,
-        1,0,0,0,145,143,1,0,0,0,146,167,5,11,0,0,147,167,5,12,0,0,148,167,
-        5,14,0,0,149,167,5,33,0,0,150,151,5,19,0,0,151,152,3,18,9,0,152,
-        153,5,20,0,0,153,167,1,0,0,0,154,155,5,32,0,0,155,156,5,19,0,0,156,
-        161,3,18,9,0,157,158,5,17,0,0,158,160,3,18,9,0,159,157,1,0,0,0,160,
-        163,1,0,0,0,161,159,1,0,0,0,161,162,1,0,0,0,162,164,1,0,0,0,163,
-        161,1,0,0,0,164,165,5,20,0,0,165,167,1,0,0,0,166,146,1,0,0,0,166,
-        147,1,0,0,0,166,148,1,0,0,0,166,149,1,0,0,0,166,150,1,0,0,0,166,
-        154,1,0,0,0,167,21,1,0,0,0,168,169,5,21,0,0,169,170,3,24,12,0,170,
-        175,7,2,0,0,171,172,3,24,12,0,172,173,7,3,0,0,173,176,1,0,0,0,174,
-        176,5,20,0,0,175,171,1,0,0,0,175,174,1,0,0,0,176,23,1,0,0,0,177,
-        179,5,9,0,0,178,177,1,0,0,0,178,179,1,0,0,0,179,180,1,0,0,0,180,
-        182,7,4,0,0,181,183,5,11,0,0,182,181,1,0,0,0,182,183,1,0,0,0,183,
-        25,1,0,0,0,25,29,37,39,46,51,55,74,76,81,88,100,106,109,115,122,
-        127,132,137,141,143,161,166,175,178,182
+        4,1,33,204,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
+        6,2,7,7,7,2,8,7,8,2,9,7,9,2,10,7,10,2,11,7,11,2,12,7,12,2,13,7,13,
+        2,14,7,14,1,0,5,0,32,8,0,10,0,12,0,35,9,0,1,0,1,0,1,0,4,0,40,8,0,
+        11,0,12,0,41,3,0,44,8,0,1,0,1,0,1,0,1,0,1,0,3,0,51,8,0,1,0,4,0,54,
+        8,0,11,0,12,0,55,5,0,58,8,0,10,0,12,0,61,9,0,1,0,1,0,1,1,1,1,1,1,
+        1,1,1,1,1,2,1,2,1,2,1,2,1,2,1,2,1,2,1,2,1,2,3,2,79,8,2,3,2,81,8,
+        2,1,2,1,2,1,3,3,3,86,8,3,1,3,1,3,1,3,5,3,91,8,3,10,3,12,3,94,9,3,
+        1,4,1,4,1,5,1,5,1,5,1,5,1,5,1,5,1,6,3,6,105,8,6,1,6,1,6,1,6,1,6,
+        3,6,111,8,6,1,6,1,6,3,6,115,8,6,1,7,1,7,1,7,1,7,1,7,1,7,1,8,3,8,
+        124,8,8,1,8,1,8,1,9,3,9,129,8,9,1,9,1,9,1,10,1,10,3,10,135,8,10,
+        1,10,1,10,1,11,1,11,1,11,3,11,142,8,11,1,11,1,11,1,11,3,11,147,8,
+        11,1,11,5,11,150,8,11,10,11,12,11,153,9,11,1,12,1,12,3,12,157,8,
+        12,1,12,1,12,5,12,161,8,12,10,12,12,12,164,9,12,1,12,1,12,1,12,1,
+        12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,5,12,179,8,12,10,
+        12,12,12,182,9,12,1,12,1,12,3,12,186,8,12,1,13,1,13,1,13,1,13,1,
+        13,1,13,1,13,3,13,195,8,13,1,14,3,14,198,8,14,1,14,1,14,3,14,202,
+        8,14,1,14,0,0,15,0,2,4,6,8,10,12,14,16,18,20,22,24,26,28,0,5,4,0,
+        1,7,11,11,14,14,28,33,1,0,5,6,1,0,16,17,3,0,7,7,11,11,14,14,2,0,
+        20,20,22,22,225,0,33,1,0,0,0,2,64,1,0,0,0,4,69,1,0,0,0,6,85,1,0,
+        0,0,8,95,1,0,0,0,10,97,1,0,0,0,12,104,1,0,0,0,14,116,1,0,0,0,16,
+        123,1,0,0,0,18,128,1,0,0,0,20,134,1,0,0,0,22,138,1,0,0,0,24,162,
+        1,0,0,0,26,187,1,0,0,0,28,197,1,0,0,0,30,32,5,23,0,0,31,30,1,0,0,
+        0,32,35,1,0,0,0,33,31,1,0,0,0,33,34,1,0,0,0,34,43,1,0,0,0,35,33,
+        1,0,0,0,36,37,5,1,0,0,37,39,5,11,0,0,38,40,5,23,0,0,39,38,1,0,0,
+        0,40,41,1,0,0,0,41,39,1,0,0,0,41,42,1,0,0,0,42,44,1,0,0,0,43,36,
+        1,0,0,0,43,44,1,0,0,0,44,59,1,0,0,0,45,51,3,2,1,0,46,51,3,4,2,0,
+        47,51,3,10,5,0,48,51,3,12,6,0,49,51,3,20,10,0,50,45,1,0,0,0,50,46,
+        1,0,0,0,50,47,1,0,0,0,50,48,1,0,0,0,50,49,1,0,0,0,51,53,1,0,0,0,
+        52,54,5,23,0,0,53,52,1,0,0,0,54,55,1,0,0,0,55,53,1,0,0,0,55,56,1,
+        0,0,0,56,58,1,0,0,0,57,50,1,0,0,0,58,61,1,0,0,0,59,57,1,0,0,0,59,
+        60,1,0,0,0,60,62,1,0,0,0,61,59,1,0,0,0,62,63,5,0,0,1,63,1,1,0,0,
+        0,64,65,5,2,0,0,65,66,5,11,0,0,66,67,5,3,0,0,67,68,5,11,0,0,68,3,
+        1,0,0,0,69,70,5,18,0,0,70,71,5,11,0,0,71,72,5,19,0,0,72,73,5,11,
+        0,0,73,80,5,17,0,0,74,81,3,6,3,0,75,78,5,13,0,0,76,77,5,17,0,0,77,
+        79,5,13,0,0,78,76,1,0,0,0,78,79,1,0,0,0,79,81,1,0,0,0,80,74,1,0,
+        0,0,80,75,1,0,0,0,81,82,1,0,0,0,82,83,5,20,0,0,83,5,1,0,0,0,84,86,
+        5,10,0,0,85,84,1,0,0,0,85,86,1,0,0,0,86,87,1,0,0,0,87,92,3,8,4,0,
+        88,89,5,10,0,0,89,91,3,8,4,0,90,88,1,0,0,0,91,94,1,0,0,0,92,90,1,
+        0,0,0,92,93,1,0,0,0,93,7,1,0,0,0,94,92,1,0,0,0,95,96,7,0,0,0,96,
+        9,1,0,0,0,97,98,5,4,0,0,98,99,5,11,0,0,99,100,5,11,0,0,100,101,5,
+        15,0,0,101,102,3,18,9,0,102,11,1,0,0,0,103,105,7,1,0,0,104,103,1,
+        0,0,0,104,105,1,0,0,0,105,106,1,0,0,0,106,107,5,11,0,0,107,110,5,
+        11,0,0,108,109,5,11,0,0,109,111,3,14,7,0,110,108,1,0,0,0,110,111,
+        1,0,0,0,111,114,1,0,0,0,112,113,5,15,0,0,113,115,3,18,9,0,114,112,
+        1,0,0,0,114,115,1,0,0,0,115,13,1,0,0,0,116,117,5,21,0,0,117,118,
+        3,16,8,0,118,119,7,2,0,0,119,120,3,16,8,0,120,121,5,22,0,0,121,15,
+        1,0,0,0,122,124,5,9,0,0,123,122,1,0,0,0,123,124,1,0,0,0,124,125,
+        1,0,0,0,125,126,7,3,0,0,126,17,1,0,0,0,127,129,5,9,0,0,128,127,1,
+        0,0,0,128,129,1,0,0,0,129,130,1,0,0,0,130,131,5,14,0,0,131,19,1,
+        0,0,0,132,133,5,11,0,0,133,135,5,15,0,0,134,132,1,0,0,0,134,135,
+        1,0,0,0,135,136,1,0,0,0,136,137,3,22,11,0,137,21,1,0,0,0,138,151,
+        3,24,12,0,139,141,5,30,0,0,140,142,3,26,13,0,141,140,1,0,0,0,141,
+        142,1,0,0,0,142,147,1,0,0,0,143,147,5,31,0,0,144,147,5,9,0,0,145,
+        147,5,10,0,0,146,139,1,0,0,0,146,143,1,0,0,0,146,144,1,0,0,0,146,
+        145,1,0,0,0,147,148,1,0,0,0,148,150,3,24,12,0,149,146,1,0,0,0,150,
+        153,1,0,0,0,151,149,1,0,0,0,151,152,1,0,0,0,152,23,1,0,0,0,153,151,
+        1,0,0,0,154,156,5,28,0,0,155,157,3,26,13,0,156,155,1,0,0,0,156,157,
+        1,0,0,0,157,161,1,0,0,0,158,161,5,29,0,0,159,161,5,9,0,0,160,154,
+        1,0,0,0,160,158,1,0,0,0,160,159,1,0,0,0,161,164,1,0,0,0,162,160,
+        1,0,0,0,162,163,1,0,0,0,163,185,1,0,0,0,164,162,1,0,0,0,165,186,
+        5,11,0,0,166,186,5,12,0,0,167,186,5,14,0,0,168,186,5,33,0,0,169,
+        170,5,19,0,0,170,171,3,22,11,0,171,172,5,20,0,0,172,186,1,0,0,0,
+        173,174,5,32,0,0,174,175,5,19,0,0,175,180,3,22,11,0,176,177,5,17,
+        0,0,177,179,3,22,11,0,178,176,1,0,0,0,179,182,1,0,0,0,180,178,1,
+        0,0,0,180,181,1,0,0,0,181,183,1,0,0,0,182,180,1,0,0,0,183,184,5,
+        20,0,0,184,186,1,0,0,0,185,165,1,0,0,0,185,166,1,0,0,0,185,167,1,
+        0,0,0,185,168,1,0,0,0,185,169,1,0,0,0,185,173,1,0,0,0,186,25,1,0,
+        0,0,187,188,5,21,0,0,188,189,3,28,14,0,189,194,7,2,0,0,190,191,3,
+        28,14,0,191,192,7,4,0,0,192,195,1,0,0,0,193,195,5,20,0,0,194,190,
+        1,0,0,0,194,193,1,0,0,0,195,27,1,0,0,0,196,198,5,9,0,0,197,196,1,
+        0,0,0,197,198,1,0,0,0,198,199,1,0,0,0,199,201,7,3,0,0,200,202,5,
+        11,0,0,201,200,1,0,0,0,201,202,1,0,0,0,202,29,1,0,0,0,27,33,41,43,
+        50,55,59,78,80,85,92,104,110,114,123,128,134,141,146,151,156,160,
+        162,180,185,194,197,201
     ]
 
 class StlParser ( Parser ):
@@ -111,16 +118,18 @@ class StlParser ( Parser ):
     RULE_part = 4
     RULE_constant = 5
     RULE_declaration = 6
-    RULE_value = 7
-    RULE_definition = 8
-    RULE_expression = 9
-    RULE_operand = 10
-    RULE_interval = 11
-    RULE_bound = 12
+    RULE_range = 7
+    RULE_limit = 8
+    RULE_value = 9
+    RULE_definition = 10
+    RULE_expression = 11
+    RULE_operand = 12
+    RULE_interval = 13
+    RULE_bound = 14
 
     ruleNames =  [ "specification", "importing", "annotation", "path", "part", 
-                   "constant", "declaration", "value", "definition", "expression", 
-                   "operand", "interval", "bound" ]
+                   "constant", "declaration", "range", "limit", "value", 
+                   "definition", "expression", "operand", "interval", "bound" ]
 
     EOF = Token.EOF
     SPECIFICATION=1
@@ -247,31 +256,31 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 29
+            self.state = 33
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while _la==23:
-                self.state = 26
+                self.state = 30
                 self.match(StlParser.END)
-                self.state = 31
+                self.state = 35
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 39
+            self.state = 43
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==1:
-                self.state = 32
+                self.state = 36
                 self.match(StlParser.SPECIFICATION)
-                self.state = 33
+                self.state = 37
                 localctx.name = self.match(StlParser.NAME)
-                self.state = 35 
+                self.state = 39 
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 while True:
-                    self.state = 34
+                    self.state = 38
                     self.match(StlParser.END)
-                    self.state = 37 
+                    self.state = 41 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if not (_la==23):
@@ -279,61 +288,61 @@ class StlParser ( Parser ):
 
 
 
-            self.state = 55
+            self.state = 59
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while (((_la) & ~0x3f) == 0 and ((1 << _la) & 13691017844) != 0):
-                self.state = 46
+                self.state = 50
                 self._errHandler.sync(self)
                 la_ = self._interp.adaptivePredict(self._input,3,self._ctx)
                 if la_ == 1:
-                    self.state = 41
+                    self.state = 45
                     localctx._importing = self.importing()
                     localctx.imports.append(localctx._importing)
                     pass
 
                 elif la_ == 2:
-                    self.state = 42
+                    self.state = 46
                     localctx._annotation = self.annotation()
                     localctx.annotations.append(localctx._annotation)
                     pass
 
                 elif la_ == 3:
-                    self.state = 43
+                    self.state = 47
                     localctx._constant = self.constant()
                     localctx.constants.append(localctx._constant)
                     pass
 
                 elif la_ == 4:
-                    self.state = 44
+                    self.state = 48
                     localctx._declaration = self.declaration()
                     localctx.declarations.append(localctx._declaration)
                     pass
 
                 elif la_ == 5:
-                    self.state = 45
+                    self.state = 49
                     localctx._definition = self.definition()
                     localctx.definitions.append(localctx._definition)
                     pass
 
 
-                self.state = 49 
+                self.state = 53 
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 while True:
-                    self.state = 48
+                    self.state = 52
                     self.match(StlParser.END)
-                    self.state = 51 
+                    self.state = 55 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if not (_la==23):
                         break
 
-                self.state = 57
+                self.state = 61
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 58
+            self.state = 62
             self.match(StlParser.EOF)
         except RecognitionException as re:
             localctx.exception = re
@@ -377,13 +386,13 @@ class StlParser ( Parser ):
         self.enterRule(localctx, 2, self.RULE_importing)
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 60
+            self.state = 64
             self.match(StlParser.FROM)
-            self.state = 61
+            self.state = 65
             localctx.module = self.match(StlParser.NAME)
-            self.state = 62
+            self.state = 66
             self.match(StlParser.IMPORT)
-            self.state = 63
+            self.state = 67
             localctx.name = self.match(StlParser.NAME)
         except RecognitionException as re:
             localctx.exception = re
@@ -450,33 +459,33 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 65
-            self.match(StlParser.AT)
-            self.state = 66
-            localctx.kind = self.match(StlParser.NAME)
-            self.state = 67
-            self.match(StlParser.OPEN)
-            self.state = 68
-            localctx.variable = self.match(StlParser.NAME)
             self.state = 69
+            self.match(StlParser.AT)
+            self.state = 70
+            localctx.kind = self.match(StlParser.NAME)
+            self.state = 71
+            self.match(StlParser.OPEN)
+            self.state = 72
+            localctx.variable = self.match(StlParser.NAME)
+            self.state = 73
             self.match(StlParser.COMMA)
-            self.state = 76
+            self.state = 80
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [1, 2, 3, 4, 5, 6, 7, 10, 11, 14, 28, 29, 30, 31, 32, 33]:
-                self.state = 70
+                self.state = 74
                 localctx.location = self.path()
                 pass
             elif token in [13]:
-                self.state = 71
+                self.state = 75
                 localctx.label = self.match(StlParser.STRING)
-                self.state = 74
+                self.state = 78
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 if _la==17:
-                    self.state = 72
+                    self.state = 76
                     self.match(StlParser.COMMA)
-                    self.state = 73
+                    self.state = 77
                     localctx.link = self.match(StlParser.STRING)
 
 
@@ -484,7 +493,7 @@ class StlParser ( Parser ):
             else:
                 raise NoViableAltException(self)
 
-            self.state = 78
+            self.state = 82
             self.match(StlParser.CLOSE)
         except RecognitionException as re:
             localctx.exception = re
@@ -528,25 +537,25 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 81
+            self.state = 85
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==10:
-                self.state = 80
+                self.state = 84
                 self.match(StlParser.SLASH)
 
 
-            self.state = 83
+            self.state = 87
             self.part()
-            self.state = 88
+            self.state = 92
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while _la==10:
-                self.state = 84
+                self.state = 88
                 self.match(StlParser.SLASH)
-                self.state = 85
+                self.state = 89
                 self.part()
-                self.state = 90
+                self.state = 94
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
@@ -624,7 +633,7 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 91
+            self.state = 95
             _la = self._input.LA(1)
             if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 16911452414) != 0)):
                 self._errHandler.recoverInline(self)
@@ -678,15 +687,15 @@ class StlParser ( Parser ):
         self.enterRule(localctx, 10, self.RULE_constant)
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 93
-            self.match(StlParser.CONST)
-            self.state = 94
-            localctx.kind = self.match(StlParser.NAME)
-            self.state = 95
-            localctx.name = self.match(StlParser.NAME)
-            self.state = 96
-            self.match(StlParser.EQUALS)
             self.state = 97
+            self.match(StlParser.CONST)
+            self.state = 98
+            localctx.kind = self.match(StlParser.NAME)
+            self.state = 99
+            localctx.name = self.match(StlParser.NAME)
+            self.state = 100
+            self.match(StlParser.EQUALS)
+            self.state = 101
             localctx.default = self.value()
         except RecognitionException as re:
             localctx.exception = re
@@ -706,6 +715,8 @@ class StlParser ( Parser ):
             self.io = None # Token
             self.kind = None # Token
             self.name = None # Token
+            self.within = None # Token
+            self.bounds = None # RangeContext
             self.default = None # ValueContext
 
         def NAME(self, i:int=None):
@@ -716,6 +727,10 @@ class StlParser ( Parser ):
 
         def EQUALS(self):
             return self.getToken(StlParser.EQUALS, 0)
+
+        def range_(self):
+            return self.getTypedRuleContext(StlParser.RangeContext,0)
+
 
         def value(self):
             return self.getTypedRuleContext(StlParser.ValueContext,0)
@@ -740,11 +755,11 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 100
+            self.state = 104
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==5 or _la==6:
-                self.state = 99
+                self.state = 103
                 localctx.io = self._input.LT(1)
                 _la = self._input.LA(1)
                 if not(_la==5 or _la==6):
@@ -754,20 +769,151 @@ class StlParser ( Parser ):
                     self.consume()
 
 
-            self.state = 102
-            localctx.kind = self.match(StlParser.NAME)
-            self.state = 103
-            localctx.name = self.match(StlParser.NAME)
             self.state = 106
+            localctx.kind = self.match(StlParser.NAME)
+            self.state = 107
+            localctx.name = self.match(StlParser.NAME)
+            self.state = 110
+            self._errHandler.sync(self)
+            _la = self._input.LA(1)
+            if _la==11:
+                self.state = 108
+                localctx.within = self.match(StlParser.NAME)
+                self.state = 109
+                localctx.bounds = self.range_()
+
+
+            self.state = 114
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==15:
-                self.state = 104
+                self.state = 112
                 self.match(StlParser.EQUALS)
-                self.state = 105
+                self.state = 113
                 localctx.default = self.value()
 
 
+        except RecognitionException as re:
+            localctx.exception = re
+            self._errHandler.reportError(self, re)
+            self._errHandler.recover(self, re)
+        finally:
+            self.exitRule()
+        return localctx
+
+
+    class RangeContext(ParserRuleContext):
+        __slots__ = 'parser'
+
+        def __init__(self, parser, parent:ParserRuleContext=None, invokingState:int=-1):
+            super().__init__(parent, invokingState)
+            self.parser = parser
+            self.lower = None # LimitContext
+            self.upper = None # LimitContext
+
+        def OPEN_INTERVAL(self):
+            return self.getToken(StlParser.OPEN_INTERVAL, 0)
+
+        def CLOSE_INTERVAL(self):
+            return self.getToken(StlParser.CLOSE_INTERVAL, 0)
+
+        def limit(self, i:int=None):
+            if i is None:
+                return self.getTypedRuleContexts(StlParser.LimitContext)
+            else:
+                return self.getTypedRuleContext(StlParser.LimitContext,i)
+
+
+        def COLON(self):
+            return self.getToken(StlParser.COLON, 0)
+
+        def COMMA(self):
+            return self.getToken(StlParser.COMMA, 0)
+
+        def getRuleIndex(self):
+            return StlParser.RULE_range
+
+
+
+
+    def range_(self):
+
+        localctx = StlParser.RangeContext(self, self._ctx, self.state)
+        self.enterRule(localctx, 14, self.RULE_range)
+        self._la = 0 # Token type
+        try:
+            self.enterOuterAlt(localctx, 1)
+            self.state = 116
+            self.match(StlParser.OPEN_INTERVAL)
+            self.state = 117
+            localctx.lower = self.limit()
+            self.state = 118
+            _la = self._input.LA(1)
+            if not(_la==16 or _la==17):
+                self._errHandler.recoverInline(self)
+            else:
+                self._errHandler.reportMatch(self)
+                self.consume()
+            self.state = 119
+            localctx.upper = self.limit()
+            self.state = 120
+            self.match(StlParser.CLOSE_INTERVAL)
+        except RecognitionException as re:
+            localctx.exception = re
+            self._errHandler.reportError(self, re)
+            self._errHandler.recover(self, re)
+        finally:
+            self.exitRule()
+        return localctx
+
+
+    class LimitContext(ParserRuleContext):
+        __slots__ = 'parser'
+
+        def __init__(self, parser, parent:ParserRuleContext=None, invokingState:int=-1):
+            super().__init__(parent, invokingState)
+            self.parser = parser
+
+        def NUMBER(self):
+            return self.getToken(StlParser.NUMBER, 0)
+
+        def NAME(self):
+            return self.getToken(StlParser.NAME, 0)
+
+        def INF(self):
+            return self.getToken(StlParser.INF, 0)
+
+        def MINUS(self):
+            return self.getToken(StlParser.MINUS, 0)
+
+        def getRuleIndex(self):
+            return StlParser.RULE_limit
+
+
+
+
+    def limit(self):
+
+        localctx = StlParser.LimitContext(self, self._ctx, self.state)
+        self.enterRule(localctx, 16, self.RULE_limit)
+        self._la = 0 # Token type
+        try:
+            self.enterOuterAlt(localctx, 1)
+            self.state = 123
+            self._errHandler.sync(self)
+            _la = self._input.LA(1)
+            if _la==9:
+                self.state = 122
+                self.match(StlParser.MINUS)
+
+
+            self.state = 125
+            _la = self._input.LA(1)
+            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 18560) != 0)):
+                self._errHandler.recoverInline(self)
+            else:
+                self._errHandler.reportMatch(self)
+                self.consume()
         except RecognitionException as re:
             localctx.exception = re
             self._errHandler.reportError(self, re)
@@ -799,19 +945,19 @@ class StlParser ( Parser ):
     def value(self):
 
         localctx = StlParser.ValueContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 14, self.RULE_value)
+        self.enterRule(localctx, 18, self.RULE_value)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 109
+            self.state = 128
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 108
+                self.state = 127
                 self.match(StlParser.MINUS)
 
 
-            self.state = 111
+            self.state = 130
             self.match(StlParser.NUMBER)
         except RecognitionException as re:
             localctx.exception = re
@@ -850,20 +996,20 @@ class StlParser ( Parser ):
     def definition(self):
 
         localctx = StlParser.DefinitionContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 16, self.RULE_definition)
+        self.enterRule(localctx, 20, self.RULE_definition)
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 115
+            self.state = 134
             self._errHandler.sync(self)
-            la_ = self._interp.adaptivePredict(self._input,13,self._ctx)
+            la_ = self._interp.adaptivePredict(self._input,15,self._ctx)
             if la_ == 1:
-                self.state = 113
+                self.state = 132
                 localctx.name = self.match(StlParser.NAME)
-                self.state = 114
+                self.state = 133
                 self.match(StlParser.EQUALS)
 
 
-            self.state = 117
+            self.state = 136
             localctx.formula = self.expression()
         except RecognitionException as re:
             localctx.exception = re
@@ -928,49 +1074,49 @@ class StlParser ( Parser ):
     def expression(self):
 
         localctx = StlParser.ExpressionContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 18, self.RULE_expression)
+        self.enterRule(localctx, 22, self.RULE_expression)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 119
+            self.state = 138
             self.operand()
-            self.state = 132
+            self.state = 151
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while (((_la) & ~0x3f) == 0 and ((1 << _la) & 3221227008) != 0):
-                self.state = 127
+                self.state = 146
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
                 if token in [30]:
-                    self.state = 120
+                    self.state = 139
                     self.match(StlParser.BINDING)
-                    self.state = 122
+                    self.state = 141
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if _la==21:
-                        self.state = 121
+                        self.state = 140
                         self.interval()
 
 
                     pass
                 elif token in [31]:
-                    self.state = 124
+                    self.state = 143
                     self.match(StlParser.INFIX)
                     pass
                 elif token in [9]:
-                    self.state = 125
+                    self.state = 144
                     self.match(StlParser.MINUS)
                     pass
                 elif token in [10]:
-                    self.state = 126
+                    self.state = 145
                     self.match(StlParser.SLASH)
                     pass
                 else:
                     raise NoViableAltException(self)
 
-                self.state = 129
+                self.state = 148
                 self.operand()
-                self.state = 134
+                self.state = 153
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
@@ -1058,91 +1204,91 @@ class StlParser ( Parser ):
     def operand(self):
 
         localctx = StlParser.OperandContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 20, self.RULE_operand)
+        self.enterRule(localctx, 24, self.RULE_operand)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 143
+            self.state = 162
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while (((_la) & ~0x3f) == 0 and ((1 << _la) & 805306880) != 0):
-                self.state = 141
+                self.state = 160
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
                 if token in [28]:
-                    self.state = 135
+                    self.state = 154
                     self.match(StlParser.TEMPORAL)
-                    self.state = 137
+                    self.state = 156
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if _la==21:
-                        self.state = 136
+                        self.state = 155
                         self.interval()
 
 
                     pass
                 elif token in [29]:
-                    self.state = 139
+                    self.state = 158
                     self.match(StlParser.PREFIX)
                     pass
                 elif token in [9]:
-                    self.state = 140
+                    self.state = 159
                     self.match(StlParser.MINUS)
                     pass
                 else:
                     raise NoViableAltException(self)
 
-                self.state = 145
+                self.state = 164
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 166
+            self.state = 185
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [11]:
-                self.state = 146
+                self.state = 165
                 self.match(StlParser.NAME)
                 pass
             elif token in [12]:
-                self.state = 147
+                self.state = 166
                 self.match(StlParser.ELEMENT)
                 pass
             elif token in [14]:
-                self.state = 148
+                self.state = 167
                 self.match(StlParser.NUMBER)
                 pass
             elif token in [33]:
-                self.state = 149
+                self.state = 168
                 self.match(StlParser.TRUTH)
                 pass
             elif token in [19]:
-                self.state = 150
+                self.state = 169
                 self.match(StlParser.OPEN)
-                self.state = 151
+                self.state = 170
                 self.expression()
-                self.state = 152
+                self.state = 171
                 self.match(StlParser.CLOSE)
                 pass
             elif token in [32]:
-                self.state = 154
+                self.state = 173
                 self.match(StlParser.FUNCTION)
-                self.state = 155
+                self.state = 174
                 self.match(StlParser.OPEN)
-                self.state = 156
+                self.state = 175
                 self.expression()
-                self.state = 161
+                self.state = 180
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 while _la==17:
-                    self.state = 157
+                    self.state = 176
                     self.match(StlParser.COMMA)
-                    self.state = 158
+                    self.state = 177
                     self.expression()
-                    self.state = 163
+                    self.state = 182
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
 
-                self.state = 164
+                self.state = 183
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1195,28 +1341,28 @@ class StlParser ( Parser ):
     def interval(self):
 
         localctx = StlParser.IntervalContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 22, self.RULE_interval)
+        self.enterRule(localctx, 26, self.RULE_interval)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 168
+            self.state = 187
             self.match(StlParser.OPEN_INTERVAL)
-            self.state = 169
+            self.state = 188
             self.bound()
-            self.state = 170
+            self.state = 189
             _la = self._input.LA(1)
             if not(_la==16 or _la==17):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 175
+            self.state = 194
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [7, 9, 11, 14]:
-                self.state = 171
+                self.state = 190
                 self.bound()
-                self.state = 172
+                self.state = 191
                 _la = self._input.LA(1)
                 if not(_la==20 or _la==22):
                     self._errHandler.recoverInline(self)
@@ -1225,7 +1371,7 @@ class StlParser ( Parser ):
                     self.consume()
                 pass
             elif token in [20]:
-                self.state = 174
+                self.state = 193
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1271,30 +1417,30 @@ class StlParser ( Parser ):
     def bound(self):
 
         localctx = StlParser.BoundContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 24, self.RULE_bound)
+        self.enterRule(localctx, 28, self.RULE_bound)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 178
+            self.state = 197
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 177
+                self.state = 196
                 self.match(StlParser.MINUS)
 
 
-            self.state = 180
+            self.state = 199
             _la = self._input.LA(1)
             if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 18560) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 182
+            self.state = 201
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==11:
-                self.state = 181
+                self.state = 200
                 self.match(StlParser.NAME)
 
 
