@@ -128,6 +128,11 @@ class Foresight:
         least: For every variable of the formulas its n values, the least ones of what is not known.
         greatest: The greatest ones; the same object if all are known.
         n: Length of the trace, 1 or more.
+
+    Attributes:
+        outlook: The programs for the lower bound.
+        machine: As it was given.
+        n: As it was given.
     """
 
     def __init__(
@@ -140,6 +145,7 @@ class Foresight:
         n: int,
     ) -> None:
         self.outlook = worst
+        self.machine = machine
         self.n = n
         self._arguments = worst, best, machine
         self._predicates = least, greatest
@@ -206,14 +212,9 @@ class Foresight:
         high = low if greatest is least else [greatest[place] for place in places]
         return Foresight(worst, best, self._arguments[2], low, high, self.n)
 
-    def certain(self) -> Array | None:
-        """The result at every sample, if it is the same whatever is not known or comes after.
-
-        It is then one that looks at no later sample, and all values are known.
-        """
-        if self._best is not self._worst or self._worst.latency != 0:
-            return None
-        return self._worst.recorded(ENDED, "complete")
+    def predicates(self, *, best: bool) -> Sequence[Array]:
+        """The greatest or the least values of the predicates, the outputs of `outlook`'s."""
+        return self._predicates[best]
 
     def fails(self, end: End) -> NDArray[np.bool_]:
         """Whether the result fails for certain, at every sample."""
@@ -282,11 +283,6 @@ class _Reading:
         self._passes: dict[tuple[object, ...], _Passes] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
         self._at_once: dict[str, float] = {}
-
-    @property
-    def latency(self) -> int | None:
-        """How many later samples the result needs; None: all."""
-        return self._outlook.formulas.latency
 
     def at_zero(self, world: int, *, cut: bool) -> float:
         """The result at time 0 in a world."""

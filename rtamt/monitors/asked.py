@@ -23,6 +23,7 @@ from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
 from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.foresight import Foresight
+from rtamt.machines.part_signs import PartSigns
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.program.implications import (
@@ -41,9 +42,9 @@ from rtamt.program.timing import Align, samples
 __all__ = [
     "Asked",
     "AskedRow",
+    "Counted",
     "Evidence",
     "SampledQuestion",
-    "Spans",
     "asked_text",
     "evidence_of",
     "found_rows",
@@ -54,12 +55,12 @@ __all__ = [
 _A = TypeVar("_A")
 
 
-class _Counted(Protocol):
+class _HasOccasions(Protocol):
     @property
     def occasions(self) -> int: ...
 
 
-_AnyAsked = TypeVar("_AnyAsked", bound=_Counted)
+_AnyAsked = TypeVar("_AnyAsked", bound=_HasOccasions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,66 +98,29 @@ def asked_text(occasions: int, first: str | None, *, vacuous: bool) -> str:
     return f"asked {occasions}x, first at {first}{answer}"
 
 
-class Spans(NamedTuple):
-    """Runs of instants, in order; of the recorded ones (`rtamt.program.implications`).
+class Counted(NamedTuple):
+    """How often something is so.
 
     Attributes:
-        begins: The first one of each run.
-        ends: The last one.
+        length: How long: samples, or ticks of dense time.
+        occasions: How many times it begins; the begin of the trace counts.
+        first: The first instant; None if there is none.
     """
 
-    begins: NDArray[np.int64]
-    ends: NDArray[np.int64]
+    length: int
+    occasions: int
+    first: int | None
 
-    @classmethod
-    def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> Spans:
-        """The runs at which something is so.
 
-        Args:
-            true: Whether it is so, for each of the runs that begin at ``starts``.
-            starts: In order; None: at each instant from 0 on.
-            last: The last instant.
-        """
-        changes = np.flatnonzero(true[1:] != true[:-1]) + 1
-        if true[0]:
-            changes = np.concatenate([np.zeros(1, np.int64), changes])
-        places = changes if starts is None else starts[changes]
-        begins, after = places[::2], places[1::2]
-        if len(after) < len(begins):
-            after = np.append(after, last + 1)
-        return cls(begins, after - 1)
-
-    def within(self, instants: InstantRuns) -> Spans:
-        """The parts of the runs that lie in others."""
-        if not len(self.begins):
-            return self
-        if len(instants) == 1:
-            ((first, final),) = instants
-            if first <= self.begins[0] and self.ends[-1] <= final:
-                return self
-        begins, ends = [], []
-        for first, final in instants:
-            low = int(np.searchsorted(self.ends, first))
-            high = int(np.searchsorted(self.begins, final, "right"))
-            begins.append(np.maximum(self.begins[low:high], first))
-            ends.append(np.minimum(self.ends[low:high], final).astype(np.int64))
-        if not begins:
-            return Spans(self.begins[:0], self.ends[:0])
-        return Spans(np.concatenate(begins), np.concatenate(ends))
-
-    def cover(self, instants: InstantRuns, last: int) -> bool:
-        """Whether all of some instants are in them, and none is after the last recorded one."""
-        if instants and instants[-1][1] > last:
-            return False
-        found = self.within(instants)
-        length = int(np.sum(found.ends - found.begins + 1))
-        return length == sum(int(final) - first + 1 for first, final in instants)
+_NEVER = Counted(0, 0, None)
 
 
 class Signs(Protocol):
     """Where a formula fails for certain, and whether it holds for certain."""
 
-    def fails(self) -> Spans: ...
+    def fails_at(self, instants: InstantRuns) -> Counted:
+        """How often it fails at recorded ones of some instants."""
+
     def holds_at(self, instants: InstantRuns) -> bool:
         """Whether it holds at all of some instants, which have one or more."""
 
@@ -185,15 +149,11 @@ class Question(Protocol):
         """Whether the verdict is SATISFIED with ``false`` as the right side of implications."""
 
 
-_NOWHERE = np.zeros(1, np.bool_)
-
-
-@dataclass(frozen=True)
-class AskedRow:
-    """An implication, and where it was put to the test."""
+class AskedRow(NamedTuple):
+    """An implication, and how often it was put to the test."""
 
     text: str
-    spans: Spans
+    asked: Counted
     vacuous: bool
 
 
@@ -251,17 +211,16 @@ def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], 
     for each in counted:
         every, needed = where[each]
         if not every:
-            rows.append(AskedRow(_text(each), Spans.of(_NOWHERE, None, 0), satisfied))
+            rows.append(AskedRow(_text(each), _NEVER, satisfied))
             idle.append(True)
             continue
         opposite = question.opposite(cast("Formula", each.args[0]))
-        true = opposite.fails()
-        asked = true.within(every)
+        asked = opposite.fails_at(every)
         vacuous = False
         if satisfied:
-            vacuous = not len((asked if needed == every else true.within(needed)).begins)
+            vacuous = not (asked if needed == every else opposite.fails_at(needed)).occasions
             # Where the left side fails, the right side does not matter.
-            idle.append(not len(asked.begins) and not question.hides and opposite.holds_at(every))
+            idle.append(not asked.occasions and not question.hides and opposite.holds_at(every))
             if vacuous and not idle[-1]:
                 vacuous = question.satisfied_without((each,))
         rows.append(AskedRow(_text(each), asked, vacuous))
@@ -324,10 +283,10 @@ class SampledQuestion(NamedTuple):
         of = self.specification, self.period, self.align
         if self.columns is None and self.foresight is not None:
             # The opposite, as the whole formula may have no other predicates.
-            bounds = self.foresight.part(_opposite(*of, self.interface, left))
-        else:
-            bounds = self._bounds(_opposite(*of, STANDARD, left), everywhere=True)
-        return _SampledSigns(bounds, self.end)
+            program = _opposite(*of, self.interface, left)
+            return _SampledSigns(self.foresight, program, self.end)
+        program = _opposite(*of, STANDARD, left)
+        return _SampledSigns(self._bounds(program, everywhere=True), program, self.end)
 
     def satisfied(self) -> bool:
         """Whether the verdict is SATISFIED."""
@@ -356,22 +315,29 @@ class SampledQuestion(NamedTuple):
 
 
 class _SampledSigns:
-    def __init__(self, foresight: Foresight, end: End) -> None:
-        self._foresight, self._end, self._last = foresight, end, foresight.n - 1
-        self._known = foresight.certain()
+    def __init__(self, foresight: Foresight, program: Program, end: End) -> None:
+        self._part, self._last = PartSigns(foresight, program, end), foresight.n - 1
 
-    def fails(self) -> Spans:
-        if self._known is None:
-            return Spans.of(self._foresight.fails(self._end), None, self._last)
-        return Spans.of(np.signbit(self._known), None, self._last)
+    def fails_at(self, instants: InstantRuns) -> Counted:
+        length = occasions = 0
+        first = None
+        fails = self._part.fails()
+        for begin, final in instants:  # no run touches the next
+            flags = fails[begin : int(min(final, self._last)) + 1]
+            count = int(np.count_nonzero(flags))
+            if not count:
+                continue
+            if first is None:
+                first = begin + int(flags.argmax())
+            length += count
+            occasions += int(np.count_nonzero(flags[1:] > flags[:-1])) + int(flags[0])
+        return Counted(length, occasions, first)
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        if self._known is None:
-            found = Spans.of(self._foresight.holds(self._end), None, self._last)
-            return found.cover(instants, self._last)
-        return instants[-1][1] <= self._last and not any(
-            np.signbit(self._known[first : int(final) + 1]).any() for first, final in instants
-        )
+        if instants[-1][1] > self._last:
+            return False
+        holds = self._part.holds()
+        return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
@@ -420,9 +386,5 @@ def reads_hidden(formula: Formula, interface: Interface) -> bool:
 def evidence_of(question: SampledQuestion, *, satisfied: bool) -> Evidence[Asked]:
     """What the verdict on a trace of samples stands on."""
     rows, vacuous = found_rows(question, satisfied=satisfied)
-    asked = []
-    for text, spans, its in ((row.text, row.spans, row.vacuous) for row in rows):
-        first = int(spans.begins[0]) if len(spans.begins) else None
-        count = int((spans.ends - spans.begins).sum()) + len(spans.begins)
-        asked.append(Asked(text, count, len(spans.begins), first, its))
+    asked = [Asked(text, *counted, its) for text, counted, its in rows]
     return Evidence.of(asked, satisfied=satisfied, vacuous=vacuous)

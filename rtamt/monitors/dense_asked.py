@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given, are_dates
@@ -21,7 +22,7 @@ from rtamt.machines.dense.rows import dense_of, rows_between
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.asked import Evidence, Signs, Spans, asked_text, found_rows, reads_hidden
+from rtamt.monitors.asked import Counted, Evidence, Signs, asked_text, found_rows, reads_hidden
 from rtamt.program.dense_regions import RegionProgram, compile_regions
 from rtamt.program.implications import InstantRuns, Reads, TraceSpan, reads, unanswered
 from rtamt.program.interface import STANDARD, Interface
@@ -153,16 +154,75 @@ def _with_result(specification: Specification, formula: Formula) -> Specificatio
     return replace(other, formulas={**other.formulas, "#": specification.formula})
 
 
+class _Spans(NamedTuple):
+    """Runs of instants, in order; of the recorded ones (`rtamt.program.implications`).
+
+    Attributes:
+        begins: The first one of each run.
+        ends: The last one.
+    """
+
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> _Spans:
+        """The runs at which something is so.
+
+        Args:
+            true: Whether it is so, for each of the runs that begin at ``starts``.
+            starts: In order; None: at each instant from 0 on.
+            last: The last instant.
+        """
+        changes = np.flatnonzero(true[1:] != true[:-1]) + 1
+        if true[0]:
+            changes = np.concatenate([np.zeros(1, np.int64), changes])
+        places = changes if starts is None else starts[changes]
+        begins, after = places[::2], places[1::2]
+        if len(after) < len(begins):
+            after = np.append(after, last + 1)
+        return cls(begins, after - 1)
+
+    def within(self, instants: InstantRuns) -> _Spans:
+        """The parts of the runs that lie in others."""
+        if not len(self.begins):
+            return self
+        if len(instants) == 1:
+            ((first, final),) = instants
+            if first <= self.begins[0] and self.ends[-1] <= final:
+                return self
+        begins, ends = [], []
+        for first, final in instants:
+            low = int(np.searchsorted(self.ends, first))
+            high = int(np.searchsorted(self.begins, final, "right"))
+            begins.append(np.maximum(self.begins[low:high], first))
+            ends.append(np.minimum(self.ends[low:high], final).astype(np.int64))
+        if not begins:
+            return _Spans(self.begins[:0], self.ends[:0])
+        return _Spans(np.concatenate(begins), np.concatenate(ends))
+
+    def cover(self, instants: InstantRuns, last: int) -> bool:
+        """Whether all of some instants are in them, and none is after the last recorded one."""
+        if instants and instants[-1][1] > last:
+            return False
+        found = self.within(instants)
+        length = int(np.sum(found.ends - found.begins + 1))
+        return length == sum(int(final) - first + 1 for first, final in instants)
+
+
 class _DenseSigns(NamedTuple):
     least: Runs
     greatest: Runs
     last: int
 
-    def fails(self) -> Spans:
-        return Spans.of(np.signbit(self.greatest.last), self.greatest.starts, self.last)
+    def fails_at(self, instants: InstantRuns) -> Counted:
+        fails = _Spans.of(np.signbit(self.greatest.last), self.greatest.starts, self.last)
+        begins, ends = fails.within(instants)
+        ticks = int(np.sum((ends + 1) // 2 - begins // 2))  # the odd positions
+        return Counted(ticks, len(begins), int(begins[0]) if len(begins) else None)
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        found = Spans.of(~np.signbit(self.least.last), self.least.starts, self.last)
+        found = _Spans.of(~np.signbit(self.least.last), self.least.starts, self.last)
         return found.cover(instants, self.last)
 
 
@@ -170,10 +230,7 @@ def dense_evidence(question: DenseQuestion, *, satisfied: bool) -> Evidence[Dens
     """What the verdict on a trace in dense time stands on."""
     rows, vacuous = found_rows(question, satisfied=satisfied)
     asked = []
-    for row in rows:
-        begins, ends = row.spans
-        ticks = int(np.sum((ends + 1) // 2 - begins // 2))  # the odd positions
-        first = question.time(int(begins[0])) if len(begins) else None
-        duration = float(ticks * question.resolution)
-        asked.append(DenseAsked(row.text, duration, len(begins), first, row.vacuous))
+    for text, (ticks, occasions, position), its in rows:
+        first = None if position is None else question.time(position)
+        asked.append(DenseAsked(text, float(ticks * question.resolution), occasions, first, its))
     return Evidence.of(asked, satisfied=satisfied, vacuous=vacuous)
