@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.judging.ends import CutWindowWarning, OpenEndWarning
 
 __all__ = ["noted_ends"]
 
@@ -20,7 +20,8 @@ def noted_ends() -> Iterator[list[str]]:
 
     def note(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:  # noqa: ANN401
         if issubclass(category, OpenEndWarning):
-            notes[:] = _OPEN_END
+            if notes[:] != _CUT_WINDOW:  # which says more
+                notes[:] = _CUT_WINDOW if issubclass(category, CutWindowWarning) else _OPEN_END
         else:
             show(message, category, *where, **more)
 
@@ -34,4 +35,10 @@ _OPEN_END = [
     "note: the environment ended an episode while a specification was open, which",
     "counts as satisfied. --at-termination says what its end means: complete for",
     "this, failure for a fall or a crash, cut where the episode could have gone on.",
+]
+
+_CUT_WINDOW = [
+    "note: the environment ended an episode inside a bounded window, and what the",
+    "window had not seen counts as satisfied. --at-termination says what its end",
+    "means: cut leaves it open, failure violates it, complete is for this.",
 ]

@@ -277,7 +277,9 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
             if outcome.verdict is Verdict.SATISFIED and last:
                 failing = runner.simulate({}, row.seed, stop="end", at_termination="failure")
                 if failing.courses[name].verdict is Verdict.VIOLATED:
-                    warn_of_open_end(name)
+                    cut = runner.simulate({}, row.seed, stop="end", at_termination="cut")
+                    window = cut.courses[name].verdict is Verdict.UNDECIDED
+                    warn_of_open_end(name, window=window)
                     return
                 break
 

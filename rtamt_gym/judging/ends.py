@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 from rtamt_gym.checks.callers import caller_level
 
-__all__ = ["AtTermination", "OpenEndWarning", "warn_of_open_end"]
+__all__ = ["AtTermination", "CutWindowWarning", "OpenEndWarning", "assumed", "warn_of_open_end"]
 
 AtTermination = Literal["complete", "cut", "failure"]
 """How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
@@ -20,16 +21,53 @@ class OpenEndWarning(UserWarning):
         name: The specification that counts as satisfied.
     """
 
+    _TEXT = (
+        "the environment ended an episode while specification {!r} was open, and counts "
+        "it as satisfied: a terminated episode is taken for all there is. Say what its end "
+        'means: at_termination="complete" for this, "failure" where an environment ends what '
+        'has failed, such as a fall, or "cut" where an episode could have gone on'
+    )
+
     def __init__(self, name: str) -> None:
         self.name = name
-        super().__init__(
-            f"the environment ended an episode while specification {name!r} was open, and counts "
-            "it as satisfied: a terminated episode is taken for all there is. Say what its end "
-            'means: at_termination="complete" for this, "failure" where an environment ends what '
-            'has failed, such as a fall, or "cut" where an episode could have gone on'
-        )
+        super().__init__(self._TEXT.format(name))
 
 
-def warn_of_open_end(name: str) -> None:
-    """Warns that this specification counts as satisfied because the environment ended it."""
-    warnings.warn(OpenEndWarning(name), stacklevel=caller_level())
+class CutWindowWarning(OpenEndWarning):
+    """An environment ended an episode inside a bounded window, and so settled what was open.
+
+    ``eventually(always[0:0.5](done > 0))`` is satisfied by the first sample that is done, if the
+    environment ends the episode there and the end counts as complete.
+    """
+
+    _TEXT = (
+        "the environment ended an episode inside a bounded window of specification {!r}, and "
+        "counts it as satisfied: what the window had not seen is taken for nothing. Say what the "
+        'end means: at_termination="cut" leaves it open, "failure" violates it, "complete" is '
+        "for this; an environment that goes on after its success shows what the window needs"
+    )
+
+
+def assumed(satisfied: Sequence[str], windows: Collection[str]) -> tuple[str, bool] | None:
+    """What is to be told of an end that nobody has said the meaning of.
+
+    Args:
+        satisfied: The specifications that the end has satisfied.
+        windows: Those of which a bounded window reached past the end.
+
+    Returns:
+        The specification to name, and whether a window of it did; None: nothing is.
+    """
+    cut = [name for name in satisfied if name in windows]
+    return next(((name, bool(cut)) for name in cut or satisfied), None)
+
+
+def warn_of_open_end(name: str, *, window: bool = False) -> None:
+    """Warns that a specification counts as satisfied because the environment ended it.
+
+    Args:
+        name: The specification.
+        window: Whether a bounded window reached past the end.
+    """
+    kind = CutWindowWarning if window else OpenEndWarning
+    warnings.warn(kind(name), stacklevel=caller_level())

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import End, EpisodeMonitor, InputError, Verdict
+from rtamt import End, EpisodeMonitor, InputError, Verdict, holds
 from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, CostMeter
@@ -302,6 +302,19 @@ class Panel:
                     self.violated_by = name
         self.settled = len(self._decided)
 
+    def cut_windows(self) -> frozenset[str]:
+        """Open verdicts that a complete trace satisfies, and a cut one leaves open.
+
+        A bounded window of these specifications reaches past the last sample.
+        """
+        return frozenset(
+            name
+            for name in self.undecided
+            if self._specs[name].timed
+            and holds(self.monitors[name][1].robustness)
+            and _open_if_cut(self.monitors[name][1])
+        )
+
     def finish(self, end: AtTermination | End = "complete") -> Assessment:
         """Ends the trace, which settles robustness and bounds as the end is read; returns them.
 
@@ -406,6 +419,15 @@ class Panel:
         self._failed = frozenset()
         self.settled = len(self._decided)
         self.violated_by = violated_by
+
+
+def _open_if_cut(judge: EpisodeMonitor) -> bool:
+    """Whether the verdict stays open if the trace is read as cut; leaves the monitor as it is."""
+    held = machine_state(judge)
+    judge.finish("cut")
+    found = judge.verdict is Verdict.UNDECIDED
+    judge.__setstate__(held)
+    return found
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt import End, VectorEpisodeMonitor
+from rtamt import End, VectorEpisodeMonitor, holds
 from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
@@ -169,6 +170,18 @@ class VectorPanel:
             self._meter.feed(table, lanes)
         if self._owing is not None:
             self._owing.feed(table, lanes)
+
+    def cut_windows(self, lanes: Lanes) -> frozenset[str]:
+        """Specifications as of `Panel.cut_windows`, in some environment of the mask."""
+        at, found = lanes.nonzero()[0], set()
+        would = self.undecided(at) & [holds(judge.robustness[at]) for judge in self._judges]
+        for name, judge, rows in zip(self._names, self._judges, would, strict=True):
+            if judge.specification.timed and rows.any():
+                another = copy.deepcopy(judge)
+                another.finish(lanes, end="cut")
+                if (rows & (another.verdict[at] == 0)).any():
+                    found.add(str(name))
+        return frozenset(found)
 
     def finish(self, lanes: Lanes, end: AtTermination | End = "complete") -> None:
         """Ends the traces of the environments of the mask, as `Panel.finish` does."""

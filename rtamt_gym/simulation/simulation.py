@@ -18,7 +18,7 @@ from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
+from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.questions import Questions
@@ -443,13 +443,14 @@ def _reading_of(ended: RunEnd, ends: _Ends) -> AtTermination | End | None:
 def _finish(record: Recorder | Tally, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
     """Reads the end of a run; a run that was stopped has none."""
     undecided, end = panel.undecided, _reading_of(ended, ends)
+    unasked = ended == "terminated" and ends.environment and ends.at_termination is None
+    windows = panel.cut_windows() if unasked else frozenset()
     if end is not None:
         record.finish(end)
-    if ended != "terminated":
-        return
-    settled = next((name for name in undecided if panel.satisfies(name)), None)
-    if ends.environment and ends.at_termination is None and settled is not None:
-        warn_of_open_end(settled)
+    if unasked:
+        told = assumed([name for name in undecided if panel.satisfies(name)], windows)
+        if told is not None:
+            warn_of_open_end(told[0], window=told[1])
 
 
 def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:

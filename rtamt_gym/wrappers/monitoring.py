@@ -17,7 +17,7 @@ from rtamt import Explanation, InputError, InputTypeError, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
+from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.episodes import record
 from rtamt_gym.judging.explanations import chosen, titled
 from rtamt_gym.judging.infos import last_info, present
@@ -129,7 +129,8 @@ class Monitoring(Observing):
         self._at_termination: AtTermination = reading.at_termination or "complete"
         self._at_truncation = reading.at_truncation
         self._unasked = reading.at_termination is None  # and nobody was told yet
-        self._assumed: str | None = None  # what an end satisfied unasked, until that is told
+        # What an end satisfied unasked, and whether inside a bounded window, until that is told.
+        self._assumed: tuple[str, bool] | None = None
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
@@ -165,10 +166,10 @@ class Monitoring(Observing):
 
         The last act of a step, for a warning may be an error: the episode is recorded by then.
         """
-        assumed, self._assumed = self._assumed, None
-        if assumed is not None:
+        told, self._assumed = self._assumed, None
+        if told is not None:
             self._unasked = False
-            warn_of_open_end(assumed)
+            warn_of_open_end(told[0], window=told[1])
         if self._seen_success and not self._told_success:
             self._told_success = True
             warnings.warn(
@@ -359,9 +360,11 @@ class EpisodeMonitoring(Monitoring):
         panel = self._panel
         if not terminated:
             return panel.finish(self._at_truncation)
-        undecided = panel.undecided if self._unasked else ()
+        if not self._unasked:
+            return panel.finish(self._at_termination)
+        undecided, windows = panel.undecided, panel.cut_windows()
         found = panel.finish(self._at_termination)
-        self._assumed = next((name for name in undecided if panel.satisfies(name)), None)
+        self._assumed = assumed([name for name in undecided if panel.satisfies(name)], windows)
         return found
 
     def _add_last(self, info: dict[str, Any], found: EpisodeOutcomes) -> None:

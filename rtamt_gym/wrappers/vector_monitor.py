@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rtamt import StateError
 from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import assumed
 from rtamt_gym.judging.episodes import EpisodeRecords, record
 from rtamt_gym.judging.infos import last_info, step_info
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
@@ -87,12 +88,13 @@ class _LaneMonitoring(Monitoring):
         """Reads the ends that the environments have made."""
         panel, names = self._panel, list(self._panel.monitors)
         at = terminated.nonzero()[0]
-        undecided = panel.undecided(at) if self._unasked else None
+        undecided = panel.undecided(at) if self._unasked and len(at) else None
+        windows = panel.cut_windows(terminated) if undecided is not None else frozenset()
         panel.finish(terminated, self._at_termination)
         panel.finish(truncated & ~terminated, self._at_truncation)
         if undecided is not None:
             held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
-            self._assumed = names[held[0]] if len(held) else None
+            self._assumed = assumed([names[place] for place in held], windows)
 
     def _conclude(
         self,

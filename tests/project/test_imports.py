@@ -28,7 +28,7 @@ FLOORS = {
     ),
     "rtamt_gym": (
         ("checks",),
-        ("shaping", "tables", "drawing", "inputs"),
+        ("shaping", "success", "tables", "drawing", "inputs"),
         ("signals", "results"),
         ("judging",),
         ("wrappers", "mujoco"),

@@ -184,6 +184,10 @@ SHOWN: dict[str, Shown] = {
     "the environment ended while a requirement was open": Shown(
         f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
     ),
+    "the environment ended inside a bounded window": Shown(
+        f"evaluate {POLE} --spec 'late = always[0:20](abs(angle) < 1)' --target 0.5",
+        "--at-termination failure",
+    ),
     "few episodes": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),

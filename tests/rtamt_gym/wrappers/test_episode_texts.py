@@ -9,15 +9,19 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from hypothesis import given
+from hypothesis import strategies as st
 from replay import Replay, X, run
 from vector_environments import Envs, sync
 
+import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.reading import View
 
 INVARIANT = "always(x > 1)"
+HOLD = "eventually(always[0:2](x > 2))"
 ASSUMED = (
     "the environment ended an episode while specification 'spec' was open, and counts it as "
     "satisfied: a terminated episode is taken for all there is. Say what its end means: "
@@ -26,6 +30,12 @@ ASSUMED = (
 )
 
 
+CUT = (
+    "the environment ended an episode inside a bounded window of specification 'spec', and counts "
+    "it as satisfied: what the window had not seen is taken for nothing. Say what the end means: "
+    'at_termination="cut" leaves it open, "failure" violates it, "complete" is for this; an '
+    "environment that goes on after its success shows what the window needs"
+)
 NO_DEPTH = (
     'cost="depth" has no depth to measure under semantics="boolean", where a robustness is +inf or '
     '-inf; take cost="violation"'
@@ -113,9 +123,65 @@ def test_the_specification_that_was_open_is_named() -> None:
     assert warned(lambda: run(env)) == [ASSUMED.replace("'spec'", "'calm'")]
 
 
+@pytest.mark.parametrize("view", ["episode", "step"])
+@pytest.mark.parametrize("history", [False, True])
+def test_an_end_inside_a_bounded_window_is_said_once(view: View, *, history: bool) -> None:
+    options: Any = {"view": view, "period": 1}
+    specs, replayed = {"calm": INVARIANT, "spec": HOLD}, [2.0, 2.0, 3.0]
+    if view == "step":
+        specs, replayed = {"calm": "x > 1", "spec": "always[0:2](x > 2)"}, [3.0, 3.0]
+    infos: list[dict[str, Any]] = []
+    env = StlMonitor(Replay(replayed), specs, X, history=history, **options)
+    assert warned(lambda: infos.extend(run(env)[-1] for _ in range(3))) == [CUT]
+    assert all(each["stl_success"] for each in infos)
+    envs = VectorStlMonitor(
+        sync([lambda: Replay(replayed)] * 2, AutoresetMode.SAME_STEP), specs, X, **options
+    )
+    assert warned(lambda: lead(envs, 9)) == [CUT]
+    complete = StlMonitor(Replay(replayed), specs, X, at_termination="complete", **options)
+    infos.append(run(complete)[-1])
+    assert repr(infos[0]) == repr(infos[3])  # to ask has changed nothing
+
+
+@given(
+    trace=st.lists(st.sampled_from([0.0, 3.0]), min_size=2, max_size=9),
+    text=st.sampled_from(
+        [
+            HOLD,
+            INVARIANT,
+            "always(x > 2 implies eventually[0:3](x < 2))",
+            "always[0:4](x > 2)",
+            "eventually[2:3](x > 2)",
+            "eventually(x > 2 since[2:2] x > 2)",
+            "once[0:2](x > 2)",
+        ]
+    ),
+)
+def test_a_window_is_told_where_complete_satisfies_what_cut_leaves_open(
+    trace: list[float], text: str
+) -> None:
+    verdicts = {
+        end: judged.verdict
+        for end in ("complete", "cut", "open")
+        for judged in [rtamt.judge(text, {"x": trace}, period=1, end=end)]
+    }
+    spec = {"spec": f"({text}) and once(x > -1)"}  # it speaks of more than the first sample
+    env = StlMonitor(Replay(trace), spec, X, period=1, on_violation="report")
+    told = warned(lambda: run(env))
+    satisfied = verdicts["complete"] > 0 and not verdicts["open"]
+    assert (told == [CUT]) == (satisfied and not verdicts["cut"])
+    assert bool(told) == satisfied
+
+
 @pytest.mark.parametrize(
     ("values", "end", "text", "options"),
     [
+        ([3, 3], "terminated", HOLD, {"at_termination": "cut", "period": 1}),
+        ([3, 3], "terminated", HOLD, {"at_termination": "complete", "period": 1}),
+        ([3, 3], "truncated", HOLD, {"period": 1}),
+        ([3, 3, 3], "terminated", HOLD, {"period": 1}),
+        ([3, 3, 0], "terminated", HOLD, {"period": 1}),
+        ([3, 3], "terminated", "eventually(x > 2 since[2:2] x > 2)", {"period": 1}),
         ([3, 3], "terminated", INVARIANT, {"at_termination": "complete"}),
         ([3, 3], "terminated", INVARIANT, {"at_termination": "cut"}),
         ([3, 3], "terminated", INVARIANT, {"at_termination": "failure"}),

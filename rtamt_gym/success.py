@@ -1,0 +1,276 @@
+"""Success that holds: when a task counts as done, as formulas with names.
+
+A benchmark says at every step whether its task is done: a flag in ``info``. Its rate of success is
+how often the flag was true at any step, which counts a block that was pushed across its goal. The
+functions here make other requirements of the same flag, or of the quantity behind it.
+
+What a state is, at an instant:
+
+| state | it holds where |
+|---|---|
+| `flag` | the environment's own flag is true |
+| `within` | a quantity is near its target, on either side: a puck on its mark |
+| `one_sided` | a quantity has reached its target or passed it: a door, a button, a drawer |
+| `hysteresis` | a quantity has come near and not yet gone far: a noisy flag without flicker |
+| `at_rest` | a speed is small |
+| `released` | the gripper is away from the object |
+
+States are joined by ``&``. What an episode owes of a state:
+
+| reading | it is satisfied if the state |
+|---|---|
+| ``"any"`` | held at some sample |
+| ``"last"`` | holds at the last sample |
+| ``"held"`` | held for a time without a gap, at some time |
+| ``"kept"`` | has held for that time without a gap when the episode ends |
+
+Windows look back, so that no end of an episode cuts them: ``at_termination`` and ``at_truncation``
+do not change the verdict, unless they are ``"open"`` or ``"failure"``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Real
+from types import MappingProxyType
+from typing import Final, Literal, get_args
+
+import rtamt
+from rtamt import Formula, InputError, InputTypeError, Interval
+from rtamt.errors import Argument
+from rtamt_gym.checks.arguments import check_choice
+
+__all__ = [
+    "READINGS",
+    "SuccessReading",
+    "at_rest",
+    "flag",
+    "hysteresis",
+    "one_sided",
+    "reading",
+    "readings",
+    "released",
+    "within",
+]
+
+SuccessReading = Literal["any", "last", "held", "kept"]
+"""What an episode owes of a state, by name; the strictest is the last."""
+
+READINGS: Final = get_args(SuccessReading)
+"""The names of the readings."""
+
+Hold = int | float | str | Decimal | Fraction
+"""A time: a number of seconds, or text with a unit such as ``"500ms"``."""
+
+
+def flag(name: str = "success") -> Formula:
+    """Holds where a flag is true, that is 0.5 or more; flags are 0 or 1.
+
+    Args:
+        name: The variable that reads it, as in ``signals={"success": ("info['success']", 0.0)}``.
+
+    Example:
+        >>> str(flag())
+        'success >= 0.5'
+    """
+    return rtamt.variable(name) >= 0.5
+
+
+def within(quantity: str, target: float, tolerance: float) -> Formula:
+    """Holds where a quantity is at most a tolerance away from its target, on either side.
+
+    Args:
+        quantity: The variable, in a unit of its own.
+        target: Where it is to be, in this unit.
+        tolerance: How far it may be away, in this unit.
+
+    Raises:
+        InputError: If the tolerance is not positive.
+
+    Example:
+        >>> str(within("height", 0.2, 0.02))
+        'abs(height - 0.2) <= 0.02'
+    """
+    away = abs(rtamt.variable(quantity) - _number("target", target))
+    return away <= _positive("tolerance", tolerance)
+
+
+def one_sided(
+    quantity: str, *, at_least: float | None = None, at_most: float | None = None
+) -> Formula:
+    """Holds where a quantity has reached its target or gone past it: further is no failure.
+
+    Args:
+        quantity: The variable, in a unit of its own.
+        at_least: The target of a quantity that grows, such as the angle of a door.
+        at_most: The target of a quantity that falls, such as the height of a button.
+
+    Raises:
+        InputError: If none of the targets is given, or both.
+
+    Example:
+        >>> str(one_sided("angle", at_least=1.2)), str(one_sided("height", at_most=0.02))
+        ('angle >= 1.2', 'height <= 0.02')
+    """
+    if (at_least is None) == (at_most is None):
+        raise InputError(
+            "expected one side, ",
+            Argument("at_least"),
+            " or ",
+            Argument("at_most"),
+            f", got {'none' if at_least is None else 'both'}; a band is within()",
+        )
+    value = rtamt.variable(quantity)
+    if at_most is not None:
+        return value <= _number("at_most", at_most)
+    return value >= _number("at_least", at_least)
+
+
+def hysteresis(quantity: str, *, enter: float, leave: float) -> Formula:
+    """Holds from where a quantity reaches one number until it has gone back past another.
+
+    ``enter`` below ``leave`` is a quantity that is to be small, such as a distance; above, one
+    that is to be great.
+
+    Args:
+        quantity: The variable, in a unit of its own.
+        enter: What it must reach to begin.
+        leave: What it must pass to end; the state holds at this number still.
+
+    Raises:
+        InputError: If both are the same number: `one_sided` has no gap.
+
+    Example:
+        >>> str(hysteresis("distance", enter=0.05, leave=0.07))
+        'distance <= 0.07 since distance <= 0.05'
+    """
+    if enter == leave:
+        raise InputError(
+            "expected two numbers as ",
+            Argument("enter"),
+            " and ",
+            Argument("leave"),
+            f", got {enter!r} twice; one_sided() has no gap",
+        )
+    value = rtamt.variable(quantity)
+    if _number("enter", enter) < _number("leave", leave):
+        return (value <= leave).since(value <= enter)
+    return (value >= leave).since(value >= enter)
+
+
+def at_rest(speed: str, *, below: float) -> Formula:
+    """Holds where a speed is small, whatever its sign.
+
+    Args:
+        speed: The variable, in a unit of its own.
+        below: How fast it may be, in this unit.
+
+    Raises:
+        InputError: If that is not positive.
+
+    Example:
+        >>> str(at_rest("speed", below=0.01))
+        'abs(speed) < 0.01'
+    """
+    return abs(rtamt.variable(speed)) < _positive("below", below)
+
+
+def released(distance: str, *, at_least: float) -> Formula:
+    """Holds where the gripper is away from the object: it is not held in place by the hand.
+
+    Args:
+        distance: The variable, the way from gripper to object in a unit of its own.
+        at_least: How far that is at least, in this unit.
+
+    Raises:
+        InputError: If that is not positive.
+
+    Example:
+        >>> str(within("height", 0.2, 0.02) & released("reach", at_least=0.05))
+        'abs(height - 0.2) <= 0.02 and reach >= 0.05'
+    """
+    return rtamt.variable(distance) >= _positive("at_least", at_least)
+
+
+def reading(name: SuccessReading, state: Formula | str = "success", hold: Hold = 0.5) -> Formula:
+    """The requirement that an episode owes a state, under one of the readings.
+
+    ``"kept"`` implies ``"held"`` and ``"last"``, and each of these ``"any"``. An episode that is
+    shorter than the time is neither held nor kept. A time is held from a sample to the sample that
+    lies so much later, both included: 0.5 s of samples every 0.1 s are six.
+
+    Args:
+        name: The reading.
+        state: The state, or the name of a `flag`.
+        hold: How long ``"held"`` and ``"kept"`` ask for, in seconds or as text with a unit.
+
+    Raises:
+        InputError: If there is no such reading, or ``hold`` is not positive.
+        InputTypeError: If the state is neither a formula nor a name.
+
+    Example:
+        >>> for each in READINGS:
+        ...     print(reading(each, "ok", "500ms"))
+        eventually(ok >= 0.5)
+        eventually always(ok >= 0.5)
+        eventually(ok >= 0.5 since[500:500ms] ok >= 0.5)
+        eventually always(ok >= 0.5 since[500:500ms] ok >= 0.5)
+        >>> kept = rtamt.EpisodeMonitor(reading("kept", "ok", 2), period=1)
+        >>> for ok in (0, 1, 1, 1):
+        ...     _ = kept.update(ok)
+        >>> kept.finish(), kept.verdict.name
+        (0.5, 'SATISFIED')
+    """
+    check_choice("name", name, READINGS)
+    if isinstance(state, str):
+        state = flag(state)
+    if not isinstance(state, Formula):
+        raise InputTypeError(
+            "expected a state, such as one_sided('angle', at_least=1.2), or the name of a flag, "
+            f"got {state!r}"
+        )
+    if name in {"held", "kept"}:
+        state = state.since(state, *_span(hold))
+    return state.always().eventually() if name in {"last", "kept"} else state.eventually()
+
+
+def readings(state: Formula | str = "success", hold: Hold = 0.5) -> Mapping[str, Formula]:
+    """All readings of a state by their names, as `rtamt_gym.StlMonitor` takes specifications.
+
+    Args:
+        state: As for `reading`.
+        hold: As for `reading`.
+
+    Raises:
+        InputError: As `reading` does.
+        InputTypeError: As `reading` does.
+
+    Example:
+        >>> list(readings("ok"))
+        ['any', 'last', 'held', 'kept']
+    """
+    names: tuple[SuccessReading, ...] = READINGS
+    return MappingProxyType({name: reading(name, state, hold) for name in names})
+
+
+def _span(hold: Hold) -> tuple[Fraction, Hold]:
+    """Both bounds of the window of one instant, a time ago."""
+    window = Interval.of(0, hold)
+    if window is None or window.end is None or window.end == 0:
+        raise InputError("expected ", Argument("hold"), f" as more than 0 s, got {hold!r}")
+    return window.end, hold
+
+
+def _positive(name: str, value: float) -> float:
+    if not _number(name, value) > 0:
+        raise InputError("expected ", Argument(name), f" as more than 0, got {value!r}")
+    return value
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
+        raise InputTypeError("expected a number as ", Argument(name), f", got {value!r}")
+    return float(value)
