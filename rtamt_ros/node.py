@@ -277,8 +277,7 @@ class _Running:
         return dense if settings.dense else sampled
 
     def _look(self) -> None:
-        now = self._middleware.now()
-        self._say(lambda: self.judges.look(now), now)
+        self._say(self.judges.look)
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True
             self._name_silent()
@@ -286,10 +285,13 @@ class _Running:
             self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
             self._watch.start()
 
-    def _say(self, reports: Callable[[], Sequence[RequirementReport]], now: int) -> None:
+    def _say(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
+        """Publish the reports of the time that it is now."""
         with self._lock:
+            # Read under the lock: a time that was read before another's turn would seem to go back.
+            now = self._middleware.now()
             if not self._closed:
-                for report in reports():
+                for report in reports(now):
                     self._publish(report)
                 if self._diagnostics.tell(self.judges.reports, now):
                     self.judges.flush()
@@ -297,8 +299,10 @@ class _Running:
     def _watch_clock(self) -> None:
         """Report a simulated clock that stands still, for then no timer is due."""
         before = 0
+
+        def standing(now: int) -> Sequence[RequirementReport]:
+            return self.judges.standing() if 0 < now == before else []
+
         while not self._ended.wait(STANDS):
-            now = self._middleware.now()
-            if 0 < now == before:
-                self._say(self.judges.standing, now)
-            before = now
+            self._say(standing)
+            before = self._middleware.now()

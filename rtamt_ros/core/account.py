@@ -77,16 +77,20 @@ class Account:
         unknown = _UNKNOWN if self._began else {}
         return self._report(time, Level.STALE, "the clock stands still", **unknown)
 
-    def without(self, now: int) -> tuple[RequirementReport, str]:
-        """The report while inputs have not come or are stale, and why a run ends."""
+    def why_gone(self, now: int) -> str:
+        """Why a run ends whose inputs have not come or are stale."""
+        gone = [each.name for each in self.inputs if each.is_gone(now)]
+        return f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
+
+    def without(self, now: int) -> RequirementReport:
+        """The report while inputs have not come or are stale."""
         waiting = [each for each in self.inputs if each.is_awaited()]
         stale = [each for each in self.inputs if each.is_stale(now)]
-        gone = [each.name for each in self.inputs if each in waiting or each in stale]
         what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
         what += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
         what += [each.error for each in (*waiting, *stale) if each.error]
         level = Level.ERROR if any(each.error for each in waiting) else Level.WARN
-        report = self._report(
+        return self._report(
             now,
             Level.STALE if stale else level,
             "; ".join(what),
@@ -94,7 +98,6 @@ class Account:
             waiting=tuple(each.name for each in waiting),
             **(_UNKNOWN if self._began else {}),
         )
-        return report, f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
     def without_values(
         self, time: int, ages: Mapping[str, int], bounds: tuple[float, float], verdict: Verdict

@@ -97,8 +97,12 @@ class DenseJudge:
         self._verdict = Verdict.UNDECIDED
 
     def stop(self, why: str) -> None:
-        """End the run; the next event with which every input is there begins another."""
+        """End the run; the next event with which every input is there begins another.
+
+        A violation that is certain by now counts, also if no report has said so yet.
+        """
         if self._origin is not None:
+            self._decided()
             self._why = why
             self._origin = None
 
@@ -114,9 +118,8 @@ class DenseJudge:
     def look(self, now: int) -> Sequence[RequirementReport]:
         """The reports of a time at which no message came."""
         if self._is_absent(now):
-            report, why = self.account.without(now)
-            self.stop(why)
-            return [report]
+            self.stop(self.account.why_gone(now))
+            return [self.account.without(now)]
         if self._origin is None:
             return self._begin(now)
         return self._feed([], now)
@@ -179,7 +182,7 @@ class DenseJudge:
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
         self._keep(rows)
-        return self._without(now) if self._silent else self._judged(found)
+        return self._without(now) if self._silent else self._judged(found, now)
 
     def _silence_of(
         self, sources: Sequence[Input], events: _Events, now: int
@@ -202,7 +205,7 @@ class DenseJudge:
     def _without(self, now: int) -> Sequence[RequirementReport]:
         """The report of a time at which inputs are stale in a run that goes on."""
         ages = {each.name: each.age(now) for each in self.inputs if each in self._silent}
-        self._decided(now)
+        self._decided()
         bounds = self._episode.bounds()
         return [self.account.without_values(now, ages, bounds, self._episode.verdict)]
 
@@ -265,12 +268,14 @@ class DenseJudge:
             return []
         return [(self._episode.settled, robustness)]
 
-    def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[RequirementReport]:
+    def _judged(
+        self, found: Sequence[tuple[float, float]], now: int
+    ) -> Sequence[RequirementReport]:
+        decided = self._decided()
         settled = (self._monitor or self._episode).settled
-        if math.isinf(settled):
-            return []
+        if math.isinf(settled):  # of the robustness nothing is known yet
+            return [self._report(now)] if decided else []
         time = self._time(settled)
-        decided = self._decided(time)
         reports = []
         for begin, robustness in found:
             about = self._time(begin)
@@ -282,14 +287,14 @@ class DenseJudge:
             return [report] if decided else []
         return reports
 
-    def _decided(self, time: int) -> bool:
-        """Whether the verdict on the run is new; it is about its begin."""
+    def _decided(self) -> bool:
+        """Whether the verdict on the run is new; a violation is counted."""
         before, self._verdict = self._verdict, self._episode.verdict
         if self._verdict is before:
             return False
         if self._verdict is Verdict.VIOLATED:
-            at = self._episode.decided_at
-            self.account.violated(time if at is None else self._time(at))
+            # None is the time of a verdict that an end decides, and a run of a node has no end.
+            self.account.violated(self._time(self._episode.decided_at or 0.0))
         return True
 
     def _values(self) -> Mapping[str, float]:

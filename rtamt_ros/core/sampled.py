@@ -97,9 +97,8 @@ class SampledJudge:
         jumps = 0
         for source in self.inputs:
             if source.is_awaited() if self._unknown else source.is_gone(now):
-                report, why = self.account.without(now)
-                self.stop(why)
-                return report
+                self.stop(self.account.why_gone(now))
+                return self.account.without(now)
             jumps += source.jumps
         if jumps != self._jumps:
             self._jumps = jumps

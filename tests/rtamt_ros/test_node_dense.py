@@ -318,3 +318,37 @@ def test_with_stamps_a_silent_input_does_not_hold_up_the_others() -> None:
     assert said[10] == (Level.STALE, -math.inf, 1.0)  # n may have been above 5
     assert report.restarts == 0
     assert node.reports[0].verdict is rtamt.Verdict.UNDECIDED
+
+
+@pytest.mark.parametrize(
+    "formula", ["always(m.a > n.a + 0 * sqrt(n.b))", "always[0:10](m.a > n.a + 0 * sqrt(n.b))"]
+)
+@pytest.mark.parametrize("restart", ["clock", "stamps", "stale", "failed"])
+def test_a_violation_that_is_certain_counts_before_a_restart_forgets_it(
+    formula: str, restart: str
+) -> None:
+    ros, node = started(f"{HEAD}out.value = {formula}", stamps=True)
+    begin = ros.time = START + 20 * SECOND
+    for name, a in (("n", 1.0), ("m", 0.0)):
+        ros.send(f"rtamt/{name}", parts(a, 0, begin))
+    assert ros.data("rtamt/out/verdict") == [-1]
+    match restart:
+        case "clock":
+            ros.time -= 10 * SECOND
+        case "stamps":
+            ros.send("rtamt/m", parts(5.0, 0, begin - 10 * SECOND))
+        case "stale":
+            ros.tick(ros.time + SECOND)
+        case _:
+            ros.time += SECOND // 10
+            ros.send("rtamt/n", parts(1.0, -1.0, ros.time))
+            ros.send("rtamt/m", parts(1.0, 0.0, ros.time))
+            ros.time += SECOND // 10
+    ros.tick()
+    for name, a in (("n", 1.0), ("m", 5.0)):
+        ros.send(f"rtamt/{name}", parts(a, 0, ros.time))
+    ros.tick(ros.time + 1)
+    (report,) = node.reports
+    assert (report.violations, report.violated_at, report.restarts) == (1, begin, 1)
+    assert (report.verdict, report.level) == (rtamt.Verdict.UNDECIDED, Level.WARN)
+    assert "violated 1 time since start, first at " in report.text
