@@ -117,11 +117,8 @@ def one_sided(
     """
     if (at_least is None) == (at_most is None):
         raise InputError(
-            "expected one side, ",
-            Argument("at_least"),
-            " or ",
-            Argument("at_most"),
-            f", got {'none' if at_least is None else 'both'}; a band is within()",
+            "expected one side, at_least= or at_most=, got "
+            f"{'none' if at_least is None else 'both'}; a band is within()"
         )
     value = rtamt.variable(quantity)
     if at_most is not None:
@@ -149,11 +146,8 @@ def hysteresis(quantity: str, *, enter: float, leave: float) -> Formula:
     """
     if enter == leave:
         raise InputError(
-            "expected two numbers as ",
-            Argument("enter"),
-            " and ",
-            Argument("leave"),
-            f", got {enter!r} twice; one_sided() has no gap",
+            f"expected two numbers as enter= and leave=, got {enter!r} twice; "
+            "one_sided() has no gap"
         )
     value = rtamt.variable(quantity)
     if _number("enter", enter) < _number("leave", leave):
@@ -266,11 +260,11 @@ def _span(hold: Hold) -> tuple[Fraction, Hold]:
 
 def _positive(name: str, value: float) -> float:
     if not _number(name, value) > 0:
-        raise InputError("expected ", Argument(name), f" as more than 0, got {value!r}")
+        raise InputError(f"expected {name}= as more than 0, got {value!r}")
     return value
 
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise InputTypeError("expected a number as ", Argument(name), f", got {value!r}")
+        raise InputTypeError(f"expected a number as {name}=, got {value!r}")
     return float(value)

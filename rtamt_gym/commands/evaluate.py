@@ -31,6 +31,13 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
+from rtamt_gym.commands.success import (
+    add_success,
+    check_success,
+    flag_signal,
+    not_kept,
+    success_requirements,
+)
 
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison
@@ -71,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what the policy is called in tables, files and reports (default: POLICY)",
     )
     add_spec(parser)
+    add_success(parser)
     parser.add_argument(
         "--signal",
         action="append",
@@ -157,6 +165,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Plays the episodes, prints what came of them; returns 1 or 3 if a target is not met."""
     from rtamt_gym.evaluation.evaluate import evaluate_policy
+    from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
     from rtamt_gym.evaluation.tables import show
     from rtamt_gym.judging.specs import own_requirements
@@ -164,6 +173,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.simulation.environments import make
 
     check_files(options)
+    check_success(options)
     sequential = options.until_width is not None or options.target is not None
     rules = {name: getattr(options, name) for name in _RULES if getattr(options, name) is not None}
     for name in ("alpha", "margin"):
@@ -173,9 +183,14 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
-        specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
+        specs = {}
+        if options.spec or not options.success:
+            specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
+        specs = success_requirements(options, specs)
+        signals = flag_signal(options, env, signals)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FailedSimulationWarning)  # the table says it
+            for said in (FailedSimulationWarning, UnrepeatedSeedWarning):  # by the table
+                warnings.simplefilter("ignore", said)
             evaluation = evaluate_policy(
                 options.policy,
                 env,
@@ -196,6 +211,7 @@ def run(options: argparse.Namespace) -> int:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
     hollow = unasked(evaluation.record, "episode", fails=options.require_asked)
+    hollow += not_kept(evaluation.record) if options.success else []
     tell(hollow)
     return exit_code(_words(evaluation.decision or {}, options.target), hollow)
 

@@ -18,6 +18,7 @@ from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import check_read_alike
+from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
@@ -160,7 +161,8 @@ def compare(
     Raises:
         InputError: If two evaluations cannot be paired, because their systems, periods, time
             limits or requirements differ, their episodes were read differently, they have no seed
-            in common, or the names are not two; or as `evaluate_policy` does.
+            in common, their seeds do not repeat episodes, or the names are not two; or as
+            `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
     own = {"env": env, "specs": specs, "signals": signals}
@@ -168,8 +170,9 @@ def compare(
     _check_arguments(a, b, given)
     named = None if names is None else _two_names(names)
     if env is not None:
-        from rtamt_gym.evaluation.evaluate import evaluate_policy
+        from rtamt_gym.evaluation.evaluate import check_repeats, evaluate_policy
 
+        check_repeats(env, options.get("seed", 0))
         a, b = (evaluate_policy(policy, env, specs, signals, **options) for policy in (a, b))
     return _paired(a, b, named or _told_apart(a.policy, b.policy))
 
@@ -262,6 +265,8 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
     ):
         if one != two:
             raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
+    if False in (a.repeats, b.repeats):
+        refuse_unrepeated(a.system)
     texts_a, texts_b = a.record.requirements, b.record.requirements
     if set(texts_a) != set(texts_b):
         raise InputError(

@@ -20,6 +20,7 @@ from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame
 from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import reading_of
+from rtamt_gym.evaluation.repeating import refuse_unrepeated, repeats, tell_unrepeated
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
@@ -41,7 +42,7 @@ from rtamt_gym.simulation.run import Run
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.search.campaigns.workers import ClusterBackend
 
-__all__ = ["evaluate_policy"]
+__all__ = ["check_repeats", "evaluate_policy"]
 
 
 @lists_reading(EpisodeReading)
@@ -162,6 +163,8 @@ def evaluate_policy(
         OpenEndWarning: Once, if the environment has ended an episode while a requirement was open
             that counts as satisfied then, and ``at_termination`` does not say so.
         FailedSimulationWarning: If some episodes failed.
+        UnrepeatedSeedWarning: If two resets with one seed begin differently. To know it the
+            environment is reset twice more, after the episodes.
         RuntimeWarning: Once, if the environment could not be rendered.
 
     Example:
@@ -227,7 +230,9 @@ def evaluate_policy(
     if runner.unasked:
         _tell_open_end(runner, record)
     period = rtamt.Monitor("true", period=runner.period).period
-    runs, frames = _worst_runs(Filming(runner, period), record, keep)
+    begun = _repeats(runner, record)
+    kept = 0 if begun is False else keep
+    runs, frames = _worst_runs(Filming(runner, period), record, kept)
     return Evaluation(
         record,
         runner.name,
@@ -240,6 +245,7 @@ def evaluate_policy(
         frames,
         reading_of(runner),
         interval,
+        begun,
         runner,
     )
 
@@ -263,6 +269,39 @@ def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
             f"vector environment, got {made!r}"
         )
     return env, made
+
+
+def check_repeats(env: Any, seed: Any) -> None:  # noqa: ANN401 - as `evaluate_policy` takes them
+    """Refuses an environment in which two resets with one seed begin differently.
+
+    It makes the environment, if that is an id or a function, resets it twice and closes it.
+
+    Raises:
+        InputError: If they do; or as `evaluate_policy` does.
+    """
+    _, made = _made(env, 1 if not isinstance(env, VectorEnv) else env.num_envs)
+    try:
+        whole = isinstance(seed, int | np.integer)  # else `evaluate_policy` refuses it
+        if whole and repeats(made, int(seed)) is False:
+            refuse_unrepeated(made.spec.id if made.spec else type(made.unwrapped).__name__)
+    finally:
+        if made is not env:
+            made.close()
+
+
+def _repeats(runner: Episodes | VectorEpisodes, record: Record) -> bool | None:
+    """Whether the seed of an episode that went well begins alike twice; tells if not.
+
+    It is asked at the end, in this process, where the worst episodes are played again too: an
+    environment that hangs or crashes with a seed has failed with it by then.
+    """
+    seeds = [row.seed for row in record if not row.error and row.seed is not None]
+    if not seeds:
+        return None
+    begun = repeats(runner.system, seeds[0])
+    if begun is False:
+        tell_unrepeated(runner.name, seeds[0])
+    return begun
 
 
 def _tell_open_end(runner: Runner, record: Record) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rtamt import InputError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played
+from rtamt_gym.evaluation.repeating import HOW_TO_REPEAT
 from rtamt_gym.results.codec import (
     document,
     fraction_of,
@@ -67,6 +68,8 @@ class Evaluation:
             by name, and under ``"signals"`` what each variable reads, None for a function. None:
             it is not known, as of a file that an older version has written.
         interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
+        repeats: Whether two resets with one seed began alike. None: nobody has looked, as in a file
+            that an older version has written.
     """
 
     record: Record
@@ -80,6 +83,7 @@ class Evaluation:
     frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
     reading: Mapping[str, Any] | None = None
     interval: IntervalKind = "exact"
+    repeats: bool | None = None
     _runner: Runner | None = None
 
     @cached_property
@@ -106,6 +110,16 @@ class Evaluation:
         """The simulated seconds of every episode (its steps if there is no period)."""
         return self.record.numbers("simulated")
 
+    @cached_property
+    def reported(self) -> tuple[int, int] | None:
+        """How many episodes the environment itself calls a success, and of how many it says so.
+
+        It says so in ``is_success`` of the info that ends an episode; None if it never does, and of
+        a vector environment.
+        """
+        found = [row.reported for row in self.record if row.reported is not None]
+        return (sum(found), len(found)) if found else None
+
     @property
     def episodes(self) -> int:
         """The number of episodes."""
@@ -119,7 +133,8 @@ class Evaluation:
 
         Raises:
             InputError: If the evaluation has no such episode.
-            StateError: If it was loaded, and the episode is none of `worst_runs`.
+            StateError: If it was loaded, and the episode is none of `worst_runs`; if a seed does
+                not repeat an episode.
             RtamtError: As `rtamt_gym.simulate` does.
         """
         if not any(row.seed == seed for row in self.record):
@@ -130,6 +145,11 @@ class Evaluation:
         kept = [run for runs in self.worst_runs.values() for run in runs if run.seed == seed]
         if kept:
             return kept[0]
+        if self.repeats is False:
+            raise StateError(
+                f"cannot play episode {seed} again: two resets of {self.system} with one seed "
+                f"begin differently; {HOW_TO_REPEAT}"
+            )
         if self._runner is None:
             held = sorted({run.seed or 0 for runs in self.worst_runs.values() for run in runs})
             raise StateError(
@@ -206,11 +226,11 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
-    *("reading", "interval"),
+    *("reading", "interval", "repeats"),
 )
 
 
-_KEPT = ("policy", "period", "limit", "seed", "decision", "reading")
+_KEPT = ("policy", "period", "limit", "seed", "decision", "reading", "repeats")
 """The fields of an evaluation that JSON holds as they are."""
 
 
@@ -266,6 +286,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         frames=frames,
         reading=kept.get("reading"),  # files of older versions have none
         interval=_kind_of(kept),
+        repeats=kept.get("repeats"),
     )
 
 

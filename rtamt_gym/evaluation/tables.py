@@ -12,7 +12,7 @@ from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
 from rtamt_gym.results.asked import asked_said
-from rtamt_gym.results.intervals import promise
+from rtamt_gym.results.intervals import promise, rate_interval
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
 from rtamt_gym.results.trial import end_note, open_at_stop
 from rtamt_gym.search.runs.report import failures
@@ -98,6 +98,18 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     unit = "s" if evaluation.period is not None else "steps"
     lines = [line for each in evaluation.requirements.values() for line in _worst(each, unit)]
     yield from map(terminal.cut, (*lines, _around(evaluation)))
+    if evaluation.reported is not None:
+        count, total = evaluation.reported
+        low, high = (100 * end for end in rate_interval(count, total, evaluation.interval))
+        yield from terminal.wrapped(
+            f"is_success of the environment itself: {100 * count / total:.1f}% of "
+            f"{counted(total, 'episode')}, 95% interval {low:.1f} to {high:.1f}"
+        )
+    if evaluation.repeats is False:
+        yield from terminal.wrapped(
+            "note: two resets with one seed begin differently: the same call plays other "
+            "episodes, and none is played again"
+        )
     if evaluation.decision is not None:
         yield ""
         for name, decision in evaluation.decision.items():

@@ -125,6 +125,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
         "ended": trial.ended,
         "simulated": None if recorded else trial.simulated,
         "return": trial.reward,
+        "is_success": trial.reported,
         "wall": None if recorded else trial.wall,
         "error": trial.error or None,
         "notes": trial.notes or None,
@@ -221,6 +222,7 @@ def trial_of(kept: Mapping[str, Any]) -> Trial:
         notes=tuple(kept.get("notes", ())),
         failures={name: each for name, each in cells.items() if isinstance(each, Failure)},
         extent=Extent.read(kept["extent"]) if "extent" in kept else None,
+        reported=kept.get("is_success"),
     )
 
 

@@ -69,6 +69,10 @@ def _evidence(outcome: Outcome) -> str | None:
     return json.dumps(outcome.evidence) if outcome.asked else None
 
 
+def _whole(flag: bool | None) -> int | None:  # noqa: FBT001 - it is data
+    return None if flag is None else int(flag)
+
+
 MEASURES: Final = (
     Measure("robustness", lambda outcome: outcome.robustness),
     Measure("lower", lambda outcome: outcome.lower),
@@ -87,6 +91,7 @@ OF_TRIAL: Final = (
     Measure("ended", lambda trial: trial.ended, "text"),
     Measure("simulated", lambda trial: trial.simulated),
     Measure("return", lambda trial: trial.reward),
+    Measure("is_success", lambda trial: _whole(trial.reported), "whole", optional=True),
     Measure("wall", lambda trial: trial.wall),
     Measure("error", lambda trial: trial.error, "text"),
 )
@@ -113,6 +118,9 @@ class Trial:
         notes: What was read otherwise than it is written, such as a trace that was resampled.
         failures: Why requirements have no outcome, by name, where each has a reason of its own.
         extent: How much of a recorded trace there is; None if it was not read, and of a run.
+        reported: Whether an environment calls the episode that it has ended a success itself, in
+            ``is_success`` of the last info; None where it says nothing. In the column
+            ``is_success`` it is 1 or 0.
     """
 
     case: Case
@@ -128,6 +136,7 @@ class Trial:
     notes: tuple[str, ...] = ()
     failures: Mapping[str, Failure] = field(default_factory=dict)
     extent: Extent | None = None
+    reported: bool | None = None
 
     @classmethod
     def of_trace(
@@ -191,7 +200,14 @@ class Trial:
             )
         # Files of before have no returns.
         own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}
-        return cls(case=case, outcomes=outcomes, reward=own.pop("return"), **own)
+        reported = own.pop("is_success")
+        return cls(
+            case=case,
+            outcomes=outcomes,
+            reward=own.pop("return"),
+            reported=None if reported is None else bool(reported),
+            **own,
+        )
 
     def columns(self) -> dict[str, float | str | None]:
         """The trial as it stands in a table; a verdict is the name of it."""

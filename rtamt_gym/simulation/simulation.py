@@ -6,6 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
@@ -289,8 +290,9 @@ class Simulation:
 
     def trial(self, case: Case, error: str = "") -> Trial:
         """What the simulation came to; with the error that has ended it, if one did."""
+        reported = getattr(self._system, "reported", None)
         if self.run is not None:
-            return self.run.trial(case, error)
+            return replace(self.run.trial(case, error), reported=reported)
         last, period = max(self._samples - 1, 0), self._told["period"]
         reward = getattr(self._system, "reward", None) if self._outcomes else None
         simulated = float(last * (period or 1)) if self._outcomes else 0.0
@@ -303,6 +305,7 @@ class Simulation:
             self._wall,
             error,
             reward,
+            reported=reported,
         )
 
     @property

@@ -116,10 +116,12 @@ class Environment(System):
     Attributes:
         observation: What it has shown last, on which the policy acts next.
         reward: The sum of its rewards since the start; None if they are no numbers.
+        reported: Its own ``is_success`` in the info that ended the episode; None without one.
     """
 
     observation: Any = None
     reward: float | None = None
+    reported: bool | None = None
 
     def __init__(
         self,
@@ -214,13 +216,14 @@ class Environment(System):
             feed(obs, action, reward, info)
             if terminated or truncated:
                 self.ended = "terminated" if terminated else "truncated"
+                self.reported = _reported(info)
                 return
             if panel.settled != settled:
                 return
 
     def start(self) -> list[float]:
         self.ended = ""
-        self.reward = 0.0
+        self.reward, self.reported = 0.0, None
         self._rest.clear()
         self._end: SystemEnd = ""
         self._act: Policy = self._find_policy()
@@ -265,6 +268,7 @@ class Environment(System):
         self._earn(reward)
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"
+            self.reported = _reported(info)
 
     def _earn(self, reward: Any) -> None:  # noqa: ANN401
         try:
@@ -293,6 +297,12 @@ class Environment(System):
     def close(self) -> None:
         """Leaves the environment open, for it belongs to the caller, with its own attributes."""
         self._ends.close()
+
+
+def _reported(info: Mapping[str, Any]) -> bool | None:
+    """The environment's own ``is_success`` in a last info; None if it has none."""
+    own = info.get("is_success")
+    return None if own is None else bool(own)
 
 
 class SampleSource(System):

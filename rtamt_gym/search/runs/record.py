@@ -115,7 +115,8 @@ class Record(Results):
         These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
         ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
         of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
-        ``error``. What a row does not have is None. Where a requirement has an implication,
+        ``error``; and ``is_success``, 1 or 0, where an environment says that itself of an episode
+        that it has ended. What a row does not have is None. Where a requirement has an implication,
         ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
         JSON has of that (docs/results.md). A requirement that some row violates by its end alone,
         at a robustness that holds, has ``violated(NAME)``, which says ``"by how it ended"`` there.
@@ -125,7 +126,11 @@ class Record(Results):
 
     def kinds(self) -> dict[str, str]:
         """What the cells of each column are: ``"number"``, ``"whole"`` or ``"text"``."""
-        seed, *others = ((each.name, each.kind) for each in OF_TRIAL)
+        seed, *others = (
+            (each.name, each.kind)
+            for each in OF_TRIAL
+            if not each.optional or any(each.of(row) is not None for row in self.rows)
+        )
         measured = [
             (f"{each.name}({name})", each.kind)
             for name in self.requirements

@@ -188,6 +188,14 @@ SHOWN: dict[str, Shown] = {
         f"evaluate {POLE} --spec 'late = always[0:20](abs(angle) < 1)' --target 0.5",
         "--at-termination failure",
     ),
+    "success at some step does not last": Shown(
+        "evaluate blinking:Blink-v0 --policy zero --success --episodes 6 --hold 900ms",
+        "--target 0.5",
+        "--episodes 6",
+    ),
+    "seeds do not repeat episodes": Shown(
+        "evaluate blinking:Wild-v0 --policy zero --success --episodes 2"
+    ),
     "few episodes": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),

@@ -1,0 +1,131 @@
+"""`--success`: readings of an environment's own flag of success, beside other requirements."""
+
+from __future__ import annotations
+
+import argparse
+import copy
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.names import listing
+from rtamt_gym.commands.exit_codes import Hollow
+from rtamt_gym.success import readings
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:
+    from rtamt_gym.results.table import Results
+    from rtamt_gym.signals.signals import SignalLike
+
+__all__ = ["add_success", "check_success", "flag_signal", "not_kept", "success_requirements"]
+
+_FLAG: Final = "success"
+"""The variable that reads the flag; what its readings are called begins with it."""
+
+_KEYS: Final = ("success", "is_success")
+"""The keys under which environments have such a flag."""
+
+_HOLD: Final = "500ms"
+
+_NAMED: Final = 5
+"""How many episodes are named."""
+
+
+def add_success(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--success``, ``--success-key`` and ``--hold``."""
+    parser.add_argument(
+        "--success",
+        action="store_true",
+        help="judge the environment's own flag of success too: true at any step, at the last, held "
+        "for a time, and kept for that time until the end",
+    )
+    parser.add_argument(
+        "--success-key",
+        metavar="KEY",
+        help="the key of info that is the flag (default: success or is_success, which is there)",
+    )
+    parser.add_argument(
+        "--hold",
+        metavar="TIME",
+        help=f"how long held and kept ask for, such as 2s (default: {_HOLD})",
+    )
+
+
+def check_success(options: argparse.Namespace) -> None:
+    """Refuses ``--success-key`` and ``--hold`` without ``--success``."""
+    for name in ("success_key", "hold"):
+        if getattr(options, name) is not None and not options.success:
+            raise InputError(f"--{name.replace('_', '-')} is for --success, got it without")
+
+
+def success_requirements(
+    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification]
+) -> dict[str, rtamt.Specification]:
+    """The specifications, and the readings of the flag if they are asked for.
+
+    Raises:
+        InputError: If the time is none, or a specification has the name of a reading.
+    """
+    if not options.success:
+        return dict(specs)
+    found = readings(_FLAG, options.hold or _HOLD)
+    made = {f"{_FLAG}.{name}": rtamt.Specification.of(each) for name, each in found.items()}
+    for name in made:
+        if name in specs:
+            raise InputError(f"expected one specification {name!r}, got two; name one of them")
+    return {**specs, **made}
+
+
+def flag_signal(
+    options: argparse.Namespace,
+    env: Any,  # noqa: ANN401 - an environment
+    signals: Mapping[str, SignalLike],
+) -> dict[str, SignalLike]:
+    """The signals, with the flag of the environment; one of its name that is given stays.
+
+    Which key of info the flag is, a reset and a step say: the price is one of each.
+
+    Raises:
+        InputError: If info has no such key, or two.
+    """
+    if not options.success or _FLAG in signals:
+        return dict(signals)
+    key = options.success_key
+    if key is None:
+        _, info = env.reset(seed=0)
+        *_, last = env.step(copy.deepcopy(env.action_space).sample())
+        keys = {**info, **last}
+        there = [each for each in _KEYS if each in keys]
+        if len(there) != 1:
+            got = "both of them" if there else f"{listing(keys) if keys else 'no key at all'}"
+            raise InputError(
+                f"--success: expected {' or '.join(_KEYS)} in the info of a step, got {got}; "
+                "--success-key KEY names another, --signal success=SELECTOR reads what is none"
+            )
+        key = there[0]
+    return {**signals, _FLAG: (f"info[{key!r}]", 0.0)}
+
+
+def not_kept(results: Results) -> list[Hollow]:
+    """What is said of episodes that succeed at some step, and do not keep it."""
+    lost = [
+        row.seed
+        for row in results
+        if _satisfies(row, f"{_FLAG}.any") and not _satisfies(row, f"{_FLAG}.kept")
+    ]
+    if not lost:
+        return []
+    named = ", ".join(map(str, lost[:_NAMED])) + (", ..." if len(lost) > _NAMED else "")
+    seeds = "seed" if len(lost) == 1 else "seeds"
+    return [
+        Hollow(
+            f"success at some step, and not kept: {len(lost)} of "
+            f"{counted(len(results), 'episode')}, {seeds} {named}"
+        )
+    ]
+
+
+def _satisfies(row: Any, name: str) -> bool:  # noqa: ANN401 - a `Trial`
+    judged = row.judged(name)
+    return judged is not None and judged.verdict is Verdict.SATISFIED

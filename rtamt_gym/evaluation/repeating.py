@@ -1,0 +1,93 @@
+"""Whether a seed repeats an episode: two resets with one seed begin alike."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any, Final, NoReturn
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+
+from rtamt import InputError
+from rtamt_gym.checks.callers import caller_level
+
+__all__ = [
+    "HOW_TO_REPEAT",
+    "UnrepeatedSeedWarning",
+    "alike",
+    "refuse_unrepeated",
+    "repeats",
+    "tell_unrepeated",
+]
+
+HOW_TO_REPEAT: Final = (
+    "give a function that makes an environment whose reset(seed=...) chooses all that is random: "
+    "Meta-World wants env.set_task(task) before a reset, robosuite rtamt_gym.benchmarks"
+)
+"""What to do about an environment that seeds do not repeat."""
+
+
+class UnrepeatedSeedWarning(UserWarning):
+    """Two resets of an environment with one seed began differently."""
+
+
+def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environment, or many
+    """Whether two resets with a seed show the same observation; None if a reset fails.
+
+    It costs two resets, and leaves the environment reset.
+    """
+    seeds: Any = [seed] * env.num_envs if isinstance(env, VectorEnv) else seed
+    try:
+        first, _ = env.reset(seed=seeds)
+        kept = _copied(first)  # which an environment may write the next one into
+        second, _ = env.reset(seed=seeds)
+    except (Exception, SystemExit):  # noqa: BLE001 - the episodes will say it
+        return None
+    return alike(kept, second)
+
+
+def tell_unrepeated(name: str, seed: int) -> None:
+    """Warns that seeds do not repeat episodes of an environment."""
+    warnings.warn(
+        f"two resets of {name} with seed {seed} begin differently: the same call plays other "
+        f"episodes, none is played again, and compare refuses to pair them; {HOW_TO_REPEAT}",
+        UnrepeatedSeedWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def refuse_unrepeated(name: str) -> NoReturn:
+    """Refuses to pair episodes of an environment by seeds that do not repeat them."""
+    raise InputError(
+        f"cannot pair episodes of {name} by their seeds: two resets with one seed begin "
+        f"differently; {HOW_TO_REPEAT}"
+    )
+
+
+def alike(a: Any, b: Any) -> bool:  # noqa: ANN401 - observations of any space
+    """Whether two observations are the same; nan is the same as nan.
+
+    Example:
+        >>> alike({"x": np.array([1.0, np.nan])}, {"x": np.array([1.0, np.nan])})
+        True
+        >>> alike((1, "a"), (1, "b"))
+        False
+    """
+    if isinstance(a, Mapping):
+        return isinstance(b, Mapping) and a.keys() == b.keys() and all(alike(a[n], b[n]) for n in a)
+    if isinstance(a, list | tuple):
+        same = isinstance(b, list | tuple) and len(a) == len(b)
+        return same and all(alike(one, two) for one, two in zip(a, b, strict=True))
+    one, two = np.asarray(a), np.asarray(b)
+    numbers = one.dtype.kind in "fc" and two.dtype.kind in "fc"
+    return bool(np.array_equal(one, two, equal_nan=numbers))
+
+
+def _copied(value: Any) -> Any:  # noqa: ANN401 - an observation of any space
+    """A copy of the arrays of an observation."""
+    if isinstance(value, Mapping):
+        return {name: _copied(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_copied(each) for each in value]
+    return value.copy() if isinstance(value, np.ndarray) else value
