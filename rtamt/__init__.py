@@ -12,7 +12,7 @@ decided it.
 import importlib
 from typing import TYPE_CHECKING
 
-from rtamt import limits
+from rtamt import limits, patterns
 from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
 from rtamt.checking.check import check
 from rtamt.checking.search import ExampleTrace
@@ -124,6 +124,7 @@ __all__ = [
     "load",
     "number",
     "parse",
+    "patterns",
     "predicates",
     "publications",
     "scaled",

@@ -18,7 +18,7 @@ FLOORS = {
     "rtamt": (
         ("errors", "limits"),
         ("language",),
-        ("program",),
+        ("program", "patterns"),
         ("inputs",),
         ("machines",),
         ("monitors",),
@@ -80,7 +80,7 @@ FLOORS = {
 HOUSE = ("rtamt", "rtamt_gym", "rtamt_envs", "rtamt_ros")
 
 # Where public names are.
-PUBLIC = {"rtamt": rtamt, "rtamt.errors": rtamt.errors}
+PUBLIC = {"rtamt": rtamt, "rtamt.errors": rtamt.errors, "rtamt.patterns": rtamt.patterns}
 
 # Not while modules load: the released classes are loaded when first asked for.
 LATE = {("rtamt", "rtamt.compat")}

@@ -1,0 +1,261 @@
+"""Patterns against their definitions, written down once more on arrays of numbers."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import End, Formula, Verdict, patterns
+from rtamt.patterns import CATALOGUE, Pattern
+
+Floats = NDArray[np.float64]
+INF = np.inf
+T = 2
+X, Y, Z = (rtamt.variable(name) for name in "xyz")
+ENDS: tuple[End, ...] = ("complete", "cut")
+
+
+def least(values: Floats) -> float:
+    return float(np.min(values, initial=INF))
+
+
+def greatest(values: Floats) -> float:
+    return float(np.max(values, initial=-INF))
+
+
+def rises(p: Floats) -> Floats:
+    """How much p becomes true, at each sample."""
+    return np.minimum(p, np.concatenate(([INF], -p[:-1])))
+
+
+def whenever(asked: Floats, answered: Floats) -> float:
+    return least(np.maximum(-asked, answered))
+
+
+def ahead(p: Floats, steps: int, of: Callable[[Floats], float]) -> Floats:
+    return np.array([of(p[i : i + steps + 1]) for i in range(len(p))])
+
+
+def lasted(p: Floats, steps: int) -> Floats:
+    """The least of p over the last so many steps and now; -inf where so many were not seen."""
+    return np.array(
+        [least(p[i - steps : i + 1]) if i >= steps else -INF for i in range(len(p))],
+    )
+
+
+def settled(away: Floats, steps: int) -> float:
+    """The greatest, over beginnings in time, of the least from there to the end."""
+    return greatest(np.minimum.accumulate(-away[::-1])[::-1][: steps + 1])
+
+
+def chained(stages: list[Floats], steps: int | None = None) -> float:
+    """The greatest over ordered times of the least of the stages at theirs, stage by stage."""
+    best = stages[0]
+    for stage in stages[1:]:
+        far = len(best) if steps is None else steps
+        reached = [greatest(best[max(0, i - far) : i + 1]) for i in range(len(best))]
+        best = np.minimum(stage, reached)
+    return greatest(best)
+
+
+def between(p: Floats, begin: Floats, end: Floats) -> float:
+    found = INF
+    for i in range(len(p)):
+        kept = max(min(float(end[j]), least(-p[i:j])) for j in range(i, len(p)))
+        found = min(found, max(-min(float(begin[i]), greatest(end[i:])), kept))
+    return found
+
+
+def first_before(first: Floats, later: Floats) -> float:
+    witnesses = (min(float(first[j]), least(-later[:j])) for j in range(len(first)))
+    return max(least(-later), *witnesses)
+
+
+DEFINITIONS: dict[str, tuple[Formula, Callable[[Floats, Floats, Floats], float]]] = {
+    "never": (patterns.never(X > 1), lambda x, *_: least(1 - x)),
+    "limits": (
+        patterns.within_limits(X, -2, 3),
+        lambda x, *_: least(np.minimum(x + 2, 3 - x)),
+    ),
+    "limits of signals": (
+        patterns.within_limits(X, "y", "z + 1"),
+        lambda x, y, z: least(np.minimum(x - y, z + 1 - x)),
+    ),
+    "minimum duration": (
+        patterns.minimum_duration(X > 0, T),
+        lambda x, *_: whenever(rises(x), ahead(x, T, least)),
+    ),
+    "response": (
+        patterns.response(X > 0, Y > 0, T),
+        lambda x, y, _: whenever(x, ahead(y, T, greatest)),
+    ),
+    "precedence": (patterns.precedence(X > 0, Y > 0), lambda x, y, _: first_before(x, y)),
+    "in order": (
+        patterns.in_order(X > 0, Y > 0, Z > 0),
+        lambda x, y, z: chained([x, y, z]),
+    ),
+    "in order within": (
+        patterns.in_order(X > 0, Y > 0, Z > 0, within=T),
+        lambda x, y, z: chained([x, y, z], T),
+    ),
+    "absence between": (patterns.absence_between(X > 0, Y > 0, Z > 0), between),
+    "settling time": (
+        patterns.settling_time(X, 1, 2, T),
+        lambda x, *_: 2 + settled(abs(x - 1), T),
+    ),
+    "settling time after": (
+        patterns.settling_time(X, Y, 2, T, after=Z > 0),
+        lambda x, y, z: whenever(
+            z, np.array([2 + settled(abs(x - y)[i:], T) for i in range(len(x))])
+        ),
+    ),
+    "overshoot": (patterns.overshoot(X, 1, 0.5), lambda x, *_: least(1.5 - x)),
+    "overshoot, falling": (
+        patterns.overshoot(X, Y, 0.5, falling=True),
+        lambda x, y, _: least(0.5 - (y - x)),
+    ),
+    "overshoot after": (
+        patterns.overshoot(X, 1, 0.5, after=Z > 0),
+        lambda x, _, z: whenever(z, np.array([least(1.5 - x[i:]) for i in range(len(x))])),
+    ),
+    "rise time": (
+        patterns.rise_time(X, -1, 2, T),
+        lambda x, *_: whenever(rises(x + 1), ahead(x - 2, T, greatest)),
+    ),
+    "rate limit": (patterns.rate_limit(X, 2), lambda x, *_: least(2 - abs(x))),
+    "recurrence": (
+        patterns.recurrence(X > 0, T),
+        lambda x, *_: least(np.array([greatest(x[i - T : i + 1]) for i in range(T, len(x))])),
+    ),
+    "any": (patterns.success(X > 0), lambda x, *_: greatest(x)),
+    "last": (patterns.success(X > 0, kept=True), lambda x, *_: float(x[-1])),
+    "held": (patterns.success(X > 0, T), lambda x, *_: greatest(lasted(x, T))),
+    "kept": (patterns.success(X > 0, T, kept=True), lambda x, *_: float(lasted(x, T)[-1])),
+}
+"""Each pattern, and its robustness at the first sample of a trace that is complete."""
+
+_columns = st.integers(1, 12).flatmap(
+    lambda n: st.lists(
+        st.lists(st.integers(-16, 16).map(lambda k: (2 * k + 1) / 4), min_size=n, max_size=n),
+        min_size=3,
+        max_size=3,
+    )
+)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_a_pattern_is_its_definition(name: str, backend: Literal["native", "python"]) -> None:
+    formula, define = DEFINITIONS[name]
+
+    @settings(max_examples=30)
+    @given(_columns)
+    def check(columns: list[list[float]]) -> None:
+        trace = dict(zip("xyz", columns, strict=True))
+        expected = define(*(np.array(column) for column in columns))
+        assert rtamt.evaluate(formula, trace, 1, backend=backend)[0] == expected
+        monitor = rtamt.EpisodeMonitor(formula, 1, backend=backend)
+        for i in range(len(columns[0])):
+            monitor.update({name: trace[name][i] for name in formula.variables})
+        assert monitor.finish() == expected
+
+    check()
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_a_pattern_is_an_ordinary_formula_with_a_sentence(name: str) -> None:
+    formula, _ = DEFINITIONS[name]
+    assert rtamt.parse(str(formula)).formula is formula
+    assert rtamt.in_words(formula)
+
+
+@pytest.mark.parametrize("name", ["any", "last", "held", "kept", "recurrence"])
+def test_the_end_of_a_trace_cuts_no_window_that_looks_back(name: str) -> None:
+    formula, _ = DEFINITIONS[name]
+
+    @given(_columns)
+    def check(columns: list[list[float]]) -> None:
+        trace = dict(zip("xyz", columns, strict=True))
+        complete, cut = (rtamt.judge(formula, trace, 1, end=end) for end in ENDS)
+        if name == "recurrence" and len(columns[0]) <= T:  # nothing is asked of it
+            assert (complete.verdict, cut.verdict) == (Verdict.SATISFIED, Verdict.UNDECIDED)
+        else:
+            assert complete.verdict is cut.verdict is not Verdict.UNDECIDED
+
+    check()
+
+
+def _name(pattern: Pattern) -> str:
+    return pattern.name
+
+
+@pytest.mark.parametrize("pattern", CATALOGUE, ids=_name)
+def test_an_example_is_what_it_says(pattern: Pattern) -> None:
+    written = eval(pattern.written, dict(vars(patterns)))  # noqa: S307 - text of our own
+    assert written is pattern.formula
+    assert rtamt.parse(str(pattern.formula)).formula is pattern.formula
+    for trace, verdict in (
+        (pattern.satisfying, Verdict.SATISFIED),
+        (pattern.violating, Verdict.VIOLATED),
+    ):
+        assert set(trace) == set(pattern.formula.variables)
+        for end in ENDS:
+            assert rtamt.judge(pattern.formula, dict(trace), 1, end=end).verdict is verdict
+        with pytest.raises(TypeError):
+            trace["x"] = ()  # type: ignore[index]
+
+
+@pytest.mark.parametrize("pattern", CATALOGUE, ids=_name)
+def test_an_example_demands_something_with_every_part(pattern: Pattern) -> None:
+    found = rtamt.check(pattern.formula, 1)
+    assert found.says == "yes"
+    (requirement,) = found.requirements.values()
+    assert requirement.satisfiable.says == requirement.falsifiable.says == "yes"
+    assert requirement.idle == ()
+
+
+def test_times_keep_their_units() -> None:
+    recurring = patterns.recurrence("x > 0", "500ms")
+    assert str(recurring) == "always[500:inf ms] once[0:500ms](x > 0)"
+    held = patterns.success("x > 0", "0.5 s")
+    assert str(held) == "eventually(x > 0 since[0.5:0.5s] x > 0)"
+    for formula in (recurring, held, patterns.response("x > 0", "y > 0", "20 ms")):
+        assert rtamt.parse(str(formula)).formula is formula
+
+
+def test_operands_are_formulas_terms_or_their_texts() -> None:
+    x, goal = rtamt.variable("x"), rtamt.variable("goal")
+    assert patterns.never("x > 3") is patterns.never(x > 3)
+    assert patterns.within_limits("x + 1", "0", "goal") is patterns.within_limits(x + 1, 0, goal)
+    assert patterns.settling_time(x, goal, 0.1, 2) is patterns.settling_time("x", "goal", 0.1, "2")
+
+
+ERRORS: dict[str, Callable[[], object]] = {
+    "expected a formula or its text for p, got int 3": lambda: patterns.never(3),  # type: ignore[arg-type]
+    "expected a term or its text for x, got int 3": lambda: patterns.overshoot(3, 1, 1),  # type: ignore[arg-type]
+    "expected a term for x, got the formula x > 1": lambda: patterns.overshoot("x > 1", 1, 1),
+    "expected a number of at least 0.0 for most, got -1.0": lambda: patterns.rate_limit("x", -1),
+    "expected a finite number in a term, got nan; write true or false for +-inf": (
+        lambda: patterns.rate_limit("x", float("nan"))
+    ),
+    "expected a time above 0 for within, got 0": lambda: patterns.recurrence("x", 0),
+    "expected a time above 0 for hold, got inf": lambda: patterns.success("x", float("inf")),
+    "expected a time for within, got None": lambda: patterns.recurrence("x", None),  # type: ignore[arg-type]
+    "expected a bound of at least 0, got -1": lambda: patterns.response("x", "y", -1),
+    "expected one of the units s, ms, us, ns, ps, got 'h'": lambda: patterns.success("x", "1h"),
+    "expected least= to be at most most=, got 3 and 1": lambda: patterns.within_limits("x", 3, 1),
+    "expected low= to be below high=, got 1 and 1": lambda: patterns.rise_time("x", 1, 1, 1),
+    "expected at least two stages, got 1": lambda: patterns.in_order("x"),
+}
+
+
+@pytest.mark.parametrize("message", ERRORS)
+def test_wrong_arguments_are_named(message: str) -> None:
+    with pytest.raises(rtamt.RtamtError) as caught:
+        ERRORS[message]()
+    assert str(caught.value) == message
