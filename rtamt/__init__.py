@@ -54,6 +54,8 @@ from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.many import evaluate_many
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
+from rtamt.mutation.mutants import Mutant, mutants
+from rtamt.mutation.mutations import MUTATIONS, Mutation
 from rtamt.program.interface import Names, SemanticsName
 from rtamt.program.timing import Align, Period
 
@@ -64,6 +66,7 @@ __version__ = "0.5.0"
 
 __all__ = [
     "BACKEND",
+    "MUTATIONS",
     "Align",
     "Answer",
     "Asked",
@@ -89,6 +92,8 @@ __all__ = [
     "Interval",
     "Judgement",
     "Monitor",
+    "Mutant",
+    "Mutation",
     "Names",
     "NanPolicy",
     "ParseError",
@@ -122,6 +127,7 @@ __all__ = [
     "judge_dense",
     "limits",
     "load",
+    "mutants",
     "number",
     "parse",
     "patterns",

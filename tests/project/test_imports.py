@@ -22,7 +22,7 @@ FLOORS = {
         ("inputs",),
         ("machines",),
         ("monitors",),
-        ("export", "checking"),
+        ("export", "checking", "mutation"),
         ("__init__",),
         ("compat",),
     ),

@@ -1,0 +1,270 @@
+"""The table of mutations: what each kind changes in a requirement.
+
+That a test is as good as the small changes it notices was proposed by DeMillo, Lipton and Sayward,
+"Hints on test data selection", Computer 1978; for specifications by Black, Okun and Yesha,
+"Mutation operators for specifications", ASE 2000; for temporal ones by Trakhtenbrot, "Mutation
+patterns for temporal requirements of reactive systems", ICSTW 2017.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final, cast
+
+from rtamt.errors import SpecificationError
+from rtamt.language.interval import UNITS, decimal_text
+from rtamt.language.operators import OPERATORS
+
+if TYPE_CHECKING:  # it loads the parser
+    from rtamt.mutation.places import Bound, Change, RequirementText
+
+__all__ = ["MUTATIONS", "Mutation"]
+
+Changes = Callable[["RequirementText"], Iterator["Change"]]
+
+
+@dataclass(frozen=True, slots=True)
+class Mutation:
+    """A kind of change.
+
+    Attributes:
+        name: Its name.
+        doc: What it changes, in a few words.
+        example: A change, as ``before -> after``.
+        changes: The changes of this kind that a requirement has, in the order of its text.
+    """
+
+    name: str
+    doc: str
+    example: str
+    changes: Changes
+
+
+# Bounds and numbers. ------------------------------------------------------------------------------
+
+
+def _bounds(moved: Callable[[Fraction, Fraction], list[Fraction]]) -> Changes:
+    """Changes of bounds; ``moved`` takes a bound and the step between bounds."""
+
+    def changes(text: RequirementText) -> Iterator[Change]:
+        for bound in text.bounds:
+            token = text.tokens[bound.at]
+            if token.text[0] in "0123456789.":
+                for value in _moved(text, bound, token.text, moved):
+                    yield text.change((bound.at,) * 2, value, (bound.first, bound.last))
+        for name, first in text.constants().items():
+            if first is not None:
+                for value in _moved(text, first, text.constant_text(name), moved):
+                    yield text.declared(name, value)
+
+    return changes
+
+
+def _moved(
+    text: RequirementText,
+    bound: Bound,
+    written: str,
+    moved: Callable[[Fraction, Fraction], list[Fraction]],
+) -> Iterator[str]:
+    """What a bound is moved to; a step is a sample, or the unit of the last digit."""
+    step = Fraction(_last_digit(written))
+    if text.period is not None:
+        step = text.period / UNITS[bound.unit or text.spec.unit]
+    for value in moved(Fraction(written), step):
+        if value >= 0:
+            try:
+                yield decimal_text(value)
+            except SpecificationError:
+                continue  # of a period like 1/3 s
+
+
+def _by_a_step(value: Fraction, step: Fraction) -> list[Fraction]:
+    return [value - step, value + step]
+
+
+def _by_a_factor(value: Fraction, step: Fraction) -> list[Fraction]:
+    return [math.floor(value / 2 / step) * step, value * 2, value * 10]
+
+
+def _numbers(moved: Callable[[str], list[Decimal]]) -> Changes:
+    """Changes of numbers in terms."""
+
+    def changes(text: RequirementText) -> Iterator[Change]:
+        for at in text.numbers():
+            for value in moved(text.tokens[at].text):
+                yield text.swapped(at, _written(value))
+        for name, bound in text.constants().items():
+            if bound is None:
+                for value in moved(text.constant_text(name)):
+                    yield text.declared(name, _written(value))
+
+    return changes
+
+
+def _by_a_digit(written: str) -> list[Decimal]:
+    value, unit = Decimal(written), Decimal(_last_digit(written))
+    return [value - unit, value + unit]
+
+
+def _by_a_tenth(written: str) -> list[Decimal]:
+    value = Decimal(written)
+    return [value * Decimal("0.9"), value * Decimal("1.1")] if value else []
+
+
+def _last_digit(written: str) -> Decimal:
+    """The unit of the last digit of a number: 1 of 35, 0.01 of 0.20."""
+    return Decimal(1).scaleb(cast("int", Decimal(written).as_tuple().exponent))
+
+
+def _written(value: Decimal) -> str:
+    text = f"{value.normalize():f}" if abs(value.adjusted()) < 16 else f"{value.normalize():e}"
+    return "0" if value == 0 else text
+
+
+# Words and symbols. -------------------------------------------------------------------------------
+
+
+def _exchanged(instead: Mapping[str, str]) -> Changes:
+    """Operators in place of others, in the same one of their spellings."""
+
+    def changes(text: RequirementText) -> Iterator[Change]:
+        for at in text.operators(*instead):
+            row = text.row(at)
+            if row is not None:
+                spellings = OPERATORS[instead[row.name]].spellings
+                which = row.spellings.index(text.tokens[at].text)
+                yield text.swapped(at, spellings[min(which, len(spellings) - 1)])
+
+    return changes
+
+
+def _both_ways(**pairs: str) -> dict[str, str]:
+    return {**pairs, **{b: a for a, b in pairs.items()}}
+
+
+_STRICT: Final = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
+_DIRECTED: Final = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "!=", "!=": "=="}
+_OPERATORS: Final = _both_ways(
+    always="eventually",
+    historically="once",
+    until="unless",
+    next="s_next",
+    prev="s_prev",
+    rise="fall",
+)
+
+
+def _implications(text: RequirementText) -> Iterator[Change]:
+    for at in text.operators("implies"):
+        for first, last in ((text.left(at), at - 1), (at + 1, text.right(at))):
+            operand = text.between(first, last)
+            yield text.change((first, last), f"not ({operand})", (first, last))
+    yield from _exchanged({"implies": "iff", "iff": "implies"})(text)
+
+
+def _parts(text: RequirementText) -> Iterator[Change]:
+    for at in text.operators("and", "or", "implies", "not"):
+        row = text.row(at)
+        if row is None or row.notation == "prefix":
+            yield text.change((at, at), "", (at, at))
+            continue
+        left = text.left(at)
+        if text.begins_run(left, row):  # else another operator drops it
+            yield text.change((left, at), "", (left, at))
+        if row.name != "implies":
+            last = text.right(at)
+            yield text.change((at, last), "", (at, last))
+
+
+def _constants(text: RequirementText) -> Iterator[Change]:
+    bounding = text.spec.bounding
+    for bound in text.bounds:
+        name = text.tokens[bound.at].text
+        if name in text.spec.constants:
+            for other in text.spec.constants:
+                if other != name and other in bounding:
+                    yield text.change((bound.at,) * 2, other, (bound.first, bound.last))
+    for at in text.names():
+        for other in text.spec.constants:
+            if other != text.tokens[at].text and other not in bounding:
+                yield text.swapped(at, other)
+
+
+# The rows. ----------------------------------------------------------------------------------------
+
+_ROWS: Final = (
+    Mutation(
+        "bound",
+        "a bound is a sample less or more; without a period, one of its last digit",
+        "[0:5] -> [0:6]",
+        _bounds(_by_a_step),
+    ),
+    Mutation(
+        "window",
+        "a bound is half, twice or ten times as far",
+        "[0:5] -> [0:50]",
+        _bounds(_by_a_factor),
+    ),
+    Mutation(
+        "threshold",
+        "a number is one of its last digit less or more",
+        "v < 35 -> v < 36",
+        _numbers(_by_a_digit),
+    ),
+    Mutation(
+        "tenth",
+        "a number is 10 % less or more",
+        "v < 35 -> v < 38.5",
+        _numbers(_by_a_tenth),
+    ),
+    Mutation(
+        "strictness",
+        "the limit itself is allowed, or no longer",
+        "v < 35 -> v <= 35",
+        _exchanged(_STRICT),
+    ),
+    Mutation(
+        "direction",
+        "a comparison is the other way round, or of == and != the other",
+        "v < 35 -> v > 35",
+        _exchanged(_DIRECTED),
+    ),
+    Mutation(
+        "junction",
+        "all of the parts for one of them, or one for all",
+        "and -> or",
+        _exchanged({"and": "or", "or": "and"}),
+    ),
+    Mutation(
+        "operator",
+        "always for eventually, historically for once, until for unless, rise for fall, next for "
+        "s_next, prev for s_prev, and back",
+        "always -> eventually",
+        _exchanged(_OPERATORS),
+    ),
+    Mutation(
+        "implication",
+        "a side of an implication is negated, or it goes both ways",
+        "implies -> iff",
+        _implications,
+    ),
+    Mutation(
+        "part",
+        "a part of and, of or, the left side of an implication, or a not is left out",
+        "and q -> nothing",
+        _parts,
+    ),
+    Mutation(
+        "constant",
+        "another constant of the text stands there",
+        "v < LIMIT -> v < FLOOR",
+        _constants,
+    ),
+)
+
+MUTATIONS: Final[Mapping[str, Mutation]] = {row.name: row for row in _ROWS}
+"""The kinds of mutants, by name."""

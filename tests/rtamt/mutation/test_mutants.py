@@ -1,0 +1,296 @@
+"""Mutants of requirements: one change at one place of the text, and nothing else."""
+
+import re
+import subprocess
+import sys
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import formulas
+
+import rtamt
+from rtamt import MUTATIONS, Formula, InputError, Mutant, Specification, mutants
+from rtamt.language.interval import UNITS
+
+CONSTANTS = "const float LIMIT = 35; const float FLOOR = 3; always(v < LIMIT and w > FLOOR)"
+
+EXPECTED = {
+    "bound": (
+        "always[2:5](x < 1)",
+        ["[2:5] -> [1:5]", "[2:5] -> [3:5]", "[2:5] -> [2:4]", "[2:5] -> [2:6]"],
+    ),
+    "window": (
+        "always[2:5](x < 1)",
+        [
+            "[2:5] -> [1:5]",
+            "[2:5] -> [4:5]",
+            "[2:5] -> [2:2]",
+            "[2:5] -> [2:10]",
+            "[2:5] -> [2:50]",
+        ],
+    ),
+    "threshold": ("always(v < 35)", ["v < 35 -> v < 34", "v < 35 -> v < 36"]),
+    "tenth": ("always(v < 35)", ["v < 35 -> v < 31.5", "v < 35 -> v < 38.5"]),
+    "strictness": (
+        "always(v < 35 and v >= 0 or v == 9)",
+        ["v < 35 -> v <= 35", "v >= 0 -> v > 0"],
+    ),
+    "direction": (
+        "always(v < 35 and v >= 0 or v == 9)",
+        ["v < 35 -> v > 35", "v >= 0 -> v <= 0", "v == 9 -> v != 9"],
+    ),
+    "junction": ("always(a & b or c)", ["& -> |", "or -> and"]),
+    "operator": (
+        "G(F[0:2] a) and (b U c) and historically(d) and rise(a) and next(prev(b))",
+        [
+            "G -> F",
+            "F[0:2] -> G[0:2]",
+            "U -> W",
+            "historically -> once",
+            "rise -> fall",
+            "next -> s_next",
+            "prev -> s_prev",
+        ],
+    ),
+    "implication": (
+        "always(a > 1 -> eventually[0:2](b))",
+        [
+            "a > 1 -> not (a > 1)",
+            "-> -> <->",
+            "eventually[0:2](b) -> not (eventually[0:2](b))",
+        ],
+    ),
+    "part": (
+        "always(p and q or not (r) and (s implies t))",
+        [
+            "p and -> nothing",
+            "p and q or -> nothing",
+            "and q -> nothing",
+            "or not (r) and (s implies t) -> nothing",
+            "not -> nothing",
+            "not (r) and -> nothing",
+            "and (s implies t) -> nothing",
+            "s implies -> nothing",
+        ],
+    ),
+    "constant": (CONSTANTS, ["v < LIMIT -> v < FLOOR", "w > FLOOR -> w > LIMIT"]),
+}
+"""For each kind a requirement and all that is changed in it."""
+
+
+def changes(found: tuple[Mutant, ...]) -> list[str]:
+    return [f"{each.before} -> {each.after or 'nothing'}" for each in found]
+
+
+@pytest.mark.parametrize("kind", MUTATIONS)
+def test_each_kind_changes_what_it_says(kind: str) -> None:
+    text, expected = EXPECTED[kind]
+    found = changes(mutants(text, kinds=[kind]))
+    assert sorted(found) == sorted(expected)
+    before, after = MUTATIONS[kind].example.split(" -> ")
+    everything = {
+        each
+        for known, _ in EXPECTED.values()
+        for each in changes(mutants(known.replace("[2:5]", "[0:5]").replace("->", "implies")))
+    }
+    assert f"{before} -> {after}" in everything
+
+
+def original_text(mutant: Mutant) -> str:
+    """The text of the mutant, with what stood there at its place; by the ends that both share."""
+    old, new = mutant.requirement.text, mutant.specification.text
+    head = next((i for i, pair in enumerate(zip(old, new, strict=False)) if len({*pair}) > 1), None)
+    head = min(len(old), len(new)) if head is None else head
+    tail = 0
+    while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
+        tail += 1
+    return new[:head] + old[head : len(old) - tail] + new[len(new) - tail :]
+
+
+@given(formulas(), st.sampled_from([None, "0.5", "0.1"]))
+def test_a_mutant_is_the_requirement_with_one_change_of_its_text(
+    formula: Formula, period: str | None
+) -> None:
+    spec = Specification.of(formula)
+    found = mutants(spec, period, most=15)
+    assert len({each.specification.formula for each in found}) == len(found)
+    for mutant in found:
+        changed = mutant.specification
+        assert changed.formula is not spec.formula
+        assert rtamt.parse(str(changed)) == changed
+        assert {*changed.variables} <= {*spec.variables}
+        # One stretch of the text differs, and it lies in what is shown.
+        assert original_text(mutant) == spec.text
+        assert mutant.line == 1
+        assert len(changed.text) - len(spec.text) == len(mutant.after) - len(mutant.before)
+        begins = [m.start() for m in re.finditer(re.escape(mutant.before), spec.text)]
+        assert any(
+            begin < mutant.column <= begin + len(mutant.before)
+            and changed.text
+            == spec.text[:begin] + mutant.after + spec.text[begin + len(mutant.before) :]
+            for begin in begins
+        )
+
+
+@given(formulas())
+def test_symbols_and_words_are_exchanged_wherever_they_stand(formula: Formula) -> None:
+    text = str(formula)
+    words = re.findall(r"\w+|[<>=!]+", text)
+    for kind, one, other in (
+        ("strictness", "<", "<="),
+        ("direction", "==", "!="),
+        ("operator", "always", "eventually"),
+        ("operator", "since", None),
+        ("operator", "until", "unless"),
+    ):
+        of_one = [
+            each.specification.formula
+            for each in mutants(text, kinds=[kind])
+            if one in re.findall(r"\w+|[<>=!]+", each.before)
+            and (other is None or other in re.findall(r"\w+|[<>=!]+", each.after))
+        ]
+        if other is None:
+            assert not of_one
+            continue
+        wanted = set()
+        for begin in (m.start() for m in re.finditer(rf"(?<![\w<>=!]){one}(?![\w<>=!])", text)):
+            wanted.add(rtamt.parse(text[:begin] + other + text[begin + len(one) :]).formula)
+        assert {*of_one} == wanted - {formula}, (words, kind)
+
+
+@given(formulas(), st.sampled_from(["ms", "s"]), st.sampled_from([1, 2, 5]))
+def test_bounds_stay_whole_numbers_of_periods(formula: Formula, unit: str, samples: int) -> None:
+    period = UNITS[unit] / samples
+    spec = rtamt.parse(str(formula), unit=unit)
+    for mutant in mutants(spec, period, kinds=["bound", "window"], most=10):
+        for node in mutant.specification.formula.nodes():
+            if node.interval is not None:
+                for bound in {node.interval.begin, node.interval.end} - {None}:
+                    assert bound is not None
+                    assert (bound * UNITS[unit] / period).denominator == 1
+
+
+def test_a_bound_moves_by_a_sample_in_its_own_unit() -> None:
+    found = mutants("always[0.2:1s](x) and once[100:300ms](y)", "100ms", kinds=["bound"])
+    assert changes(found) == [
+        "[0.2:1s] -> [0.1:1s]",
+        "[0.2:1s] -> [0.3:1s]",
+        "[0.2:1s] -> [0.2:0.9s]",
+        "[0.2:1s] -> [0.2:1.1s]",
+        "[100:300ms] -> [0:300ms]",
+        "[100:300ms] -> [200:300ms]",
+        "[100:300ms] -> [100:200ms]",
+        "[100:300ms] -> [100:400ms]",
+    ]
+
+
+def test_a_period_that_no_decimal_writes_leaves_the_bounds_that_one_writes() -> None:
+    found = mutants("always[0:1](x)", Fraction(1, 3), kinds=["bound", "window"])
+    assert changes(found) == ["[0:1] -> [0:2]", "[0:1] -> [0:10]"]
+
+
+def test_numbers_move_by_a_unit_of_their_last_digit() -> None:
+    found = mutants("always(x < 0.20 and y > -1e-3 and z == 0 and w < .5)", kinds=["threshold"])
+    assert [each.after for each in found] == [
+        *("x < 0.19", "x < 0.21"),
+        *("y > -0", "y > -0.002"),
+        *("z == -1", "z == 1"),
+        *("w < 0.4", "w < 0.6"),
+    ]
+
+
+def test_a_constant_is_moved_where_it_is_declared_or_as_it_was_given() -> None:
+    text = "const float T = 2\nconst float LOW = -0.5\nalways[0:T](x > LOW) and x > LOW"
+    found = mutants(text, kinds=["bound", "threshold"])
+    assert [str(each) for each in found] == [
+        "1:17 T = 2 -> T = 1",
+        "1:17 T = 2 -> T = 3",
+        "2:19 LOW = -0.5 -> LOW = -0.6",
+        "2:19 LOW = -0.5 -> LOW = -0.4",
+        "3:8 [0:T] -> [1:T]",
+    ]
+    assert str(found[2].specification.formula) == "always[0:2](x > -0.6) and x > -0.6"
+    given = mutants(rtamt.parse(text, constants={"T": 7}), kinds=["bound"])
+    assert [str(each) for each in given] == [
+        "3:8 [0:T] -> [1:T]",
+        "3:10 T = 7 -> T = 6",
+        "3:10 T = 7 -> T = 8",
+    ]
+    assert str(given[1].specification.formula) == "always[0:6](x > -0.5) and x > -0.5"
+
+
+def test_a_formula_that_is_named_twice_is_changed_once_for_both() -> None:
+    text = "p = x > 1\nq = z > 0\nboth = always(p) and eventually(p)\nother = always(q)"
+    both = rtamt.parse(text).requirements["both"]
+    found = mutants(both, kinds=["direction"])
+    assert [str(each) for each in found] == ["1:7 x > 1 -> x < 1"]
+    assert str(found[0].specification.formula) == "always(x < 1) and eventually(x < 1)"
+    assert found[0].specification.requirement == "both"
+    dropped = mutants(both, kinds=["part"])
+    assert [str(each.specification.formula) for each in dropped] == [
+        "eventually(x > 1)",
+        "always(x > 1)",
+    ]
+
+
+def test_the_most_are_the_first_of_each_kind_in_turn() -> None:
+    text = "always[3:9](x > 1 implies eventually[0:4](y < 3 and z > 4))"
+    every = mutants(text)
+    for most in range(1, len(every) + 2):
+        some = mutants(text, most=most)
+        assert len(some) == min(most, len(every))
+        assert {*some} <= {*every}
+        assert {*some} <= {*mutants(text, most=most + 1)}
+    kinds = [kind for kind in MUTATIONS if any(each.kind == kind for each in every)]
+    assert {each.kind for each in mutants(text, most=len(kinds))} == {*kinds}
+
+
+def test_text_of_several_lines_says_the_place_and_keeps_comments() -> None:
+    text = "// v < 35\nslow =\n  v < 35 // km/h\n  and  v >= 0\nalways(slow)"
+    found = mutants(text, kinds=["junction", "part"])
+    assert [str(each) for each in found] == [
+        "3:3 v < 35 // km/h and -> nothing",
+        "4:3 and -> or",
+        "4:3 and v >= 0 -> nothing",
+    ]
+    assert [str(each.specification.formula) for each in found] == [
+        "always(v >= 0)",
+        "always(v < 35 or v >= 0)",
+        "always(v < 35)",
+    ]
+
+
+def test_apart_fails_where_requirement_and_mutant_differ() -> None:
+    (mutant,) = mutants("always[0:1](x < 3)", kinds=["window"], most=1)
+    assert str(mutant.specification.formula) == "always[0:0](x < 3)"
+    for trace in ([1, 1, 1], [1, 4, 1], [4, 1, 1], [4, 4, 1]):
+        one = rtamt.judge(mutant.requirement, {"x": trace}).verdict
+        other = rtamt.judge(mutant.specification, {"x": trace}).verdict
+        differ = rtamt.judge(mutant.apart, {"x": trace}).verdict.name == "VIOLATED"
+        assert differ == (one is not other)
+
+
+def test_bounds_in_another_unit_keep_it_apart() -> None:
+    (mutant,) = mutants(rtamt.parse("always[0:5](x < 3)", unit="ms"), kinds=["direction"])
+    assert str(mutant.apart.formula) == "always[0:5ms](x < 3) iff always[0:5ms](x > 3)"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"kinds": ["bounds"]}, "expected a kind of mutants, got 'bounds'; did you mean 'bound'?"),
+        ({"kinds": ["zzz"]}, "they are"),
+        ({"most": 0}, "most: expected 1 mutant or more, got 0"),
+    ],
+)
+def test_what_is_no_kind_or_number_is_refused(arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        mutants("always(x > 1)", **arguments)  # type: ignore[arg-type]
+
+
+def test_the_parser_is_loaded_when_mutants_are_made() -> None:
+    code = "import rtamt, sys; rtamt.MUTATIONS; print(any('antlr' in name for name in sys.modules))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout == "False\n"
