@@ -94,8 +94,12 @@ class Middleware(Protocol):
         """Publishes on a topic; a latched one gives its last message to who comes late."""
         ...
 
-    def every(self, period: int, callback: Callable[[], None]) -> Handle:
-        """Calls back once a period of the clock of ROS; calls never overlap."""
+    def every(self, period: int, callback: Callable[[int], None]) -> Handle:
+        """Calls back at every point of a grid of the clock of ROS; calls never overlap.
+
+        A call is given the last point that has come; those of a timer are whole periods apart,
+        whatever the clock does. A call that is late by several points is one call.
+        """
         ...
 
     def log(self, level: Level, text: str) -> None:

@@ -183,6 +183,9 @@ class _Running:
         self._middleware = middleware
         self._plan = plan
         self._lock = threading.RLock()  # of what is published, and of monitors in dense time
+        # Who holds it reads the clock: messages and looks come in the order of their times. On
+        # samples a message does not wait until a look has published.
+        self._arrivals = self._lock if plan.settings.dense else threading.RLock()
         self._closed = False
         self._handles: list[Handle] = []
         self._ended = threading.Event()
@@ -208,7 +211,7 @@ class _Running:
             self.close()
             raise
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
-            self._look()
+            self._look(0)
 
     def close(self) -> None:
         with self._lock:
@@ -263,11 +266,12 @@ class _Running:
         take = self.judges.take
 
         def sampled(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
-            came = now()
-            take(topic, message, (settings.stamps and stamp(message)) or came, came)
+            with self._arrivals:
+                came = now()
+                take(topic, message, (settings.stamps and stamp(message)) or came, came)
 
         def dense(message: Any) -> None:  # noqa: ANN401
-            with self._lock:
+            with self._arrivals:
                 if not self._closed:
                     came = now()
                     time = (settings.stamps and stamp(message)) or came
@@ -276,8 +280,8 @@ class _Running:
 
         return dense if settings.dense else sampled
 
-    def _look(self) -> None:
-        self._say(self.judges.look)
+    def _look(self, due: int) -> None:
+        self._say(lambda now: self.judges.look(due, now))
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True
             self._name_silent()
@@ -288,8 +292,8 @@ class _Running:
     def _say(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
         """Publish the reports of the time that it is now."""
         with self._lock:
-            # Read under the lock: a time that was read before another's turn would seem to go back.
-            now = self._middleware.now()
+            with self._arrivals:
+                now = self._middleware.now()
             if not self._closed:
                 for report in reports(now):
                     self._publish(report)

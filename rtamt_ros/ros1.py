@@ -128,7 +128,7 @@ class Ros1:
         self.resolve(topic)
         return _Publisher(topic, message, latched=latched)
 
-    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+    def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         timer = _Timer(period, callback)
         self._timers.append(timer)
         return timer
@@ -206,7 +206,7 @@ class _Timer(threading.Thread):
     moves its grid by every delay, rounds its period, and ends with the first exception.
     """
 
-    def __init__(self, period: int, callback: Callable[[], None]) -> None:
+    def __init__(self, period: int, callback: Callable[[int], None]) -> None:
         super().__init__(daemon=True)
         self._period = period
         self._callback = Callback(callback, rospy.logerr)
@@ -227,7 +227,7 @@ class _Timer(threading.Thread):
             late = now >= due  # else the clock has jumped back
             due = now + self._period - (now - self._begin) % self._period
             if late:
-                self._callback()
+                self._callback(due - self._period)
 
     def _wait(self, now: int, duration: int) -> None:
         """Waits for a duration of the wall clock, or for another time of the simulated one."""

@@ -146,7 +146,7 @@ class Ros2:
             entity = self.node.create_publisher(message, topic, qos, event_callbacks=events)
         return _Publisher(self.node, entity, message)
 
-    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+    def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         return _Timer(self, period, callback)
 
     def log(self, level: Level, text: str) -> None:
@@ -197,10 +197,19 @@ class Ros2:
 
 
 class _Timer:
-    def __init__(self, ros: Ros2, period: int, callback: Callable[[], None]) -> None:
+    """Calls back with points of a grid of its own, which lies just before that of the timer."""
+
+    def __init__(self, ros: Ros2, period: int, callback: Callable[[int], None]) -> None:
         self._node = ros.node
         self._callback = Callback(callback, partial(ros.log, Level.ERROR))
-        self._timer = self._node.create_timer(period / _SECOND, self._callback)
+        begin, now = ros.now(), ros.now
+
+        def call() -> None:
+            time = now()
+            self._callback(time - (time - begin) % period)
+
+        # rclpy makes nanoseconds of the seconds, and cuts off what is less.
+        self._timer = self._node.create_timer((period + 0.5) / _SECOND, call)
 
     def close(self) -> None:
         self._callback.close()

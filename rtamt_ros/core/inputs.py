@@ -1,8 +1,9 @@
-"""The last message of every topic, and how old it is."""
+"""The messages of a topic: what it held at a time, and how old that was."""
 
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -13,11 +14,16 @@ __all__ = ["Input"]
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
 
+_Arrival = tuple[int, int, list[float], int]
+
 
 class Input:
-    """A topic, and what the specifications read of its last message.
+    """A topic, and what the specifications read of its messages.
 
-    `take` may be called by several threads. Nothing of a message is kept but its numbers.
+    `take` keeps what comes, in any thread. One thread calls `gather`, and then `settle` for times
+    that are whole periods apart: it holds what came last by each. Nothing of a message is kept but
+    its numbers; of those between two such times only the last is kept, and none that is older than
+    a gap and a period, however long nothing is gathered.
 
     Args:
         name: What the specifications call it.
@@ -30,7 +36,8 @@ class Input:
         package: The package of the class of its messages.
         message: The name of the class.
         fields: What is read of a message; `values` has the same order.
-        values: The values of the last message, in order; before the first the default, or none.
+        values: The values of the message that is held, in order; before the first the default, or
+            none.
         time: Nanoseconds at which it came, or of its stamp; None before the first.
         came: Nanoseconds at which it came. Its age counts from here where its stamp is later: a
             publisher whose clock is ahead is stale as soon as another.
@@ -44,10 +51,15 @@ class Input:
 
     __slots__ = (
         "_again",
+        "_arrived",
         "_gap",
         "_lock",
+        "_newest",
+        "_period",
         "_reads",
+        "_settled",
         "_stamps",
+        "_waiting",
         "came",
         "default",
         "error",
@@ -79,6 +91,12 @@ class Input:
         self._stamps = settings.stamps
         self._again = 0 if settings.dense else -1  # two events of a topic need two times
         self._gap = settings.gap
+        self._period = settings.period
+        # When they came, their times, their values, and by how much the stamps went back with them.
+        self._arrived: deque[_Arrival] = deque()
+        self._waiting: deque[_Arrival] = deque()  # those that were gathered
+        self._newest: int | None = None
+        self._settled: int | None = None
         self._lock = threading.Lock()
         self.default = default
         self.values: list[float] = []
@@ -99,7 +117,7 @@ class Input:
         return len(paths)
 
     def take(self, message: Any, time: int, came: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
-        """Hold what is read of a message; False if it is left out."""
+        """Keep what is read of a message until it is settled; False if it is left out."""
         try:
             values = [float(read(message)) for read in self._reads]
         except _UNREADABLE as error:
@@ -108,19 +126,52 @@ class Input:
             if value != value:  # noqa: PLR0124 - nan
                 return self._refuse(message, None)
         with self._lock:
-            last = self.time
+            last, back = self._newest, 0
             if self._stamps and last is not None and time - last <= self._again:
                 if last - time <= self._gap:
                     self.out_of_order += 1
                     return False
-                self.jumps += 1
-                self.went_back = last - time
-            self.values = values
-            self.came = came  # before the time: who asks for its age now does not lock
-            self.time = time
+                back = last - time
+            self._newest = time
+            arrived = self._arrived
+            self._add(arrived, (came, time, values, back))
+            while len(arrived) > 1 and arrived[1][0] < came - self._gap - self._period:
+                arrived.popleft()
             self.taken += 1
             self.error = ""
         return True
+
+    def gather(self) -> None:
+        """Let `settle` find what came up to now."""
+        if self._arrived:
+            with self._lock:
+                for each in self._arrived:
+                    self._add(self._waiting, each)
+                self._arrived.clear()
+
+    def settle(self, time: int) -> None:
+        """Hold the last message that came by a time, of those that were gathered."""
+        self._settled = time
+        waiting = self._waiting
+        while waiting and waiting[0][0] <= time:
+            self.came, self.time, self.values, back = waiting.popleft()
+            if back:
+                self.jumps += 1
+                self.went_back = back
+
+    def _add(self, some: deque[_Arrival], one: _Arrival) -> None:
+        """Add a message in the place of those that no time to be settled needs any more."""
+        came, time, values, back = one
+        settled, period = self._settled, self._period
+        while some:
+            before = some[-1][0]
+            if came > before and (  # else the clock stands, or went back
+                settled is None
+                or (came - settled - 1) // period != (before - settled - 1) // period
+            ):
+                break
+            back = max(back, some.pop()[3])
+        some.append((came, time, values, back))
 
     def age(self, now: int) -> int:
         """Nanoseconds since the last message; 0 without one."""
@@ -142,15 +193,25 @@ class Input:
         return now - min(time, self.came) > self.stale_after
 
     def forget_after(self, now: int) -> None:
-        """Forget a message that came later than now, before the clock went back."""
+        """Forget messages that came later than now, before the clock went back."""
         with self._lock:
             if self.time is not None and self.came > now:
                 self.time = None
                 self.values = self._defaults()
+            self._newest = self.time
+            for some in (self._waiting, self._arrived):
+                kept = [each for each in some if each[0] <= now]
+                some.clear()
+                some.extend(kept)
+                self._newest = kept[-1][1] if kept else self._newest
 
     def came_before_the_clock(self, now: int) -> None:
-        """Take now for the time of a message that came before a simulated clock began."""
+        """Take now for the time of messages that came before a simulated clock began."""
         with self._lock:
+            for some in (self._waiting, self._arrived):
+                dated = [(came or now, time or now, held, back) for came, time, held, back in some]
+                some.clear()
+                some.extend(dated)
             if self.time is not None and not self.came:
                 self.came = now
                 self.time = self.time or now

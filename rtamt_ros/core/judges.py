@@ -21,8 +21,9 @@ __all__ = ["Judges"]
 class Judges:
     """Judges every requirement of some specifications.
 
-    On samples, several threads may `take` messages while one takes `look` after look. In dense time
-    all calls come one after the other.
+    On samples, several threads may `take` messages while one takes `look` after look; the time of a
+    message is read where no look reads its own meanwhile. All requirements are sampled at the same
+    times, a period apart. In dense time all calls come one after the other.
 
     Args:
         specifications: What to judge.
@@ -47,12 +48,13 @@ class Judges:
         for source in self.inputs:
             self.topics.setdefault(source.topic, []).append(source)
         self._records = [self._record(each) for each in self.requirements]
-        make: type[SampledJudge | DenseJudge] = DenseJudge if settings.dense else SampledJudge
-        self._judges = [
-            make(each, settings, record)
-            for each, record in zip(self.requirements, self._records, strict=True)
-        ]
+        recorded = list(zip(self.requirements, self._records, strict=True))
+        dense = settings.dense
+        self._sampled = [SampledJudge(of, settings, to) for of, to in recorded if not dense]
+        self._dense = [DenseJudge(of, settings, to) for of, to in recorded if dense]
+        self._judges: list[SampledJudge | DenseJudge] = [*self._sampled, *self._dense]
         self._now = 0
+        self._point: int | None = None  # the last that was judged
 
     @property
     def files(self) -> list[Path]:
@@ -67,45 +69,78 @@ class Judges:
 
     def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""
-        if self.settings.dense and now > 0:
-            self._follow_clock(now)
+        dense = self.settings.dense
+        if dense and now > 0:
+            self._follow_clock(now, now)
         taken = {each for each in self.topics[topic] if each.take(message, time, now)}
         reports: list[RequirementReport] = []
-        for judge in self._judges if taken and self.settings.dense else ():
-            for source in judge.inputs:
-                if source in taken and isinstance(judge, DenseJudge):
-                    reports += judge.event(source, now)
+        if dense:
+            for source in taken:
+                source.gather()
+                source.settle(now)
+            for judge in self._dense:
+                for source in judge.inputs:
+                    if source in taken:
+                        reports += judge.event(source, now)
         return reports
 
-    def look(self, now: int) -> Sequence[RequirementReport]:
-        """The reports of a time: on samples, those that are due."""
+    def look(self, due: int, now: int) -> Sequence[RequirementReport]:
+        """The reports of a time: on samples, of every point that came since the last look.
+
+        Args:
+            due: The last point of the grid that has come; dense time has none.
+            now: What the clock shows.
+        """
         if now <= 0:
             return [each.account.without_clock() for each in self._judges]
-        self._follow_clock(now)
+        if self.settings.dense:
+            self._follow_clock(now, now)
+            return [report for judge in self._dense for report in judge.look(now)]
+        period = self.settings.period
+        if due > now:  # the clock was set back since
+            due -= -((now - due) // period) * period
+        self._follow_clock(now, due)
+        for source in self.inputs:
+            source.gather()
         reports: list[RequirementReport] = []
-        for judge in self._judges:
-            found = judge.look(now)
-            if isinstance(found, RequirementReport):
-                reports.append(found)
-            elif found is not None:
-                reports += found
+        points, gap = self._points(due)
+        for point in points:
+            self._point = point
+            for source in self.inputs:
+                source.settle(point)
+            reports += [each.sample(point, late=point < due, gap=gap) for each in self._sampled]
         return reports
+
+    def _points(self, due: int) -> tuple[Sequence[int], str]:
+        """The points since the last that was judged; why it is the last alone, after a gap."""
+        last, period = self._point, self.settings.period
+        if last is None:
+            return [due], ""
+        if due - last > self.settings.gap:
+            return [due], f"nothing was sampled for {seconds(due - last)}"
+        return range(last + period, due + 1, period), ""
 
     def standing(self) -> Sequence[RequirementReport]:
         """The reports while a simulated clock stands still; the monitors go on when it does."""
         return [each.account.standing() for each in self._judges]
 
-    def _follow_clock(self, now: int) -> None:
+    def _follow_clock(self, now: int, time: int) -> None:
+        """Forget what came after a time to which the clock went back.
+
+        Args:
+            now: What the clock shows.
+            time: Of what is judged now: that of messages which came before a simulated clock began.
+        """
         back = self._now - now
         if not self._now:
             for source in self.inputs:
-                source.came_before_the_clock(now)
+                source.came_before_the_clock(time)
         elif back > self.settings.period:
             for source in self.inputs:
                 source.forget_after(now)
             for judge in self._judges:
                 judge.stop(f"the clock went back by {seconds(back)}")
-            self._now = now
+            self._now, self._point = now, None
         self._now = max(self._now, now)
 
     def flush(self) -> None:

@@ -41,7 +41,7 @@ class RequirementReport(NamedTuple):
         waiting: The inputs that have not come.
         violations: Runs of the monitor in which a violation was certain.
         violated_at: The time at which the first of them was.
-        missed: Samples for which the timer came too late, and which have the values held then.
+        missed: Samples that were judged so late that the next was due; their values are right.
         out_of_order: Messages left out because they are older than the one before.
         errors: Messages left out because a field was nan, or was not there.
         restarts: How often the monitor began anew, after a gap or a jump of the clock.

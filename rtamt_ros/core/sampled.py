@@ -22,10 +22,8 @@ __all__ = ["SampledJudge"]
 class SampledJudge:
     """Judges a requirement on the last values, once a period.
 
-    The n-th sample of a run is at its begin + n periods, whatever the jitter of the looks. A look
-    that comes late by several periods takes the values held then for all of them. `Monitor` gives
-    the robustness, or `EpisodeMonitor` if no monitor can wait for the requirement. `Formulas` does
-    the same for every named formula.
+    `Monitor` gives the robustness, or `EpisodeMonitor` if no monitor can wait for the requirement.
+    `Formulas` does the same for every named formula.
 
     Under ``stale_as="unknown"`` a run goes on while inputs are stale: `EpisodeMonitor` takes their
     values for unknown, so that bounds and verdict are about the whole run. `Monitor` and
@@ -48,7 +46,6 @@ class SampledJudge:
     ) -> None:
         self.account = Account(requirement, record)
         self.inputs = requirement.inputs
-        self._period, self._gap = settings.period, settings.gap
         options: Any = {
             "period": f"{settings.period}ns",
             "semantics": settings.semantics,
@@ -80,81 +77,74 @@ class SampledJudge:
             self._formulas = Formulas(requirement.specification, self._episode.variables, options)
         self._record = record
         self._why = ""
-        self._start: int | None = None
-        self._count = 0
-        self._decided = False
+        self._running = False
+        self._fresh = self._decided = False
         self._gaps = False
         self._jumps = 0
 
     def stop(self, why: str) -> None:
         """End the run; the next look at which every input is there begins another."""
-        if self._start is not None:
+        if self._running:
             self._why = why
-            self._start = None
+            self._running = False
 
-    def look(self, now: int) -> RequirementReport | None:
-        """The report of a time; None if no sample is due."""
+    def sample(self, time: int, *, late: bool = False, gap: str = "") -> RequirementReport:
+        """The report of a time, one period after the last; the inputs hold what came by then.
+
+        Args:
+            time: Of the sample.
+            late: Whether the next one is due too.
+            gap: Why it is not one period after the last; empty if it is.
+        """
         jumps = 0
         for source in self.inputs:
-            if source.is_awaited() if self._unknown else source.is_gone(now):
-                self.stop(self.account.why_gone(now))
-                return self.account.without(now)
+            if source.is_awaited() if self._unknown else source.is_gone(time):
+                self.stop(self.account.why_gone(time))
+                return self.account.without(time)
             jumps += source.jumps
         if jumps != self._jumps:
             self._jumps = jumps
             back = max(self.inputs, key=lambda source: source.went_back)
             self.stop(f"the stamps of {back.name} went back by {seconds(back.went_back)}")
-        if self._start is None:
-            return self._begin(now)
-        # The nearest sample: a timer may be early.
-        due = (2 * (now - self._start) + self._period) // (2 * self._period)
-        late = due - self._count
-        if late < 0:
-            return None
-        since = now - self._start - (self._count - 1) * self._period
-        if since > self._gap:
-            self.stop(f"nothing was sampled for {seconds(since)}")
-            return self._begin(now)
+        if gap:
+            self.stop(gap)
+        if not self._running:
+            self._begin()
         self.account.missed += late
-        return self._feed(late + 1, now)
+        return self._judged(time)
 
-    def _begin(self, now: int) -> RequirementReport:
+    def _begin(self) -> None:
         self._episode.reset()
         for each in (self._monitor, self._formulas):
             if each is not None:
                 each.reset()
-        self._start, self._count, self._decided = now, 0, False
-        self._gaps = False
-        return self._feed(1, now)
+        self._running = self._fresh = True
+        self._decided = self._gaps = False
 
-    def _feed(self, count: int, now: int) -> RequirementReport:
-        sample, stale = self._sample(now)
-        time = about = 0
-        robustness, known = math.nan, None
-        for _ in range(count):
-            time = (self._start or 0) + self._count * self._period
-            try:
-                robustness = self._apart(sample) if stale else self._step(sample)
-            except InputError as error:  # a term is no number
-                self.stop("there was no robustness")
-                return self.account.failed(time, str(error))
-            if not self._count:
-                self.account.begin(self._why)
-                if self._record is not None:
-                    self._record.begin()
-            self._count += 1
+    def _judged(self, time: int) -> RequirementReport:
+        sample, stale = self._sample(time)
+        try:
+            robustness = self._apart(sample) if stale else self._step(sample)
+        except InputError as error:  # a term is no number
+            self.stop("there was no robustness")
+            return self.account.failed(time, str(error))
+        if self._fresh:
+            self._fresh = False
+            self.account.begin(self._why)
             if self._record is not None:
-                self._record.row(time, (*sample, robustness))
-            known, about = None, time - self._latency
-            if robustness == robustness:  # noqa: PLR0124 - not nan: the latency has passed
-                known = robustness
-                self.account.found(robustness, about)
-            if not self._decided and self._episode.verdict:
-                self._decided = True
-                if self._episode.verdict is Verdict.VIOLATED:
-                    self.account.violated(time)
+                self._record.begin()
+        if self._record is not None:
+            self._record.row(time, (*sample, robustness))
+        known, about = None, time - self._latency
+        if robustness == robustness:  # noqa: PLR0124 - not nan: the latency has passed
+            known = robustness
+            self.account.found(robustness, about)
+        if not self._decided and self._episode.verdict:
+            self._decided = True
+            if self._episode.verdict is Verdict.VIOLATED:
+                self.account.violated(time)
         if stale:
-            what = {each.name: each.age(now) for each in stale}
+            what = {each.name: each.age(time) for each in stale}
             return self.account.without_values(
                 time, what, self._episode.bounds(), self._episode.verdict
             )
@@ -170,9 +160,7 @@ class SampledJudge:
 
     def _sample(self, now: int) -> tuple[list[float], list[Input]]:
         """The values of a time, and the inputs of which they are not known and nan."""
-        stale = []
-        if self._unknown:  # before the values: a message may come now
-            stale = [source for source in self.inputs if source.is_stale(now)]
+        stale = [each for each in self.inputs if each.is_stale(now)] if self._unknown else []
         held = [source.values for source in self.inputs]
         for source in stale:
             at = self.inputs.index(source)

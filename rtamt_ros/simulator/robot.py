@@ -125,7 +125,7 @@ class Robot:
         low, high = np.array([each[2:] for each in SCENARIO.actions]).T
         self._command = np.clip(command, low, high)
 
-    def _step(self) -> None:
+    def _step(self, _due: int) -> None:
         """Moves for a period and says where the robot is then."""
         command, parameters = self._command, self._parameters
         if command is None:  # it stands
@@ -183,7 +183,7 @@ class RobotController:
         self._pose = pose.position.x, pose.position.y, heading
         self._point = next_point(pose.position.x, pose.position.y, self._point)
 
-    def _step(self) -> None:
+    def _step(self, _due: int) -> None:
         """Commands what the baseline of the scenario does, or the fault."""
         if self._pose is None:
             return

@@ -232,10 +232,10 @@ def test_a_timer_calls_at_the_first_tick_of_each_period(world: World) -> None:
         contract.tick(clock, node, now)
         point = begin + (now - begin) // period * period
         if point > last:
-            expected.append(now)
+            expected.append((now, point))
             last = point
             assert len(node.ask("kept", "grid", len(expected))) == len(expected)
         elif now < last:  # the clock jumped back, behind what was called
             last = point
             node.ask("kept", "grid", len(expected) + 1, 0.1)  # the timer takes a look
-    assert [time for time, _ in node.ask("kept", "grid")] == expected
+    assert [(time, due) for time, _, due in node.ask("kept", "grid")] == expected

@@ -226,7 +226,7 @@ def test_start_and_stop_open_and_close_everything_once() -> None:
     assert open_ends(ros) == (0, 0, 0)
     assert not node.running
     before = len(ros.published)
-    tick()  # a callback that was waiting
+    tick(ros.time)  # a callback that was waiting
     assert len(ros.published) == before
 
 

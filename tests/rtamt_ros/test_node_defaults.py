@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,7 +34,7 @@ def said(ros: MemoryMiddleware, node: MonitorNode) -> list[str]:
 def test_a_default_is_the_same_as_a_message_with_it_at_the_begin(
     steps: list[tuple[int, str, float]], *, dense: bool
 ) -> None:
-    options = {"dense": dense, "stale_of": {"rtamt/limit": float("inf")}}
+    options: dict[str, Any] = {"dense": dense, "stale_of": {"rtamt/limit": float("inf")}}
     (ros, node), (other, told) = started(WITH, **options), started(WITHOUT, **options)
     send(other, "limit", 0.5)
     send(ros, "x", 1.0)

@@ -25,10 +25,11 @@ class Running(MemoryMiddleware):
     """A middleware whose clock runs on by two periods at every reading, where threads change."""
 
     turns: Turns = field(default_factory=Turns)
+    readings: dict[int, int] = field(default_factory=dict)
 
     def now(self) -> int:
         self.time += 2 * PERIOD
-        now = self.time
+        now = self.readings[threading.get_ident()] = self.time
         self.turns.point()
         return now
 
@@ -84,3 +85,37 @@ def test_threads_that_read_the_clock_in_turns_see_no_clock_that_went_back(
         assert ros.data("rtamt/spec/verdict")[-1] == Verdict.VIOLATED
         orders += 1
     assert orders > 5
+
+
+def test_a_sample_holds_what_came_by_its_time_whoever_has_the_turn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = """
+    from rtamt_msgs.msg import FloatMessage
+    output FloatMessage out
+    float64 x
+    out.value = x >= 0
+    """
+
+    def publish(ros: Running, came: dict[float, int], value: float) -> None:
+        send(ros, "x", value)
+        came[value] = ros.readings[threading.get_ident()]
+
+    late = 0
+    for turns in every_order():
+        ros, node = started(turns, monkeypatch, text)
+        came: dict[float, int] = {}
+        publish(ros, came, 1.0)
+        ros.tick()
+        turns.run(message=partial(publish, ros, came, 2.0), look=ros.tick)
+        publish(ros, came, 3.0)
+        ros.tick()
+        for sample in ros.on("rtamt/out"):
+            by_then = {
+                time: value for value, time in came.items() if time <= sample.header.stamp.ns
+            }
+            assert sample.value == by_then[max(by_then)], turns.order
+        (report,) = node.reports
+        assert (report.restarts, report.time) == (0, ros.time - 2 * PERIOD), turns.order
+        late += report.missed
+    assert late

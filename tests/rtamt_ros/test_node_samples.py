@@ -1,8 +1,9 @@
-"""Samples of a node: the values held at start + n periods, judged like the samples of any trace."""
+"""Samples of a node: what came by start + n periods, judged like the samples of any trace."""
 
 from __future__ import annotations
 
 import math
+import tracemalloc
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -31,6 +32,11 @@ from nav_msgs.msg import Odometry
 input float64 x
 input Odometry odom
 """
+STAMPED = """
+from rtamt_msgs.msg import FloatMessage
+output FloatMessage out
+float64 x
+"""
 VALUES = st.sampled_from([-3.0, -0.5, -0.0, 0.0, 1.0, 2.5, 1e300])  # inf - inf is no number
 # (milliseconds since the last one, the topic, the value); "tick" is the timer.
 STEPS = st.lists(
@@ -46,9 +52,9 @@ def send(ros: MemoryMiddleware, topic: str, value: float) -> None:
         ros.send("rtamt/odom", message("nav_msgs", "Odometry", twist__twist__linear__x=value))
 
 
-def nearest_sample(time: int, start: int) -> int:
-    """The number of the sample that a tick is for."""
-    return math.floor((time - start) / PERIOD + 0.5)
+def held_at(time: int, came: list[tuple[int, float]]) -> float | None:
+    """The last value that came by a time."""
+    return next((value for at, value in reversed(came) if at <= time), None)
 
 
 def check_bounds(ros: MemoryMiddleware, expected: list[tuple[float, float, int]]) -> None:
@@ -65,9 +71,10 @@ def test_a_node_says_of_its_samples_what_evaluate_says(
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, [f"{TEXT}{text}"], Settings(stale=FOREVER))
     node.start()
-    held: dict[str, float] = {}
+    came: dict[str, list[tuple[int, float]]] = {"x": [], "odom": []}
     samples: list[tuple[float, float]] = []
     begin: int | None = None
+    before: int | None = None
     episode = EpisodeMonitor(rtamt.parse(f"{TEXT}{text}"), period="100ms")
     expected: list[tuple[float, float, int]] = []
     missed = 0
@@ -76,27 +83,25 @@ def test_a_node_says_of_its_samples_what_evaluate_says(
         ros.time += wait * MS * (1 + (late if what == "tick" else 0) // 2)
         if what != "tick":
             send(ros, what, value)
-            held[what] = value
+            came[what].append((ros.time, value))
             continue
-        seen = len(ros.on("rtamt/spec"))
-        last = -1 if begin is None else len(samples) - 1
-        ros.tick()
-        if len(held) < 2:
-            assert not ros.on("rtamt/spec")
-            assert not ros.on("rtamt/spec/lower")
-            continue
-        begin = ros.time if begin is None else begin
-        due = nearest_sample(ros.time, begin)
-        if ros.time - begin - last * PERIOD > 500 * MS and last >= 0:
+        due = START + (ros.time - START) // PERIOD * PERIOD
+        if before is not None and due - before > 500 * MS:
             return  # a gap: the node begins anew
-        for _ in range(last, due):
-            samples.append((held["x"], held["odom"]))
-            episode.update(*samples[-1])
-        if due > last:
+        ros.tick()
+        for point in range(due if before is None else before + PERIOD, due + 1, PERIOD):
+            x, odom = held_at(point, came["x"]), held_at(point, came["odom"])
+            if x is None or odom is None:
+                continue
+            begin = point if begin is None else begin
+            samples.append((x, odom))
+            episode.update(x, odom)
             expected.append((episode.lower, episode.upper, int(episode.verdict)))
-            missed += due - last - 1
-        assert len(ros.on("rtamt/spec")) == seen or due > last
+            missed += point < due
+        before = due
+        assert len(ros.on("rtamt/spec")) == max(0, len(samples) - FORMULAS[text])
     if not samples:
+        assert not ros.on("rtamt/spec/lower")
         return
     check_bounds(ros, expected)
     (report,) = node.reports
@@ -104,28 +109,60 @@ def test_a_node_says_of_its_samples_what_evaluate_says(
     assert report.missed == missed
     assert report.restarts == 0
     latency = FORMULAS[text]
-    x, odom = np.array(samples).T
-    trace = {"x": x, "odom.twist.twist.linear.x": odom}
+    x_, odom_ = np.array(samples).T
+    trace = {"x": x_, "odom.twist.twist.linear.x": odom_}
     offline = evaluate(rtamt.parse(f"{TEXT}{text}"), trace, period=0.1)
     at = len(samples) - 1 - latency
     assert begin is not None
     assert report.time == begin + (len(samples) - 1) * PERIOD
     if at < 0:
         assert report.robustness is None
-        assert not ros.on("rtamt/spec")
         return
     if text.startswith("always("):  # the least of all instants so far
         body = evaluate(rtamt.parse(f"{TEXT}{text[6:]}"), trace, period=0.1)
         offline = np.minimum.accumulate(body)
-    assert report.robustness == offline[at] == ros.latched("rtamt/spec")
+    assert ros.data("rtamt/spec") == offline[: at + 1].tolist()
+    assert report.robustness == offline[at]
     assert report.about == report.time - latency * PERIOD
     assert report.worst == min(offline[: at + 1])
     assert report.worst_time is not None
     assert offline[(report.worst_time - begin) // PERIOD] == report.worst
 
 
-@given(st.lists(st.integers(-49, 49), min_size=2, max_size=40))
-def test_jitter_below_half_a_period_neither_drops_nor_adds_a_sample(jitter: list[int]) -> None:
+@given(
+    phase=st.integers(0, 99),
+    waits=st.lists(st.tuples(st.integers(0, 130), st.integers(0, 130)), min_size=1, max_size=60),
+)
+def test_a_stamp_is_never_in_the_future_and_the_value_is_the_newest_that_came_by_it(
+    phase: int, waits: list[tuple[int, int]]
+) -> None:
+    """A value is the time of its publishing, in milliseconds since the start."""
+    ros, published = MemoryMiddleware(time=START), []
+    node = MonitorNode(ros, [f"{STAMPED}out.value = x >= 0"], Settings(stale=FOREVER))
+    node.start()
+    ros.time += phase * MS
+    sent: list[int] = []
+    for message_after, look_after in waits:
+        ros.time += message_after * MS
+        sent.append((ros.time - START) // MS)
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=float(sent[-1])))
+        ros.time += look_after * MS
+        ros.tick()
+        found = [each for each in ros.on("rtamt/out") if each not in published]
+        published += found
+        for each in found:
+            stamp = (each.header.stamp.ns - START) // MS
+            assert each.header.stamp.ns <= ros.time
+            assert each.value == max(time for time in sent if time <= stamp)
+    stamps = [each.header.stamp.ns for each in published]
+    assert {(after - before) % PERIOD for before, after in pairwise(stamps)} <= {0}
+    assert stamps == sorted(set(stamps))
+
+
+@given(st.lists(st.integers(0, 99), min_size=2, max_size=40))
+def test_a_timer_that_is_late_by_less_than_a_period_neither_drops_nor_adds_a_sample(
+    jitter: list[int],
+) -> None:
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, ["x > 0"], Settings(stale=FOREVER))
     node.start()
@@ -138,17 +175,54 @@ def test_jitter_below_half_a_period_neither_drops_nor_adds_a_sample(jitter: list
     assert node.reports[0].missed == 0
 
 
-def test_a_late_timer_feeds_the_held_values_for_the_periods_that_passed() -> None:
+def test_a_late_timer_gives_each_period_that_passed_the_values_of_its_own_time() -> None:
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, ["historically[0:0.2](x > 0)"], Settings())
     node.start()
-    for time, value in [(0, 5.0), (100, 1.0), (400, 3.0), (500, 4.0)]:
+    for time, value in [(0, 5.0), (100, 4.0), (190, 3.0), (210, 1.0), (350, 2.0)]:
         ros.time = START + time * MS
         send(ros, "x", value)
+        if time <= 100:
+            ros.tick()
+    ros.tick(START + 430 * MS)
+    assert ros.data("rtamt/spec") == [5.0, 4.0, 3.0, 1.0, 1.0]
+    assert (node.reports[0].missed, node.reports[0].time) == (2, START + 400 * MS)
+    assert node.reports[0].text == "satisfied, robustness 1; 2 samples late"
+
+
+def test_an_input_is_stale_in_the_samples_that_are_too_late_for_it_alone() -> None:
+    ros = MemoryMiddleware(time=START)
+    node = MonitorNode(ros, [f"{STAMPED}out.value = x > 0"], Settings(stale=0.25))
+    node.start()
+    send(ros, "x", 1.0)
+    ros.tick()
+    ros.time = START + 390 * MS
+    send(ros, "x", 2.0)
+    ros.tick(START + 410 * MS)
+    found = [(each.header.stamp.ns - START, each.value) for each in ros.on("rtamt/out")]
+    assert [str(value) for _, value in found] == ["1.0", "1.0", "1.0", "nan", "2.0"]
+    assert [time for time, _ in found] == [n * PERIOD for n in range(5)]
+    assert (node.reports[0].missed, node.reports[0].restarts) == (2, 1)
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_what_waits_for_a_look_is_bounded(looks: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    ros = MemoryMiddleware(time=START)
+    node = MonitorNode(ros, ["x > 0"], Settings())
+    node.start()
+    if looks:
         ros.tick()
-    assert ros.data("rtamt/spec") == [5.0, 1.0, 3.0, 3.0]
-    assert node.reports[0].missed == 2
-    assert node.reports[0].text == "satisfied, robustness 3; 2 samples late"
+    tracemalloc.start()
+    sizes = []
+    for k in range(3):
+        for _ in range(2000):
+            ros.time += 5 * MS
+            send(ros, "x", float(k))
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert sizes[2] - sizes[0] < 1000
+    ros.tick()
+    assert ros.data("rtamt/spec") == [2.0]
 
 
 def test_a_gap_of_the_timer_begins_anew() -> None:

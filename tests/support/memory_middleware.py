@@ -82,6 +82,7 @@ class _Open:
     topic: str = ""
     message: type = object
     period: int = 0
+    begin: int = 0
 
     def close(self) -> None:
         self.of.remove(self)
@@ -168,8 +169,8 @@ class MemoryMiddleware:
         self.publishers.append(_Publisher(self, topic, message, latched))
         return self.publishers[-1]
 
-    def every(self, period: int, callback: Callable[[], None]) -> Handle:
-        self.timers.append(_Open(self.timers, callback, period=period))
+    def every(self, period: int, callback: Callable[[int], None]) -> Handle:
+        self.timers.append(_Open(self.timers, callback, period=period, begin=self.time))
         return self.timers[-1]
 
     def log(self, level: Level, text: str) -> None:
@@ -191,10 +192,10 @@ class MemoryMiddleware:
                 each.callback(message)
 
     def tick(self, time: int | None = None) -> None:
-        """The timers are due, at a time; without one, now."""
+        """The timers call, at a time; without one, now. Their grids begin where they were made."""
         self.time = self.time if time is None else time
         for each in list(self.timers):
-            each.callback()
+            each.callback(self.time - (self.time - each.begin) % each.period)
 
     def on(self, topic: str) -> list[Any]:
         """The messages published on a topic."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from memory_middleware import CLASSES, MemoryMiddleware, message
+from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
 
 from rtamt_ros.node import MonitorNode, Settings
 
@@ -13,9 +13,11 @@ __all__ = ["MS", "send", "started", "topics"]
 MS = 1_000_000
 
 
-def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs."""
-    ros = MemoryMiddleware()
+def started(
+    *texts: str, begin: int = 1000 * SECOND, **settings: object
+) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node that runs; the grid of its timer begins at a time."""
+    ros = MemoryMiddleware(time=begin)
     node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
     node.start()
     return ros, node

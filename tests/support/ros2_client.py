@@ -140,7 +140,7 @@ class Source:
         self._publisher = node.node.create_publisher(Float64, topic, profile)
         self._timer = node.every(20_000_000, self._publish)
 
-    def _publish(self) -> None:
+    def _publish(self, _due: int) -> None:
         self._publisher.publish(Float64(data=self.value))
 
     def close(self) -> None:

@@ -270,8 +270,10 @@ class MiddlewareContract:
         listener.ask("every", "short", period)
         for key in ("long", "short"):
             calls = listener.ask("kept", key, count)
-            assert {inside for _, inside in calls} == {1}
-            times = [time for time, _ in calls[:count]]
+            assert {inside for _, inside, _ in calls} == {1}
+            assert min(time - due for time, _, due in calls) >= 0
+            assert {(due - calls[0][2]) % period for _, _, due in calls} == {0}
+            times = [time for time, _, _ in calls[:count]]
             assert times[-1] - times[0] > (count - 2) * period
             near = [  # to the phase of one of them, how many others are
                 sum((time - one + period // 6) % period < period // 3 for time in times)
@@ -282,6 +284,46 @@ class MiddlewareContract:
         listener.ask("close", "short")
         kept = len(listener.ask("kept", "short"))
         assert len(listener.ask("kept", "short", kept + 1, 3 * period / SECOND)) == kept
+
+    def test_a_sample_is_published_after_its_stamp_with_what_was_sent_before_it(
+        self, world: World, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        """A value is the time at which it was published, in seconds."""
+        period, count = 5 * MS, 200
+        text = f"""
+        from geometry_msgs.msg import PointStamped
+        input float64 sent
+        output PointStamped out
+        @ topic(sent, {topic})
+        @ topic(out, {topic}/out)
+        out.point.x = sent >= 0
+        """
+        kept = "out", f"{topic}/out", "geometry_msgs", "PointStamped", ["point.x"]
+        listener.ask("subscribe", *kept, arrival=True)
+        talker.ask("publisher", topic, topic, *FLOAT)
+        command = "-m", "rtamt_ros", "--spec", text, "--period", "5", "--unit", "ms"
+        monitor = world.ros.start(*command, name="stamps")
+        begin = talker.ask("now")
+        for _ in range(round(PATIENCE / 0.1)):
+            talker.ask("publish_times", topic, "data", begin, 20)
+            if listener.ask("kept", "out", 1, 0.1):
+                break
+        sent = talker.ask("publish_times", topic, "data", begin, count)
+        found = [each for each in listener.ask("kept", "out") if sent[0] <= each[1] < sent[-1]]
+        monitor.ask_to_end()
+        assert monitor.ended() == 0
+        assert len(found) > count // 4, monitor.output
+        assert {(stamp - found[0][0]) % period for stamp, *_ in found} == {0}
+        for stamp, value, arrival in found:
+            assert stamp <= arrival
+            assert begin + round(value * SECOND) <= stamp
+        # What was sent just before a stamp may still be on its way.
+        since = [(stamp - begin) / SECOND - 0.004 for stamp, *_ in found]
+        newest = [
+            value >= max((each for each in sent if each <= time), default=0.0)
+            for (_, value, _), time in zip(found, since, strict=True)
+        ]
+        assert sum(newest) > len(newest) // 2
 
     def test_a_simulated_clock_is_0_and_then_what_it_is_told(self, world: World) -> None:
         clock, node = world.clock, world.simulated
@@ -303,7 +345,10 @@ class MiddlewareContract:
         for time in ticks:
             self.tick(clock, node, time)
             threading.Event().wait(0.02)
-        calls = [time for time, _ in node.ask("kept", "jumps")]
+        kept = node.ask("kept", "jumps")
+        assert min(time - due for time, _, due in kept) >= 0
+        assert {(due - kept[0][2]) % period for _, _, due in kept} == {0}
+        calls = [time for time, _, _ in kept]
         assert set(calls) <= set(ticks), "a call between two ticks"
         for inside, run in of_runs(calls, ticks):
             assert 3 <= len(inside) <= 5

@@ -141,14 +141,20 @@ class Desk:
         name: str,
         fields: Sequence[str],
         fail: float | None = None,
+        *,
+        arrival: bool = False,
     ) -> None:
-        """Keeps the stamp and the fields of every message; may fail where the first has a value."""
+        """Keeps the stamp and the fields of every message, and on request when it arrived.
+
+        It may fail where the first field has a value.
+        """
 
         def keep(message: Any) -> None:  # noqa: ANN401
+            arrived = (self.node.now(),) if arrival else ()
             values = _read(message, fields)
             if values[0] == fail:
                 raise ArithmeticError("a callback that fails")
-            self._keep(key, (self.node.stamp(message), *values))
+            self._keep(key, (self.node.stamp(message), *values, *arrived))
 
         message = self.node.message_class(package, name)
         self._handles[key] = self.node.subscribe(topic, message, keep)
@@ -163,9 +169,9 @@ class Desk:
         """
         inside: list[None] = []
 
-        def call() -> None:
+        def call(due: int) -> None:
             inside.append(None)
-            self._keep(key, (self.node.now(), len(inside)))
+            self._keep(key, (self.node.now(), len(inside), due))
             if lasts:
                 threading.Event().wait(lasts)
             inside.pop()
@@ -191,6 +197,15 @@ class Desk:
         if stamp is not None:
             self.node.set_stamp(message, stamp)
         publisher.publish(message)
+
+    def publish_times(self, key: str, field: str, begin: int, count: int) -> list[float]:
+        """Publishes the time as the value of a field, in seconds since a begin, every 0 to 7 ms."""
+        times = []
+        for number in range(count):
+            times.append((self.node.now() - begin) / 1e9)
+            self.publish(key, {field: times[-1]})
+            threading.Event().wait(number * 3 % 8 / 1000)
+        return times
 
     def tick(self, key: str, time: int) -> None:
         """Publishes a time of the clock."""
