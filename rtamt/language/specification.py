@@ -256,9 +256,8 @@ class Specification:
             >>> dict(spec.ranges)
             {'x': (0.0, 120.0), 'gear': (0.0, 255.0)}
         """
-        typed = {v: range_of_type(d.type) for v, d in self._plain.items()}
-        known = {v: each for v, each in typed.items() if each is not None}
-        return MappingProxyType({**known, **self.declared_ranges})
+        found = {v: d.range or range_of_type(d.type) for v, d in self._plain.items()}
+        return MappingProxyType({v: each for v, each in found.items() if each is not None})
 
     @cached_property
     def declared_ranges(self) -> Mapping[str, tuple[float, float]]:
