@@ -3,11 +3,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "dense/kept_folds.hpp"
 #include "dense/region_streams.hpp"
 
 namespace rtamt::dense {
@@ -17,44 +20,61 @@ class Operands {
 public:
     Operands(RegionFold fold, RegionStream& a, RegionStream& b) : fold(fold), a_(a), b_(b) {}
 
+    bool single() const { return fold.kind == Kind::single; }
     Time late() const { return single() ? b_.late() : std::max(a_.late(), b_.late()); }
     Time last() const { return single() ? b_.last() : std::min(a_.last(), b_.last()); }
     void hold(Time late, Time oldest) {
         for (RegionStream* s : {&a_, &b_}) s->hold(late - s->late() - oldest);
     }
-    Runs settled(Time begin, Time end, std::size_t corners) const {
+    // The only operand.
+    RegionStream& only() const { return b_; }
+
+    RunsView settled(Time begin, Time end, std::size_t corners) {
         const Time first = std::max<Time>(0, begin);
         if (first > end) {
-            Runs none;
-            none.corners = corners;
-            none.add(begin, fold.identity());
-            return none;
+            elements_.restart(corners);
+            elements_.add(begin, fold.identity());
+            return elements_.view();
         }
         if (single()) return b_.settled(first, end);
-        return paired(fold, joint(a_.settled(first, end), b_.settled(first, end), first), end);
+        return paired(a_.settled(first, end), b_.settled(first, end), first, end);
     }
-    Runs seen(std::size_t world, Time begin) const {
+    RunsView seen(std::size_t world, Time begin) {
         const Time first = std::max<Time>(0, begin);
-        if (single()) return b_.seen(world, first);
-        return paired(fold, joint(a_.seen(world, first), b_.seen(world, first), first), {});
+        if (single()) return b_.seen(world, first, memory_[1]);
+        return paired(a_.seen(world, first, memory_[0]), b_.seen(world, first, memory_[1]), first,
+                      {});
     }
 
-    // Of one operand the value from some position on, as RegionStream::tail.
+    // The value from some position on, as RegionStream::tail: elements of two equal numbers are one.
     std::optional<double> tail(std::size_t world) const {
-        return single() ? b_.tail(world) : std::nullopt;
+        const std::optional<double> q = b_.tail(world);
+        if (single() || !q) return q;
+        const std::optional<double> p = a_.tail(world);
+        return p && same(*p, *q) ? q : std::nullopt;
     }
-    // Of one operand the value from a position on, as RegionStream::flat_from.
-    std::optional<double> flat_from(std::size_t world, Time begin) const {
-        return single() ? b_.flat_from(world, begin) : std::nullopt;
+    // Of one operand the value of all open positions, as RegionStream::flat.
+    std::optional<double> flat(std::size_t world) const {
+        return single() ? b_.flat(world) : std::nullopt;
     }
+    bool as_now(std::size_t world) const { return a_.as_now(world) && b_.as_now(world); }
 
     const RegionFold fold;
 
 private:
-    bool single() const { return fold.kind == Kind::single; }
+    RunsView paired(const RunsView& p, const RunsView& q, Time begin, std::optional<Time> end) {
+        pairs_.restart(p.corners);
+        join(p, q, begin, pairs_);
+        elements_.restart(p.corners);
+        pair_up(fold, pairs_.view(), end, elements_);
+        return elements_.view();
+    }
 
     RegionStream& a_;
     RegionStream& b_;
+    std::array<Runs, 2> memory_;
+    Runs pairs_;
+    Runs elements_;
 };
 
 // How a window reads the end of a trace.
@@ -79,16 +99,18 @@ struct Reading {
     Time begin;
 };
 
-// What a fold that stops is at unseen positions: its own element, or nothing.
-inline void append_own(Runs& found, RegionFold fold, Time lo, const Runs& elements, Time begin) {
+// Writes what a fold that stops is at unseen positions: its own element, or nothing.
+inline void write_own(Runs& found, RegionFold fold, Time lo, const RunsView& elements, Time begin) {
     if (lo == 0) {
-        found.append(clipped(elements, begin));
+        found.append(elements.clipped(begin));
     } else {
-        const Pair none{0.0, fold.empty()};
-        found.push(begin, &none);
+        found.push(begin, fold.empty());
     }
 }
 
+// The fold over offsets lo to hi. Of one operand, the folds from each open position to the last one
+// that was seen are stairs. As positions settle with the last one that they read, the first step is
+// their value; in a world that reads nothing behind the last position all stairs are what is open.
 class Sliding final : public RegionStream {
 public:
     Sliding(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
@@ -97,60 +119,114 @@ public:
           operands_(fold, a, b),
           reading_(row, fold),
           lo_(*row.lo),
-          hi_(*row.hi) {
+          hi_(*row.hi),
+          none_(trace.corners, fold.identity()) {
         operands_.hold(late(), lo_);
+        if (operands_.single() && trace.axes == 0) stairs_.emplace(fold);
+        for (std::size_t world = 0; world < kWorlds; ++world) {
+            const bool stops = reading_.stops(world);
+            as_now_[world] = !is_cut(world) && (stops || !reading_.ahead) && operands_.as_now(world);
+            if (is_cut(world)) continue;
+            tail_[world] = stops && lo_ != 0 ? fold.empty() : operands_.tail(world);
+            if (stops) continue;
+            // Every open window reaches what decides it.
+            const auto value = operands_.flat(world);
+            if (value && same(*value, -fold.empty())) flat_[world] = value;
+        }
     }
 
-    std::optional<double> tail(std::size_t world) const override {
-        if (is_cut(world)) return std::nullopt;
-        if (reading_.stops(world) && lo_ != 0) return operands_.fold.empty();
-        return operands_.tail(world);
+    void reset() override {
+        RegionStream::reset();
+        if (stairs_) stairs_->clear();
+        taken_ = -1;
+    }
+    void restored() override {
+        if (!stairs_) return;
+        const Time upto = std::min(operands_.last(), last_ + hi_);
+        taken_ = std::max<Time>(-1, late_ > 0 ? operands_.last() : upto);
+        const Time begin = std::max<Time>(0, last_ + 1 + lo_);
+        if (begin > taken_) return;
+        const RunsView runs = operands_.only().settled(begin, taken_);
+        for (std::size_t i = 0; i < runs.size(); ++i) stairs_->push(runs.start(i), runs.at(i)->q);
     }
 
 protected:
-    Runs settled_runs(Time begin, Time end) override {
-        const Runs elements = operands_.settled(begin + lo_, end + hi_, trace_.corners);
-        return slid(operands_.fold, elements, lo_, hi_, begin, end);
-    }
-    Runs open_runs(std::size_t world, Time begin, Time t, RegionTrace&) const override {
-        const bool stops = reading_.stops(world);
-        const Runs elements = operands_.seen(world, begin + lo_);
-        if (stops) {
-            Runs found;
-            if (begin <= t && begin + hi_ >= t) {  // no window ends before all is unknown
-                if (begin + lo_ <= t) found = suffixes(operands_.fold, elements, lo_, t);
-                const Pair none{0.0, operands_.fold.empty()};
-                if (t - lo_ < t) found.push(std::max(begin, t - lo_ + 1), &none);
-            } else if (begin <= t) {
-                Runs known = clipped(elements, begin + lo_, t);
-                known.add(std::max(t + 1, begin + lo_), operands_.fold.identity());
-                found = slid(operands_.fold, known, lo_, hi_, begin, t);
+    void proceed(Time t) override {
+        if (!stairs_) return;
+        risen_ = taken_ + 1;
+        const Time upto = std::min(operands_.last(), t - late_ + hi_);
+        if (upto <= taken_) return;
+        const RunsView runs = operands_.only().settled(taken_ + 1, upto);
+        for (std::size_t i = 0; i < runs.size(); ++i) {
+            const Time start = runs.start(i);
+            const Time end = start - 1 - hi_;
+            if (end > last_) {
+                settle_runs(last_ + 1, end);
+                last_ = end;
             }
-            append_own(found, operands_.fold, lo_, elements, std::max(begin, t + 1));
-            return found;
+            risen_ = std::min(risen_, stairs_->push(start, runs.at(i)->q));
         }
-        if (reading_.endless && is_cut(world)) {
-            const Time recorded = t - reading_.begin;
-            Runs found;
-            if (begin <= recorded)
-                found = slid(operands_.fold, elements, lo_, hi_, begin, recorded);
-            found.append(clipped(open(world - 2), std::max(begin, recorded + 1)));
-            return found;
-        }
-        return slid(operands_.fold, elements, lo_, hi_, begin);
+        taken_ = upto;
     }
-    std::optional<double> flat(std::size_t world, Time begin) const override {
-        if (reading_.stops(world) || is_cut(world)) return std::nullopt;
-        const auto value = operands_.flat_from(world, begin + hi_);
-        // Every window reaches what decides it.
-        return value && same(*value, -operands_.fold.empty()) ? value : std::nullopt;
+    void settle_runs(Time begin, Time end) override {
+        if (stairs_) {
+            stairs_->settle(begin + lo_, end + lo_, lo_, kept_);
+        } else {
+            const RunsView elements = operands_.settled(begin + lo_, end + hi_, trace_.corners);
+            slide(operands_.fold, elements, lo_, hi_, begin, end, trace_.memory, kept_);
+        }
+    }
+    Time first_change(std::size_t world) override {
+        return climbs(world) ? std::min(trace_.before + 1, risen_ - lo_) : changed_;
+    }
+    void write_open(std::size_t world, Time begin, Time t, Runs& found) override {
+        if (climbs(world)) {
+            if (begin <= t - lo_) stairs_->write(begin + lo_, t, lo_, found);
+            if (t - lo_ < t) found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
+            const Time later = std::max(begin, t + 1);
+            if (lo_ == 0) found.append(operands_.seen(world, later));
+            return;
+        }
+        const RunsView elements = operands_.seen(world, begin + lo_);
+        if (reading_.stops(world)) {
+            if (begin <= t && begin + hi_ >= t) {  // no window ends before all is unknown
+                if (begin + lo_ <= t)
+                    fold_suffixes(operands_.fold, elements.clipped(begin + lo_, t), lo_, none_,
+                                  trace_.memory, found);
+                if (t - lo_ < t)
+                    found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
+            } else if (begin <= t) {
+                known_.clear();
+                known_.append(elements.clipped(begin + lo_, t));
+                known_.add(std::max(t + 1, begin + lo_), operands_.fold.identity());
+                slide(operands_.fold, known_.view(), lo_, hi_, begin, t, trace_.memory, found);
+            }
+            write_own(found, operands_.fold, lo_, elements, std::max(begin, t + 1));
+        } else if (reading_.endless && is_cut(world)) {
+            const Time recorded = t - reading_.begin;
+            if (begin <= recorded)
+                slide(operands_.fold, elements, lo_, hi_, begin, recorded, trace_.memory, found);
+            found.append(open(world - 2).view().clipped(std::max(begin, recorded + 1)));
+        } else {
+            slide(operands_.fold, elements, lo_, hi_, begin, kEver, trace_.memory, found);
+        }
     }
 
 private:
+    // Whether the stairs are the open values of a world: up to the last position all has settled.
+    bool climbs(std::size_t world) const {
+        return stairs_ && reading_.stops(world) && operands_.late() == 0;
+    }
+
     Operands operands_;
     Reading reading_;
     Time lo_;
     Time hi_;
+    std::vector<Pair> none_;
+    Runs known_;
+    std::optional<Stairs> stairs_;
+    Time taken_ = -1;  // the last position of the operand in the stairs
+    Time risen_ = 0;   // the first one from which on the stairs changed in this update
 };
 
 // The fold over all offsets up to hi.
@@ -162,12 +238,12 @@ public:
           operands_(fold, a, b),
           hi_(*row.hi) {
         operands_.hold(late(), hi_);
+        for (std::size_t world = 0; world < kWorlds; ++world) {
+            const auto value = operands_.tail(world);
+            if (value && same(*value, -fold.empty())) tail_[world] = value;
+            as_now_[world] = !is_cut(world) && operands_.as_now(world);
+        }
         UnboundedPast::reset();
-    }
-
-    std::optional<double> tail(std::size_t world) const override {
-        const auto value = operands_.tail(world);
-        return value && same(*value, -operands_.fold.empty()) ? value : std::nullopt;
     }
 
     void substitute(std::size_t axis, const std::vector<double>& value) override {
@@ -184,30 +260,28 @@ public:
     }
 
 protected:
-    Runs settled_runs(Time begin, Time end) override {
-        return scanned(total_, operands_.settled(begin + hi_, end + hi_, trace_.corners), begin);
+    void settle_runs(Time begin, Time end) override {
+        scan(total_, operands_.settled(begin + hi_, end + hi_, trace_.corners), begin, kept_);
     }
-    Runs open_runs(std::size_t world, Time begin, Time, RegionTrace&) const override {
-        std::vector<Pair> total{trace_.in_world(world, total_.data())};
-        return scanned(total, operands_.seen(world, begin + hi_), begin);
+    void write_open(std::size_t world, Time begin, Time, Runs& found) override {
+        open_total_.assign(1, trace_.pair_in_world(world, total_.data()));
+        scan(open_total_, operands_.seen(world, begin + hi_), begin, found);
     }
 
 private:
-    Runs scanned(std::vector<Pair>& total, const Runs& elements, Time begin) const {
-        Runs found;
-        found.corners = elements.corners;
-        if (elements.starts[0] - hi_ > begin) found.push(begin, total.data());
+    void scan(std::vector<Pair>& total, const RunsView& elements, Time begin, Runs& found) const {
+        if (elements.start(0) - hi_ > begin) found.push(begin, total.data());
         for (std::size_t i = 0; i < elements.size(); ++i) {
             for (std::size_t c = 0; c < elements.corners; ++c)
                 total[c] = operands_.fold.combine(total[c], elements.at(i)[c]);
-            found.push(elements.starts[i] - hi_, total.data());
+            found.push(elements.start(i) - hi_, total.data());
         }
-        return found;
     }
 
     Operands operands_;
     Time hi_;
     std::vector<Pair> total_;
+    std::vector<Pair> open_total_;
 };
 
 // The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
@@ -218,51 +292,57 @@ public:
         : RegionStream(trace, Operands(fold, a, b).late()),
           operands_(fold, a, b),
           reading_(row, fold),
-          axis_(axis) {
+          axis_(axis),
+          none_(1, fold.identity()) {
         operands_.hold(late(), 0);
     }
 
-    std::optional<std::size_t> unknown() const override { return axis_; }
+    std::size_t axis() const { return axis_; }
+    // Writes the runs that settle with position t, of which keep() keeps them: in terms of the value
+    // at the first position that has not settled. Returns false if there are none.
+    bool find(Time t) {
+        if (t - late_ <= last_) return false;
+        rest_.assign(trace_.corners, operands_.fold.identity());
+        for (std::size_t c = 0; c < rest_.size(); ++c)
+            rest_[c].q = c & trace_.bit(axis_) ? kInfinity : -kInfinity;
+        new_.restart(trace_.corners);
+        fold_suffixes(operands_.fold, operands_.settled(last_ + 1, t - late_, trace_.corners), 0,
+                      rest_, trace_.memory, new_);
+        value_.clear();
+        for (std::size_t c = 0; c < trace_.corners; ++c) value_.push_back(new_.at(0)[c].q);
+        return true;
+    }
+    // For each corner the value at the first of these positions.
+    const std::vector<double>& value() const { return value_; }
 
 protected:
-    Runs settled_runs(Time begin, Time end) override {
-        std::vector<Pair> rest(trace_.corners, operands_.fold.identity());
-        for (std::size_t c = 0; c < rest.size(); ++c)
-            rest[c].q = c & trace_.bit(axis_) ? kInfinity : -kInfinity;
-        return merged(suffixes(operands_.fold,
-                               operands_.settled(begin, end, trace_.corners), rest));
-    }
-    Runs open_runs(std::size_t world, Time begin, Time t, RegionTrace& trace) const override {
-        const Runs elements = operands_.seen(world, begin);
+    void settle_runs(Time, Time) override { kept_.append(new_.view()); }
+    void write_open(std::size_t world, Time begin, Time t, Runs& found) override {
+        const RunsView elements = operands_.seen(world, begin);
         const bool stops = reading_.stops(world);
-        if (!stops && !is_cut(world)) t = elements.starts.back();
-        Runs found;
+        if (!stops && !is_cut(world)) t = elements.start(elements.size() - 1);
         double unknown = operands_.fold.empty();  // nothing follows what has settled
         if (begin <= t) {
-            found = merged(suffixes(operands_.fold, clipped(elements, begin, t),
-                                    {operands_.fold.identity()}));
+            fold_suffixes(operands_.fold, elements.clipped(begin, t), 0, none_, trace_.memory,
+                          found);
             unknown = found.at(0)->q;
         }
-        trace.unknowns[axis_][world] = unknown;
+        trace_.unknowns[axis_][world] = unknown;
         if (is_cut(world)) {
-            found.append(clipped(open(world - 2), std::max(begin, t + 1)));
+            found.append(open(world - 2).view().clipped(std::max(begin, t + 1)));
         } else if (stops) {
-            append_own(found, operands_.fold, 0, elements, std::max(begin, t + 1));
+            write_own(found, operands_.fold, 0, elements, std::max(begin, t + 1));
         }
-        return found;
     }
 
 private:
-    static Runs merged(const Runs& runs) {
-        Runs found;
-        found.corners = runs.corners;
-        found.append(runs);
-        return found;
-    }
-
     Operands operands_;
     Reading reading_;
     std::size_t axis_;
+    std::vector<Pair> none_;
+    std::vector<Pair> rest_;
+    std::vector<double> value_;
+    Runs new_;
 };
 
 // The fold over positions lo to hi, which is read at position 0 alone.
@@ -274,8 +354,16 @@ public:
           operands_(fold, a, b),
           reading_(row, fold),
           lo_(std::max<Time>(0, row.lo.value_or(0))),
-          hi_(row.hi) {
+          hi_(row.hi),
+          open_(fold) {
         operands_.hold(operands_.late(), 0);
+        for (std::size_t world = 0; world < kWorlds; ++world) {
+            const auto tail = operands_.tail(world);
+            if (operands_.single() && !hi_ && !reading_.stops(world) && !is_cut(world) && tail &&
+                same(*tail, -fold.empty()))
+                decided_[world] = tail;
+        }
+        keeps_ = operands_.single() && trace.axes == 0 && reading_.stops(Regions::now);
         reset();
     }
 
@@ -288,19 +376,16 @@ public:
         last_ = std::max(end, last_);
         if (hi_) end = std::min(end, *hi_);
         if (begin > end) return;
-        const Runs elements = operands_.settled(begin, end, trace_.corners);
+        const RunsView elements = operands_.settled(begin, end, trace_.corners);
         for (std::size_t i = 0; i < elements.size(); ++i)
             for (std::size_t c = 0; c < total_.size(); ++c)
                 total_[c] = operands_.fold.combine(total_[c], elements.at(i)[c]);
     }
-    double value(std::size_t world, Time t) const {
+    double value(std::size_t world, Time t) {
         if (is_cut(world) && reading_.endless && reading_.begin > t) return value(world - 2, t);
+        if (decided_[world]) return *decided_[world];
         const bool stops = reading_.stops(world);
-        if (!hi_ && !stops && !is_cut(world)) {
-            const auto tail = operands_.tail(world);
-            if (tail && same(*tail, -operands_.fold.empty())) return *tail;
-        }
-        Pair total = trace_.in_world(world, total_.data());
+        Pair total = trace_.pair_in_world(world, total_.data());
         const Time begin = std::max(lo_, last_ + 1);
         Time end = hi_.value_or(kEver);
         if (is_cut(world) && !hi_) {
@@ -309,9 +394,11 @@ public:
             end = std::min(end, lo_ == 0 ? std::max<Time>(t, 0) : t);
         }
         if (begin > end) return total.q;
-        if (const auto value = operands_.flat_from(world, begin))
+        if (const auto value = operands_.flat(world))
             return operands_.fold.combine(total, {0.0, *value}).q;
-        const Runs elements = clipped(operands_.seen(world, begin), begin, end);
+        if (keeps_ && stops && t >= 0 && operands_.as_now(world))
+            return operands_.fold.upper(total.q, open_now(begin, end));
+        const RunsView elements = operands_.seen(world, begin).clipped(begin, end);
         for (std::size_t i = 0; i < elements.size(); ++i)
             total = operands_.fold.combine(total, *elements.at(i));
         return total.q;
@@ -328,11 +415,33 @@ public:
     }
 
 private:
+    // The fold of what is open as `now` up to the last position that was seen.
+    double open_now(Time begin, Time end) {
+        if (seen_at_ == trace_.update) return open_.value();
+        RegionStream& operand = operands_.only();
+        const Runs& runs = operand.open(Regions::now);
+        const Time from = seen_at_ + 1 == trace_.update ? operand.changed(Regions::now) : 0;
+        seen_at_ = trace_.update;
+        if (from <= begin) {
+            open_.clear();
+        } else {
+            open_.cut(from);
+            open_.drop(begin);
+        }
+        const RunsView fresh = runs.view().clipped(std::max(begin, from), end);
+        for (std::size_t i = 0; i < fresh.size(); ++i) open_.push(fresh.start(i), fresh.at(i)->q);
+        return open_.value();
+    }
+
     RegionTrace& trace_;
     Operands operands_;
     Reading reading_;
     Time lo_;
     std::optional<Time> hi_;
+    std::array<std::optional<double>, kWorlds> decided_;
+    KeptFold open_;
+    bool keeps_ = false;
+    std::uint64_t seen_at_ = 0;
     Time last_ = -1;
     std::vector<Pair> total_;
 };

@@ -15,8 +15,8 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
       constants_(terms),
       rows_(rows),
       initial_(initial),
-      streams_(terms + rows.size()),
-      order_(streams),
+      columns_(terms + rows.size()),
+      made_(terms + rows.size()),
       folds_(terms + rows.size()),
       found_(terms + rows.size()),
       trace_(std::make_unique<RegionTrace>()) {
@@ -61,21 +61,66 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         reaches[terms + i] = inner + own;
         reach_ = std::max(reach_, inner + own);
     }
-    const auto operand = [&](std::size_t reg) -> RegionStream& {
-        require(streams_[reg] != nullptr);
-        return *streams_[reg];
+    make_streams(streams, unknowns);
+    for (const std::size_t reg : initial_) {
+        require(reg < registers);
+        if (reg < terms || rows[reg - terms].kind == "MAP") continue;
+        const RegionRow& row = rows[reg - terms];
+        require(made_[row.a] && made_[row.b]);
+        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms],
+                                                *made_[row.a], *made_[row.b]);
+        order_of_folds_.push_back(folds_[reg].get());
+    }
+}
+
+void Regions::make_streams(const std::vector<std::size_t>& streams,
+                           const std::vector<std::size_t>& unknowns) {
+    const std::size_t registers = columns_.size();
+    const auto require = [](bool condition) {
+        if (!condition) throw std::invalid_argument("expected a program over regions");
     };
-    for (const std::size_t reg : order_) {
-        require(reg < registers && streams_[reg] == nullptr);
-        auto& made = streams_[reg];
-        if (reg < terms) {
-            if (constants_[reg]) made = std::make_unique<Constant>(*trace_, *constants_[reg]);
-            else made = std::make_unique<Predicate>(*trace_);
+    // Registers that are known where terms are, with what they are at unseen positions.
+    std::vector<std::optional<std::array<double, kWorlds>>> unseen(registers);
+    // Those whose runs are read: others are read as columns alone.
+    std::vector<bool> listed(registers), read(registers);
+    for (std::size_t reg = 0; reg < terms_; ++reg) {
+        unseen[reg] = {-kInfinity, -kInfinity, kInfinity, -kInfinity, kInfinity};
+        if (constants_[reg]) unseen[reg]->fill(*constants_[reg]);
+    }
+    for (const std::size_t reg : streams) {
+        require(reg < registers && !listed[reg]);
+        listed[reg] = true;
+        if (reg < terms_) continue;
+        const RegionRow& row = rows_[reg - terms_];
+        require(listed[row.a] && listed[row.b]);
+        if (row.kind == "MAP" && unseen[row.a] && unseen[row.b]) {
+            const RegionFold fold = fold_of_[reg - terms_];
+            instants_.push_back({reg, fold, {}});
+            unseen[reg].emplace();
+            for (std::size_t world = 0; world < kWorlds; ++world)
+                (*unseen[reg])[world] =
+                    fold.upper((*unseen[row.a])[world], (*unseen[row.b])[world]);
+        } else {
+            read[row.a] = read[row.b] = true;
+        }
+    }
+    for (const std::size_t reg : initial_)
+        if (reg >= terms_ && reg < registers && rows_[reg - terms_].kind == "WINDOW")
+            read[rows_[reg - terms_].a] = read[rows_[reg - terms_].b] = true;
+    for (const std::size_t reg : streams) {
+        auto& made = made_[reg];
+        Leaf* leaf = nullptr;
+        RegionFuture* future = nullptr;
+        if (unseen[reg]) {
+            if (!read[reg]) continue;
+            made = std::make_unique<Leaf>(*trace_, *unseen[reg]);
+            leaf = static_cast<Leaf*>(made.get());
+            streams_.push_back({reg, made.get(), leaf, future});
             continue;
         }
-        const RegionRow& row = rows[reg - terms];
-        const RegionFold fold = fold_of_[reg - terms];
-        RegionStream &a = operand(row.a), &b = operand(row.b);
+        const RegionRow& row = rows_[reg - terms_];
+        const RegionFold fold = fold_of_[reg - terms_];
+        RegionStream &a = *made_[row.a], &b = *made_[row.b];
         if (row.kind == "MAP") {
             made = std::make_unique<Pointwise>(*trace_, fold, a, b);
         } else if (!row.hi) {
@@ -83,18 +128,13 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
             require(static_cast<std::size_t>(axis) < unknowns.size());
             made = std::make_unique<RegionFuture>(*trace_, row, fold, a, b,
                                                   static_cast<std::size_t>(axis));
+            future = static_cast<RegionFuture*>(made.get());
         } else if (!row.lo) {
             made = std::make_unique<UnboundedPast>(*trace_, row, fold, a, b);
         } else {
             made = std::make_unique<Sliding>(*trace_, row, fold, a, b);
         }
-    }
-    for (const std::size_t reg : initial_) {
-        require(reg < registers);
-        if (reg < terms || rows[reg - terms].kind == "MAP") continue;
-        const RegionRow& row = rows[reg - terms];
-        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms],
-                                                operand(row.a), operand(row.b));
+        streams_.push_back({reg, made.get(), leaf, future});
     }
 }
 
@@ -102,43 +142,59 @@ Regions::Regions(Regions&&) noexcept = default;
 Regions& Regions::operator=(Regions&&) noexcept = default;
 Regions::~Regions() = default;
 
+// Computes the columns of what compares terms.
+void Regions::evaluate(const double* const* terms, std::size_t n) {
+    std::copy_n(terms, terms_, columns_.begin());
+    for (Instant& instant : instants_) {
+        if (instant.column.size() < n) instant.column.resize(std::max(n, 2 * instant.column.size()));
+        const RegionRow& row = rows_[instant.reg - terms_];
+        const double *a = columns_[row.a], *b = columns_[row.b];
+        double* out = instant.column.data();
+        if (instant.fold.least) {
+            for (std::size_t i = 0; i < n; ++i) out[i] = lesser(a[i], b[i]);
+        } else {
+            for (std::size_t i = 0; i < n; ++i) out[i] = greater(a[i], b[i]);
+        }
+        columns_[instant.reg] = out;
+    }
+}
+
 void Regions::advance(const Time* positions, const double* const* terms, std::size_t n, Time t) {
     if (t_ < 0) {
         first_.clear();
         for (std::size_t reg = 0; reg < terms_; ++reg) first_.push_back(terms[reg][0]);
     }
-    t_ = t;
-    for (const std::size_t reg : order_) {
-        RegionStream& stream = *streams_[reg];
-        if (reg < terms_) stream.take(positions, terms[reg], n);
-        if (!stream.settle(t)) continue;
-        if (const auto axis = stream.unknown()) {
-            std::vector<double> value(trace_->corners);
-            for (std::size_t c = 0; c < value.size(); ++c) value[c] = stream.settling().at(0)[c].q;
-            for (const auto& each : streams_)
-                if (each) each->substitute(*axis, value);
-            for (const auto& fold : folds_)
-                if (fold) fold->substitute(*axis, value);
+    evaluate(terms, n);
+    trace_->before = t_;
+    trace_->t = t_ = t;
+    ++trace_->update;
+    for (const Stream& each : streams_) {
+        if (each.leaf) {
+            each.leaf->take(positions, columns_[each.reg], n, t);
+        } else {
+            if (each.future && each.future->find(t)) substitute(*each.future);
+            each.stream->settle(t);
         }
-        stream.keep(t);
     }
-    for (const auto& fold : folds_)
-        if (fold) fold->settle();
-    for (const std::size_t reg : order_) streams_[reg]->trim();
+    for (AtBegin* fold : order_of_folds_) fold->settle();
+    for (const Stream& each : streams_) each.stream->trim();
+}
+
+// Writes the unknown of a window as a polynomial in what it is later.
+void Regions::substitute(RegionFuture& future) {
+    for (const Stream& each : streams_) each.stream->substitute(future.axis(), future.value());
+    for (AtBegin* fold : order_of_folds_) fold->substitute(future.axis(), future.value());
 }
 
 Regions::Values Regions::look(std::size_t worlds) {
-    trace_->t = t_;
-    for (const std::size_t reg : order_) streams_[reg]->forget();
     if (trace_->axes > 0)  // windows without end find the values of unknowns
-        for (const std::size_t reg : order_)
-            for (std::size_t world = 0; world < worlds; ++world) streams_[reg]->open(world);
-    for (const std::size_t reg : initial_) found_[reg] = at_zero(reg, found_, worlds);
+        for (const Stream& each : streams_)
+            for (std::size_t world = 0; world < worlds; ++world) each.stream->open(world);
+    for (const std::size_t reg : initial_) found_[reg] = at_zero(reg, worlds);
     return found_[initial_.back()];
 }
 
-Regions::Values Regions::at_zero(std::size_t reg, const std::vector<Values>& found,
-                                 std::size_t worlds) const {
+Regions::Values Regions::at_zero(std::size_t reg, std::size_t worlds) const {
     Values values{};
     if (reg < terms_) {
         if (constants_[reg]) {
@@ -154,16 +210,16 @@ Regions::Values Regions::at_zero(std::size_t reg, const std::vector<Values>& fou
     const RegionFold fold = fold_of_[reg - terms_];
     for (std::size_t world = 0; world < worlds; ++world)
         values[world] = folds_[reg] ? folds_[reg]->value(world, t_)
-                                    : fold.upper(found[row.a][world], found[row.b][world]);
+                                    : fold.upper(found_[row.a][world], found_[row.b][world]);
     return values;
 }
 
 void Regions::reset() {
-    t_ = -1;
+    trace_->t = trace_->before = t_ = -1;
+    trace_->update += 2;  // nothing is kept
     first_.clear();
-    for (const std::size_t reg : order_) streams_[reg]->reset();
-    for (const auto& fold : folds_)
-        if (fold) fold->reset();
+    for (const Stream& each : streams_) each.stream->reset();
+    for (AtBegin* fold : order_of_folds_) fold->reset();
 }
 
 void Regions::fields(Snapshot& s) {
@@ -171,13 +227,16 @@ void Regions::fields(Snapshot& s) {
     s.sized(first_);
     s.require(first_.size() == (t_ < 0 ? 0 : terms_));
     s.require(t_ >= -1 && (t_ < 0 || t_ % 2 == 0) && t_ <= kEver - reach_);
-    for (const std::size_t reg : order_) {
-        RegionStream& stream = *streams_[reg];
-        stream.fields(s);
-        s.require(stream.last() == std::max<Time>(-1, t_ - stream.late()));
+    if (s.reads()) {
+        trace_->t = trace_->before = t_;
+        trace_->update += 2;
     }
-    for (const auto& fold : folds_)
-        if (fold) fold->fields(s);
+    for (const Stream& each : streams_) {
+        each.stream->fields(s);
+        s.require(each.stream->last() == std::max<Time>(-1, t_ - each.stream->late()));
+        if (s.reads()) each.stream->restored();
+    }
+    for (AtBegin* fold : order_of_folds_) fold->fields(s);
 }
 
 }  // namespace rtamt::dense

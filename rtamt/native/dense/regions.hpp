@@ -34,6 +34,8 @@ struct RegionConstant {
     double value;
 };
 
+class Leaf;
+class RegionFuture;
 class RegionStream;
 class AtBegin;
 struct RegionTrace;
@@ -65,16 +67,37 @@ public:
     std::uint64_t fingerprint() const { return fingerprint_; }
 
 private:
-    Values at_zero(std::size_t reg, const std::vector<Values>& found, std::size_t worlds) const;
+    // A MAP over terms, which is known where they are.
+    struct Instant {
+        std::size_t reg;
+        RegionFold fold;
+        std::vector<double> column;
+    };
+    // A register that is read at all positions, as what it is if it is a leaf, or has an unknown.
+    struct Stream {
+        std::size_t reg;
+        RegionStream* stream;
+        Leaf* leaf;
+        RegionFuture* future;
+    };
+
+    void make_streams(const std::vector<std::size_t>& streams,
+                      const std::vector<std::size_t>& unknowns);
+    void evaluate(const double* const* terms, std::size_t n);
+    void substitute(RegionFuture& future);
+    Values at_zero(std::size_t reg, std::size_t worlds) const;
 
     std::size_t terms_;
     std::vector<std::optional<double>> constants_;  // of the terms
     std::vector<RegionRow> rows_;
     std::vector<std::size_t> initial_;
     std::vector<RegionFold> fold_of_;  // of the rows
-    std::vector<std::unique_ptr<RegionStream>> streams_;  // by register; null: none
-    std::vector<std::size_t> order_;
+    std::vector<Instant> instants_;
+    std::vector<const double*> columns_;                // of terms and instants, by register
+    std::vector<std::unique_ptr<RegionStream>> made_;  // by register; null: none
+    std::vector<Stream> streams_;
     std::vector<std::unique_ptr<AtBegin>> folds_;  // by register; null: none
+    std::vector<AtBegin*> order_of_folds_;
     std::vector<Values> found_;  // what look() finds, by register
     std::unique_ptr<RegionTrace> trace_;
     Time t_ = -1;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,65 +42,147 @@ struct RegionFold {
 // Throws std::invalid_argument if there is no such fold.
 RegionFold fold_named(const std::string& name);
 
-// Runs of elements: a run lasts from its start to the next one. With one operand the first numbers
-// of pairs play no part. Every run has an element for each corner.
-struct Runs {
-    std::vector<Time> starts;
-    std::vector<Pair> values;
-    std::size_t corners = 1;
+constexpr Time kEver = std::numeric_limits<Time>::max();
 
-    std::size_t size() const { return starts.size(); }
-    bool empty() const { return starts.empty(); }
-    const Pair* at(std::size_t run) const { return values.data() + run * corners; }
-    Pair* at(std::size_t run) { return values.data() + run * corners; }
+// Runs of a signal that lie in memory of others, from a position on. With one operand the first
+// numbers of pairs play no part. Every run has an element for each corner.
+struct RunsView {
+    const Time* starts;
+    const Pair* values;
+    std::size_t count;
+    std::size_t corners;
+    Time begin;  // the first run begins here or before
+
+    std::size_t size() const { return count; }
+    Time start(std::size_t run) const { return run == 0 ? begin : starts[run]; }
+    const Pair* at(std::size_t run) const { return values + run * corners; }
     // The run in which a position lies; the first one, if it begins later.
     std::size_t place(Time position) const {
-        const auto after = std::upper_bound(starts.begin(), starts.end(), position);
-        return after == starts.begin() ? 0 : static_cast<std::size_t>(after - starts.begin()) - 1;
+        if (count == 0) return 0;
+        if (starts[count - 1] <= position) return count - 1;  // mostly
+        const Time* after = std::upper_bound(starts, starts + count, position);
+        return after == starts ? 0 : static_cast<std::size_t>(after - starts) - 1;
     }
-    void reserve(std::size_t runs) {
-        starts.reserve(runs);
-        values.reserve(runs * corners);
+    // The runs from a position on, which lies inside or before them, up to an end.
+    RunsView clipped(Time from, Time end = kEver) const;
+};
+
+// Runs of elements: a run lasts from its start to the next one. They are a queue, whose front moves
+// inside its memory: what lasts as long as a window is not allocated again and again.
+class Runs {
+public:
+    explicit Runs(std::size_t corners = 1) : corners_(corners) {}
+
+    std::size_t corners() const { return corners_; }
+    std::size_t size() const { return starts_.size() - first_; }
+    bool empty() const { return starts_.size() == first_; }
+    Time start(std::size_t run) const { return starts_[first_ + run]; }
+    Time last_start() const { return starts_.back(); }
+    const Pair* at(std::size_t run) const { return values_.data() + (first_ + run) * corners_; }
+    Pair* at(std::size_t run) { return values_.data() + (first_ + run) * corners_; }
+    RunsView view() const {
+        return {starts_.data() + first_, at(0), size(), corners_, empty() ? 0 : start(0)};
     }
+
     Pair* add(Time start) {
-        starts.push_back(start);
-        values.resize(values.size() + corners);
+        starts_.push_back(start);
+        values_.resize(values_.size() + corners_);
         return at(size() - 1);
     }
     void add(Time start, const Pair* elements) {
-        starts.push_back(start);
-        values.insert(values.end(), elements, elements + corners);
+        starts_.push_back(start);
+        values_.insert(values_.end(), elements, elements + corners_);
     }
     void add(Time start, Pair element) {
-        starts.push_back(start);
-        values.insert(values.end(), corners, element);
+        starts_.push_back(start);
+        values_.insert(values_.end(), corners_, element);
     }
     // The run of a signal; equal ones merge.
-    void push(Time start, const Pair* elements);
-    void append(const Runs& other) {
-        for (std::size_t i = 0; i < other.size(); ++i) push(other.starts[i], other.at(i));
+    void push(Time start, const Pair* elements) {
+        if (!empty()) {
+            const Pair* last = values_.data() + values_.size() - corners_;
+            bool equal = true;
+            for (std::size_t c = 0; c < corners_; ++c) equal &= same(last[c].q, elements[c].q);
+            if (equal) return;
+        }
+        add(start, elements);
     }
+    // The same where all corners have one value.
+    void push(Time start, double value) {
+        if (!empty() && uniform(value)) return;
+        add(start, Pair{0.0, value});
+    }
+    void append(const RunsView& other) {
+        for (std::size_t i = 0; i < other.size(); ++i) push(other.start(i), other.at(i));
+    }
+    // Forgets the first runs, or those that begin at a position or later, or all.
+    void drop(std::size_t runs) {
+        first_ += runs;
+        if (first_ < kLeast || first_ < size()) return;
+        starts_.erase(starts_.begin(), starts_.begin() + static_cast<std::ptrdiff_t>(first_));
+        values_.erase(values_.begin(),
+                      values_.begin() + static_cast<std::ptrdiff_t>(first_ * corners_));
+        first_ = 0;
+    }
+    void cut(Time from) {
+        while (!empty() && starts_.back() >= from) {
+            starts_.pop_back();
+            values_.resize(values_.size() - corners_);
+        }
+    }
+    void clear() {
+        starts_.clear();
+        values_.clear();
+        first_ = 0;
+    }
+    void restart(std::size_t corners) {
+        clear();
+        corners_ = corners;
+    }
+
+    // The elements of all runs, one behind the other.
+    std::span<Pair> elements() { return {at(0), size() * corners_}; }
     void fields(Snapshot& s);
+
+private:
+    static constexpr std::size_t kLeast = 16;
+
+    bool uniform(double value) const {
+        bool equal = true;
+        for (std::size_t c = values_.size() - corners_; c < values_.size(); ++c)
+            equal &= same(values_[c].q, value);
+        return equal;
+    }
+
+    std::vector<Time> starts_;
+    std::vector<Pair> values_;
+    std::size_t first_ = 0;
+    std::size_t corners_;
 };
 
-// The runs from a position on, which lies inside or before them, up to an end.
-Runs clipped(const Runs& runs, Time begin, Time end = std::numeric_limits<Time>::max());
+// What folds need of memory.
+struct FoldMemory {
+    std::vector<Time> starts;
+    std::vector<std::ptrdiff_t> first;
+    std::vector<std::ptrdiff_t> last;
+    std::vector<Pair> older;
+    std::vector<Pair> total;
+    std::vector<double> results;
+};
 
-// Two signals as one of pairs, from a position on.
-Runs joint(const Runs& p, const Runs& q, Time begin);
+// These write behind what is found already. Two signals as one of pairs, from a position on:
+void join(const RunsView& p, const RunsView& q, Time begin, Runs& found);
 
 // The elements of a fold of two operands: see `paired` in rtamt/machines/dense/runs.py. The last
 // run ends at `end`, if there is one.
-Runs paired(RegionFold fold, const Runs& pairs, std::optional<Time> end);
+void pair_up(RegionFold fold, const RunsView& pairs, std::optional<Time> end, Runs& found);
 
 // The fold over offsets lo to hi of every position from begin to end.
-Runs slid(RegionFold fold, const Runs& runs, Time lo, Time hi, Time begin,
-          Time end = std::numeric_limits<Time>::max());
-
-// The fold from each position plus an offset up to an end, of a signal that begins there or before.
-Runs suffixes(RegionFold fold, const Runs& runs, Time lo, Time end);
+void slide(RegionFold fold, const RunsView& runs, Time lo, Time hi, Time begin, Time end,
+           FoldMemory& memory, Runs& found);
 
 // For each run the fold of all from it on; `rest` has an element for each corner, which comes last.
-Runs suffixes(RegionFold fold, Runs runs, const std::vector<Pair>& rest);
+void fold_suffixes(RegionFold fold, const RunsView& runs, Time lo, const std::vector<Pair>& rest,
+                   FoldMemory& memory, Runs& found);
 
 }  // namespace rtamt::dense
