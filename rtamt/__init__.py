@@ -13,8 +13,9 @@ import importlib
 from typing import TYPE_CHECKING
 
 from rtamt import limits, patterns
-from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
 from rtamt.checking.check import check
+from rtamt.checking.equivalence import equivalent
 from rtamt.checking.search import ExampleTrace
 from rtamt.errors import (
     InputError,
@@ -80,6 +81,7 @@ __all__ = [
     "DenseMonitor",
     "End",
     "EpisodeMonitor",
+    "Equivalence",
     "Events",
     "Evidence",
     "ExampleTrace",
@@ -115,6 +117,7 @@ __all__ = [
     "check",
     "conjunction",
     "disjunction",
+    "equivalent",
     "evaluate",
     "evaluate_dense",
     "evaluate_many",

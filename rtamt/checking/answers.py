@@ -8,7 +8,7 @@ from typing import Literal
 
 from rtamt.checking.search import ExampleTrace, SearchAnswer
 
-__all__ = ["Answer", "Check", "CheckedRequirement", "Idle", "Says"]
+__all__ = ["Answer", "Check", "CheckedRequirement", "Equivalence", "Idle", "Says"]
 
 Says = Literal["yes", "no", "unknown"]
 
@@ -49,6 +49,37 @@ class Answer:
         if self.samples:
             return f"no, by no trace of up to {self.samples} samples, its end repeated"
         return "no"
+
+
+@dataclass(frozen=True, slots=True)
+class Equivalence:
+    """Whether two requirements are satisfied by the same traces.
+
+    Attributes:
+        says: ``"yes"``, ``"no"`` or ``"unknown"``.
+        trace: Of a no, a trace that satisfies one and violates the other, as the monitors judge.
+        satisfied: Of a no, which of the two the trace satisfies: ``"one"`` or ``"other"``.
+        samples: Of a yes, 0 if it is proved for all traces; else as those of an `Answer` that says
+            no.
+        why: Why it is unknown.
+    """
+
+    says: Says
+    trace: ExampleTrace | None = None
+    satisfied: Literal["one", "other", ""] = ""
+    samples: int = 0
+    why: str = ""
+
+    def __str__(self) -> str:
+        if self.says == "unknown":
+            return f"unknown: {self.why}"
+        if self.trace is not None:
+            violated = "other" if self.satisfied == "one" else "one"
+            said = f"{self.satisfied} is satisfied, {violated} is violated"
+            return f"no, {self.trace.described}: {said}"
+        if self.samples:
+            return f"yes, on all traces of up to {self.samples} samples, their ends repeated"
+        return "yes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +147,8 @@ class Check:
         implied: Names of requirements that one other implies, with its name.
         equal: Pairs of names whose requirements are satisfied by the same traces.
         unknown: Pairs of names of which nobody knows whether one implies the other, and why.
+        same: By name whether a requirement is satisfied by the same traces as its namesake, where
+            that was asked; then nothing else was.
     """
 
     requirements: Mapping[str, CheckedRequirement]
@@ -125,6 +158,7 @@ class Check:
     implied: Mapping[str, str] = field(default_factory=dict)
     equal: tuple[tuple[str, str], ...] = ()
     unknown: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    same: Mapping[str, Equivalence] = field(default_factory=dict)
 
     @property
     def says(self) -> Says:
@@ -136,12 +170,16 @@ class Check:
         if self.together is not None:
             said.add(self.together.says)
         said |= {answer.says for answer in self.asked.values()}
+        said |= {each.says for each in self.same.values()}
         if self.equal or "no" in said:
             return "no"
         return "unknown" if self.unknown or "unknown" in said else "yes"
 
     def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:
         """Every trace that was found, with the name of its requirement and what it shows."""
+        for name, same in self.same.items():
+            if same.trace is not None:
+                yield name, "apart", same.trace
         for name, each in self.requirements.items():
             answers = {"satisfied": each.satisfiable, "violated": each.falsifiable}
             answers |= {

@@ -8,22 +8,21 @@ from fractions import Fraction
 from typing import Literal, cast
 
 from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
+from rtamt.checking.equivalence import paired, same
+from rtamt.checking.questions import impossible, prepared
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
-from rtamt.errors import InputError, InputTypeError
 from rtamt.language.formula import Formula, make
 from rtamt.language.node import Node
-from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
-from rtamt.monitors.options import Spec, checked_end
+from rtamt.monitors.options import Spec
 from rtamt.program.implications import implications, unanswered
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
-from rtamt.program.timing import Period, as_period
+from rtamt.program.timing import Period
 
 __all__ = ["check"]
 
-_WHOLE = ("bool", "int", "uint", "long")
 _CONSTANTS: tuple[Literal["true", "false"], ...] = ("true", "false")
 
 
@@ -33,6 +32,7 @@ def check(
     *,
     end: End = "cut",
     assume: Spec | None = None,
+    same_as: Spec | Mapping[str, Spec] | None = None,
     horizon: int = 1000,
     timeout: float = 10.0,
 ) -> Check:
@@ -49,7 +49,10 @@ def check(
         specs: A specification, each of whose requirements is checked, or several by name.
         period: Seconds between samples; None: bounds are numbers of samples.
         end: How the end of a trace is read, as in `judge`.
-        assume: What is taken to hold of every trace, such as ``always(abs(x) < 3)``.
+        assume: What is taken to hold of every trace, such as ``always(abs(x) < 3)``. Declared
+            ranges and those of types are taken to hold too.
+        same_as: Requirements with the same names, or one where there is one: then only this is
+            asked, whether each is satisfied by the same traces as its namesake.
         horizon: The most samples of a trace. A requirement that needs more is unknown.
         timeout: The most seconds for each question.
 
@@ -60,7 +63,7 @@ def check(
         ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
         SpecificationError: If a requirement cannot be compiled: bounds that are no whole samples.
         InputError: If the horizon is below 1, the timeout not above 0, there is nothing to check,
-            or no trace fulfils what is assumed.
+            no trace fulfils what is assumed, or a name is on one side only of ``same_as``.
 
     Example:
         >>> import rtamt
@@ -77,46 +80,15 @@ def check(
         Dokhanchi, Hoxha and Fainekos, "Formal requirement debugging for testing and verification
         of cyber-physical systems", TECS 2018.
     """
-    if horizon < 1:
-        msg = f"horizon: expected 1 sample or more, got {horizon}"
-        raise InputError(msg)
-    if not timeout > 0:
-        msg = f"timeout: expected seconds, more than 0, got {timeout}"
-        raise InputError(msg)
-    named = _named(specs)
-    seconds = as_period(period)
-    assumed = None if assume is None else as_specification(assume)
-    whole = {
-        name
-        for spec in (*named.values(), *([assumed] if assumed else []))
-        for name, declared in spec.declarations.items()
-        if declared.type.rstrip("0123456789") in _WHOLE
-    }
-    search = WitnessSearch(seconds, checked_end(end), horizon, timeout, frozenset(whole))
-    given = [Goal(compile_program(assumed, seconds), holds=True)] if assumed else []
-    if assumed and _impossible(search.find(given)):
-        msg = f"assume: expected what some trace fulfils, got {assumed.formula}, which none does"
-        raise InputError(msg)
+    if same_as is not None:
+        pairs = paired(specs, same_as)
+        every = {f"{name} {i}": spec for name, pair in pairs.items() for i, spec in enumerate(pair)}
+        _, seconds, search, given = prepared(every, period, end, assume, horizon, timeout)
+        return Check({}, same=same(pairs, seconds, search, given))
+    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
     checkers = {name: _Checker(spec, seconds, search, given) for name, spec in named.items()}
     found = {name: checker.checked() for name, checker in checkers.items()}
     return _set(found, checkers, search, given)
-
-
-def _named(specs: Spec | Mapping[str, Spec]) -> dict[str, Specification]:
-    """Each requirement by its name."""
-    if not isinstance(specs, Mapping):
-        return {**as_specification(specs).requirements}
-    if not specs:
-        msg = "expected one specification or more, got an empty mapping"
-        raise InputError(msg)
-    named: dict[str, Specification] = {}
-    for name, spec in specs.items():
-        if not isinstance(name, str):
-            msg = f"expected names of specifications as text, got {type(name).__name__}"
-            raise InputTypeError(msg)
-        parts = as_specification(spec).requirements
-        named |= {f"{name}.{part}" if len(parts) > 1 else name: s for part, s in parts.items()}
-    return named
 
 
 class _Checker:
@@ -215,17 +187,13 @@ def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> lis
     """The fewest of some places that no trace fulfils together, none of which can be left out."""
     found = find(places)
     kept = [places[i] for i in found.core if i < len(places)] or places
-    if len(kept) < len(places) and not _impossible(find(kept)):
+    if len(kept) < len(places) and not impossible(find(kept)):
         kept = places
     for place in list(kept):
         rest = [other for other in kept if other != place]
-        if rest and _impossible(find(rest)):
+        if rest and impossible(find(rest)):
             kept = rest
     return kept
-
-
-def _impossible(found: SearchAnswer) -> bool:
-    return found.none or bool(found.samples)
 
 
 def _conjuncts(formula: Formula) -> Iterator[Formula]:
@@ -272,7 +240,7 @@ def _set(
     names = [name for name, each in found.items() if each.satisfiable.says == "yes"]
     both = find(*((name, True) for name in names)) if names else SearchAnswer()
     conflict: tuple[str, ...] = ()
-    if _impossible(both):
+    if impossible(both):
         kept = _fewest(
             list(range(len(names))), lambda places: find(*((names[i], True) for i in places))
         )
@@ -296,7 +264,7 @@ def _set(
         if not _shared(checkers[a], checkers[b]):
             continue  # nothing that one reads is read by the other
         ways = find((a, True), (b, False)), find((b, True), (a, False))
-        ab, ba = map(_impossible, ways)
+        ab, ba = map(impossible, ways)
         if ab and ba:
             equal.append((a, b))
         elif ab:

@@ -8,11 +8,13 @@ trace decides: a prefix after which nothing that comes could help.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Final
+from types import MappingProxyType
+from typing import Final, TypedDict
 
 from rtamt.checking.graph import TRUE, Graph, Truth
 from rtamt.checking.samples import known_samples, unknown_samples
@@ -92,6 +94,7 @@ class SearchAnswer:
         why: Why it is not known.
         core: Which of the demands cannot be fulfilled together, by their places; empty if there
             is a trace, or nobody knows.
+        ranged: The variables on whose ranges that rests.
     """
 
     trace: ExampleTrace | None = None
@@ -99,6 +102,12 @@ class SearchAnswer:
     samples: int = 0
     why: str = ""
     core: tuple[int, ...] = ()
+    ranged: tuple[str, ...] = ()
+
+
+class _Core(TypedDict):
+    core: tuple[int, ...]
+    ranged: tuple[str, ...]
 
 
 class WitnessSearch:
@@ -110,6 +119,12 @@ class WitnessSearch:
         horizon: The most samples of a trace.
         timeout: The most seconds of one search.
         whole: The variables that are whole numbers.
+        ranges: The least and the greatest value of variables.
+
+    Attributes:
+        graph: The truths of the traces.
+        whole: The variables that are whole numbers.
+        ranges: The least and the greatest value of variables.
     """
 
     def __init__(
@@ -119,12 +134,14 @@ class WitnessSearch:
         horizon: int,
         timeout: float,
         whole: frozenset[str] = frozenset(),
+        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ) -> None:
         self._period, self._end, self._horizon, self._timeout = period, end, horizon, timeout
-        self._graph = Graph()
-        self._samples = unknown_samples(self._graph)
-        self._solver = Solver(self._graph, whole)
+        self.graph, self.whole, self.ranges = Graph(), whole, ranges
+        self._samples = unknown_samples(self.graph)
+        self._solver = Solver(self.graph, whole)
         self._truths: dict[tuple[Program, int, World, int], Truth] = {}
+        self._kept: dict[tuple[str, int], Truth] = {}
 
     def find(self, demands: Sequence[Goal]) -> SearchAnswer:
         """A trace that is as demanded."""
@@ -144,12 +161,37 @@ class WitnessSearch:
             why = f"it needs {decisive} samples, the horizon is {self._horizon}"
         return SearchAnswer(why=why)
 
+    def of_length(
+        self, demands: Sequence[Goal], count: int, deadline: float
+    ) -> tuple[ExampleTrace | None, str]:
+        """A trace of so many samples that is as demanded; else why there may be one, or nothing.
+
+        Args:
+            demands: The demands.
+            count: How many samples it has.
+            deadline: When to give up, as `time.monotonic` tells the time.
+        """
+        asked = self.truths(demands, count, 0)
+        trace, why, _ = self._tried(asked, demands, count, 0, deadline)
+        return trace, why
+
+    def truths(self, demands: Sequence[Goal], count: int, loop: int) -> list[Truth]:
+        """What holds in `graph` of traces that are as demanded: of each demand, then of ranges.
+
+        Args:
+            demands: The demands.
+            count: How many samples the traces have.
+            loop: How many of the last samples repeat for ever; 0: they end.
+        """
+        lower, upper = _ENDS[self._end] if not loop else (World.ENDLESS, World.ENDLESS)
+        asked = [self._truth(d, count, lower if d.holds else upper, loop or 1) for d in demands]
+        return [*asked, *self._within(demands, count)]
+
     def _finite(
         self, demands: Sequence[Goal], count: int, deadline: float, *, last: bool
     ) -> SearchAnswer:
         """A trace of some samples; or whether no trace begins like one of them."""
-        lower, upper = _ENDS[self._end]
-        asked = [self._truth(d, count, lower if d.holds else upper) for d in demands]
+        asked = self.truths(demands, count, 0)
         trace, why, _ = self._tried(asked, demands, count, 0, deadline)
         if trace is not None:
             return SearchAnswer(trace)
@@ -157,9 +199,11 @@ class WitnessSearch:
         hoped = [self._truth(d, count, World.UPPER if d.holds else World.LOWER) for d in demands]
         if all(truth == TRUE for truth in hoped) or not (last or count in _PROOFS):
             return SearchAnswer(why=why)
-        solution = self._solver.solve(hoped, deadline, wide=not is_exact(self._graph, hoped))
+        hoped += self._within(demands, count)
+        solution = self._solver.solve(hoped, deadline, wide=not is_exact(self.graph, hoped))
         none = solution.possible is False
-        return SearchAnswer(none=none, why=why or self._late(solution), core=solution.core)
+        why = why or self._late(solution)
+        return SearchAnswer(none=none, why=why, **self._core(demands, solution.core))
 
     def _endless(
         self, demands: Sequence[Goal], most: int, deadline: float, why: str
@@ -168,23 +212,52 @@ class WitnessSearch:
         core: set[int] = set()
         for loop in _LOOPS:
             for count in sorted({min(2 * loop, most), most}):
-                asked = [self._truth(d, count, World.ENDLESS, loop) for d in demands]
+                asked = self.truths(demands, count, loop)
                 trace, reason, clash = self._tried(asked, demands, count, loop, deadline)
                 if trace is not None:
                     return SearchAnswer(trace)
             if clash is None:
                 return SearchAnswer(why=why or reason)
             core |= {*clash}
-        return SearchAnswer(samples=most, core=tuple(sorted(core)))
+        return SearchAnswer(samples=most, **self._core(demands, sorted(core)))
+
+    def _ranged(self, demands: Sequence[Goal]) -> list[str]:
+        """The variables of demands that have a range."""
+        names = dict.fromkeys(name for each in demands for name in each.program.variables)
+        return [name for name in names if name in self.ranges]
+
+    def _within(self, demands: Sequence[Goal], count: int) -> list[Truth]:
+        """Whether each variable that has a range keeps it."""
+        return [self._keeps(name, count) for name in self._ranged(demands)]
+
+    def _keeps(self, name: str, count: int) -> Truth:
+        key = name, count
+        if key not in self._kept:
+            lower, upper = self.ranges[name]
+            kept = []
+            for sample in range(count):
+                load = ("load", name, sample)
+                if lower > -math.inf:
+                    kept.append(self.graph.atom(("at_least", load, ("const", lower))))
+                if upper < math.inf:
+                    kept.append(self.graph.atom(("at_least", ("const", upper), load)))
+            self._kept[key] = self.graph.all(kept)
+        return self._kept[key]
+
+    def _core(self, demands: Sequence[Goal], places: Sequence[int]) -> _Core:
+        """Which demands and which ranges clash, by places among the truths that were asked."""
+        ranged, most = self._ranged(demands), len(demands)
+        return {
+            "core": tuple(place for place in places if place < most),
+            "ranged": tuple(ranged[place - most] for place in places if place >= most),
+        }
 
     def _truth(self, demand: Goal, count: int, world: World, loop: int = 1) -> Truth:
         key = demand.program, count, world, loop
         if key not in self._truths:
-            self._truths[key] = truth(
-                self._graph, self._samples, demand.program, count, world, loop
-            )
+            self._truths[key] = truth(self.graph, self._samples, demand.program, count, world, loop)
         found = self._truths[key]
-        return found if demand.holds else self._graph.no(found)
+        return found if demand.holds else self.graph.no(found)
 
     def _tried(
         self,
@@ -196,12 +269,12 @@ class WitnessSearch:
     ) -> tuple[ExampleTrace | None, str, tuple[int, ...] | None]:
         """A trace on which truths hold; else why there may be one, or which of them clash."""
         why = ""
-        exact = is_exact(self._graph, asked)
+        exact = is_exact(self.graph, asked)
         for wide in (False,) if exact else (False, True):
             solution = self._solver.solve(asked, deadline, wide=wide)
             if solution.possible:
-                trace = _witness(solution, demands, count, loop)
-                if self._confirmed(trace, demands):
+                trace = self._witness(solution, demands, count, loop)
+                if self.confirmed(trace, demands):
                     return trace, "", None
                 why = why or _doubt(solution)
             elif solution.possible is None:
@@ -210,11 +283,28 @@ class WitnessSearch:
                 return None, "", solution.core
         return None, why, None
 
+    def _witness(
+        self, solution: Solution, demands: Sequence[Goal], samples: int, loop: int
+    ) -> ExampleTrace:
+        variables = dict.fromkeys(name for demand in demands for name in demand.program.variables)
+        columns = {}
+        for variable in variables:
+            lower, upper = self.ranges.get(variable, (0.0, 0.0))
+            values: list[float] = []
+            for sample in range(samples):  # a value that does not matter is the one before
+                before = values[-1] if values else min(max(0.0, lower), upper)
+                values.append(solution.loads.get((variable, sample), before))
+            columns[variable] = tuple(values)
+        return ExampleTrace(columns, samples, loop)
+
     def _late(self, solution: Solution) -> str:
         return f"no answer within {self._timeout:g} s" if solution.possible is None else ""
 
-    def _confirmed(self, trace: ExampleTrace, demands: Sequence[Goal]) -> bool:
-        """Whether the monitors judge the trace as demanded."""
+    def confirmed(self, trace: ExampleTrace, demands: Sequence[Goal]) -> bool:
+        """Whether the monitors judge the trace as demanded, and its values keep their ranges."""
+        for name, (lower, upper) in self.ranges.items():
+            if not all(lower <= value <= upper for value in trace.columns.get(name, ())):
+                return False
         for demand in demands:
             program = demand.program
             try:
@@ -263,18 +353,6 @@ def _needed(program: Program) -> int | None:
 
 
 _FAR: Final = 2**40
-
-
-def _witness(solution: Solution, demands: Sequence[Goal], samples: int, loop: int) -> ExampleTrace:
-    variables = dict.fromkeys(name for demand in demands for name in demand.program.variables)
-    columns = {}
-    for variable in variables:
-        values: list[float] = []
-        for sample in range(samples):  # a value that does not matter is the one before
-            before = values[-1] if values else 0.0
-            values.append(solution.loads.get((variable, sample), before))
-        columns[variable] = tuple(values)
-    return ExampleTrace(columns, samples, loop)
 
 
 def _doubt(solution: Solution) -> str:

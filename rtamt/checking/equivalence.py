@@ -1,0 +1,121 @@
+"""`equivalent`: whether two requirements are satisfied by the same traces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Literal
+
+from rtamt.checking.answers import Equivalence
+from rtamt.checking.questions import impossible, named_requirements, prepared
+from rtamt.checking.search import Goal, WitnessSearch
+from rtamt.errors import Argument, InputError
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
+from rtamt.machines.protocols import End
+from rtamt.monitors.options import Spec
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Period
+
+__all__ = ["equivalent", "paired", "same"]
+
+_WAYS: tuple[Literal["one", "other"], ...] = ("one", "other")
+
+
+def equivalent(
+    one: Spec,
+    other: Spec,
+    period: Period | None = None,
+    *,
+    end: End = "cut",
+    assume: Spec | None = None,
+    horizon: int = 1000,
+    timeout: float = 10.0,
+) -> Equivalence:
+    """Whether two requirements are satisfied by the same traces.
+
+    They are not if a trace satisfies one and violates the other, for certain; it is shown, and the
+    monitors have judged it. The ranges that either declares are taken to hold. See `check`.
+
+    Args:
+        one: A requirement.
+        other: Another.
+        period: Seconds between samples; None: bounds are numbers of samples.
+        end: How the end of a trace is read, as in `judge`.
+        assume: What is taken to hold of every trace.
+        horizon: The most samples of a trace. What needs more is unknown.
+        timeout: The most seconds for each of the two ways in which they may differ.
+
+    Raises:
+        ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
+        SpecificationError: If one cannot be compiled.
+        InputError: If one has several requirements, or as `check` does.
+
+    Example:
+        >>> import rtamt
+        >>> str(rtamt.equivalent("not eventually[0:3](x > 3)", "always[0:3](x <= 3)"))
+        'yes'
+        >>> apart = rtamt.equivalent("always(x < 3)", "always(x <= 3)")
+        >>> str(apart), dict(apart.trace.columns)
+        ('no, in 1 sample: other is satisfied, one is violated', {'x': (3.0,)})
+    """
+    specs = {"one": as_specification(one), "other": as_specification(other)}
+    for name, spec in specs.items():
+        if len(spec.requirements) > 1:
+            names = ", ".join(spec.requirements)
+            msg = f"{name}: expected one requirement, got {names}; give spec.requirements[NAME]"
+            raise InputError(msg)
+    _, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
+    programs = [compile_program(spec, seconds) for spec in specs.values()]
+    return _compared(programs[0], programs[1], search, given)
+
+
+def paired(
+    specs: Spec | Mapping[str, Spec], others: Spec | Mapping[str, Spec]
+) -> dict[str, tuple[Specification, Specification]]:
+    """Requirements with their namesakes; one and one are a pair, whatever their names.
+
+    Raises:
+        InputError: If a name is on one side only.
+    """
+    ones, twos = named_requirements(specs), named_requirements(others)
+    if len(ones) == len(twos) == 1:
+        (other,) = twos.values()
+        return {name: (one, other) for name, one in ones.items()}
+    alone = [name for name in (*ones, *twos) if not (name in ones and name in twos)]
+    if alone:
+        raise InputError(
+            Argument("same_as"),
+            f" expected requirements of the same names, or one and one; {', '.join(alone)} "
+            f"{'is' if len(alone) == 1 else 'are'} on one side only",
+        )
+    return {name: (one, twos[name]) for name, one in ones.items()}
+
+
+def same(
+    pairs: Mapping[str, tuple[Specification, Specification]],
+    period: Fraction | None,
+    search: WitnessSearch,
+    given: Sequence[Goal],
+) -> dict[str, Equivalence]:
+    """Whether the two of each pair are satisfied by the same traces."""
+    return {
+        name: _compared(compile_program(one, period), compile_program(other, period), search, given)
+        for name, (one, other) in pairs.items()
+    }
+
+
+def _compared(
+    one: Program, other: Program, search: WitnessSearch, given: Sequence[Goal]
+) -> Equivalence:
+    """Whether two programs are satisfied by the same traces, of those that a search takes."""
+    samples, why = 0, ""
+    for satisfied, (holds, fails) in zip(_WAYS, ((one, other), (other, one)), strict=True):
+        found = search.find([Goal(holds, holds=True), Goal(fails, holds=False), *given])
+        if found.trace is not None:
+            return Equivalence("no", found.trace, satisfied)
+        if not impossible(found):
+            why = why or found.why or "no trace was found, and none was ruled out"
+        samples = max(samples, found.samples)
+    return Equivalence("unknown", why=why) if why else Equivalence("yes", samples=samples)

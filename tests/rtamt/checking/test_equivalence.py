@@ -1,0 +1,107 @@
+"""`equivalent`, `check(same_as=)` and ranges: against traces over a grid, and by examples."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from small_texts import VALUES, texts
+
+import rtamt
+from rtamt import InputError, Verdict, judge
+
+
+@given(one=texts, other=texts, least=st.sampled_from(VALUES), most=st.sampled_from(VALUES))
+def test_an_equivalence_holds_on_all_traces_in_range(
+    one: str, other: str, least: float, most: float
+) -> None:
+    least, most = min(least, most), max(least, most)
+    declared = f"float x in [{least}, {most}]\n"
+    found = rtamt.equivalent(declared + one, other)
+    values = [value for value in VALUES if least <= value <= most]
+    ways = {
+        tuple(judge(text, {"x": list(t)}, end="cut", n=n).verdict for text in (one, other))
+        for n in range(1, 5)
+        for t in itertools.product(values, repeat=n)
+    }
+    apart = {(Verdict.SATISFIED, Verdict.VIOLATED), (Verdict.VIOLATED, Verdict.SATISFIED)} & ways
+    if apart:
+        assert found.says == "no"
+    if found.trace is not None:
+        assert all(least <= x <= most for x in found.trace.columns.get("x", ()))
+        columns, n = {"x": found.trace.columns.get("x", ())}, found.trace.samples
+        judged = [judge(text, columns, end="cut", n=n).verdict for text in (one, other)]
+        satisfied = ("one", "other").index(found.satisfied)
+        assert judged[satisfied] is Verdict.SATISFIED
+        assert judged[1 - satisfied] is Verdict.VIOLATED
+    else:
+        assert (found.says, found.samples) == ("yes", 0)  # all windows end
+
+
+def test_a_requirement_without_an_end_is_equal_as_far_as_was_asked() -> None:
+    found = rtamt.equivalent("always(x < 3)", "not eventually(x >= 3)")
+    assert str(found) == "yes, on all traces of up to 16 samples, their ends repeated"
+    assert str(rtamt.equivalent("always[0:50](x < 3)", "always[0:5](x < 3)")) == (
+        "no, in 8 samples: other is satisfied, one is violated"
+    )
+
+
+def test_what_nobody_knows_is_unknown() -> None:
+    found = rtamt.equivalent("x * x >= 0", "true or x > 0")
+    assert (found.says, found.trace) == ("unknown", None)
+    assert str(found) == "unknown: it is not linear (mul)"
+
+
+def test_assumptions_and_the_ranges_of_both_hold() -> None:
+    assert rtamt.equivalent("always(x < 3)", "always(x < 4)", assume="always(x < 2)").says == "yes"
+    declared = "float x in [0, 2]; always(x < 3)"
+    assert rtamt.equivalent(declared, "always(x < 4)").says == "yes"
+    assert rtamt.equivalent("always(x < 4)", declared).says == "yes"
+    with pytest.raises(InputError) as error:
+        rtamt.equivalent(declared, "float x in [3, 4]; always(x < 4)")
+    assert str(error.value) == (
+        "'x' has no value: specifications declare the ranges [0, 2] and [3, 4]"
+    )
+
+
+def test_types_have_ranges_that_hold() -> None:
+    (found,) = rtamt.check("uint8 gear; always(gear <= 255)").requirements.values()
+    assert found.falsifiable.says == "no"
+    (found,) = rtamt.check("uint8 gear; gear > 255").requirements.values()
+    assert found.satisfiable.says == "no"
+    (found,) = rtamt.check("int gear; gear > 255").requirements.values()
+    assert found.satisfiable.says == "yes"
+
+
+def test_a_witness_keeps_its_range_where_its_values_do_not_matter() -> None:
+    text = "float x in [5, 9]; float y in [-4, -2]; x > 6 or y > -3"
+    (found,) = rtamt.check(text).requirements.values()
+    for answer in (found.satisfiable, found.falsifiable):
+        assert answer.trace is not None
+        assert all(5 <= x <= 9 for x in answer.trace.columns["x"])
+        assert all(-4 <= y <= -2 for y in answer.trace.columns["y"])
+
+
+def test_requirements_are_compared_with_their_namesakes() -> None:
+    text = "a = always(x < 3); b = x > 1"
+    found = rtamt.check(text, same_as="b = not x <= 1; a = always(x <= 3)")
+    assert {name: each.says for name, each in found.same.items()} == {"a": "no", "b": "yes"}
+    assert found.says == "no"
+    assert [(name, what) for name, what, _ in found.traces()] == [("a", "apart")]
+    one = rtamt.check("a = x > 1", same_as={"other": "x > 1 or x > 2"})
+    assert {name: each.says for name, each in one.same.items()} == {"a": "yes"}
+    assert one.says == "yes"
+
+
+def test_requirements_without_a_namesake_are_refused() -> None:
+    with pytest.raises(InputError) as error:
+        rtamt.check("a = x > 0; b = x > 1", same_as="c = x > 1")
+    assert str(error.value) == (
+        "same_as= expected requirements of the same names, or one and one; a, b, c are on one "
+        "side only"
+    )
+    with pytest.raises(InputError) as error:
+        rtamt.equivalent("a = x > 0; b = x > 1", "x > 2")
+    assert str(error.value) == (
+        "one: expected one requirement, got a, b; give spec.requirements[NAME]"
+    )
