@@ -128,8 +128,8 @@ public:
             as_now_[world] = !is_cut(world) && (stops || !reading_.ahead) && operands_.as_now(world);
             if (is_cut(world)) continue;
             tail_[world] = stops && lo_ != 0 ? fold.empty() : operands_.tail(world);
-            if (stops) continue;
-            // Every open window reaches what decides it.
+            if (stops || hi_ < 0) continue;
+            // Every open window reaches what decides it; one that lies before may be empty.
             const auto value = operands_.flat(world);
             if (value && same(*value, -fold.empty())) flat_[world] = value;
         }

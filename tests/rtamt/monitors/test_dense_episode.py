@@ -132,6 +132,13 @@ def test_the_decision_has_its_time_inside_a_long_step(backend: Backend) -> None:
         assert monitor.decided_at == decided
 
 
+def test_a_window_of_the_past_may_be_empty_at_the_first_instant(backend: Backend) -> None:
+    monitor = rtamt.DenseEpisodeMonitor("eventually(historically[1:1](x > 0))", backend=backend)
+    assert (monitor.lower, monitor.upper) == (math.inf, math.inf)
+    monitor.update({"x": [(0.0, -1.0)]})
+    assert (monitor.robustness, monitor.lower) == (math.inf, math.inf)
+
+
 def test_two_invariants_are_one_formula(backend: Backend) -> None:
     monitor = DenseEpisodeMonitor("always(a > 0) and always(b > 0)", backend=backend)
     assert monitor.update(a=[(0, 2), (5, 2)], b=[(0, 1), (3, -1), (4, 1)]) == -1
