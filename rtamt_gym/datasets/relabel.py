@@ -99,6 +99,7 @@ def relabel(
 
     * ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``; with ``details=True`` also
       ``stl``, ``{spec: {"robustness", "lower", "upper"}}``
+    * ``stl_progress`` of requirements in stages, as `StlMonitor` has it
     * ``cost`` with ``cost=``, and ``cost_NAME`` of each of several specifications; 0 at the reset
     * ``stl_success``, ``stl_undecided``, ``is_success``: true at the last sample alone, if at all;
       an ``is_success`` that is there stays

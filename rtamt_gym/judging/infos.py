@@ -44,12 +44,14 @@ def step_info(
     states: Mapping[str, Any] | None = None,
     costs: Mapping[str, Lanewise] | None = None,
     of_instant: Lanewise | None = None,
+    progress: Lanewise | None = None,
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
     ``violated`` says whether a specification is violated; ``states`` has a `spec_state` for each
-    specification; ``of_instant`` is True where the robustness is that of an instant. States, costs
-    and ``of_instant``, with their keys, are optional.
+    specification; ``of_instant`` is True where the robustness is that of an instant;
+    ``progress`` is that of requirements in stages. States, costs, ``of_instant`` and ``progress``,
+    with their keys, are optional.
     """
     made = {
         "robustness": robustness,
@@ -59,6 +61,8 @@ def step_info(
     }
     if of_instant is not None:
         made["stl_of_instant"] = of_instant
+    if progress is not None:
+        made["stl_progress"] = progress
     if states is not None:
         made["stl"] = states
     if costs is not None:
@@ -72,13 +76,19 @@ def spec_state(
     upper: Lanewise,
     verdict: Lanewise,
     of_instant: Lanewise | None = None,
+    progress: Lanewise | None = None,
 ) -> dict[str, Any]:
     """The state of one specification, an entry of ``info["stl"]``.
 
-    ``of_instant``, True where the robustness is that of an instant, is optional.
+    ``of_instant``, True where the robustness is that of an instant, and ``progress``, of a
+    requirement in stages, are optional.
     """
     made = {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
-    return made if of_instant is None else {**made, "of_instant": of_instant}
+    if of_instant is not None:
+        made["of_instant"] = of_instant
+    if progress is not None:
+        made["progress"] = progress
+    return made
 
 
 def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monit
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, split, together
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
@@ -85,6 +86,8 @@ class Panel:
             require_known(reading, Argument("cost", cost))
         self._meter = cost and CostMeter(cost, specs, reading)
         self._owing: Obligations | None = None
+        judges = {name: judge for name, (_, judge) in self.monitors.items()}
+        self._stages = StageProgress(specs, judges, reading) or None
         self._reading = reading
         self._decided: dict[str, int] = {}
         self._failed: frozenset[str] = frozenset()  # by the end alone
@@ -125,6 +128,18 @@ class Panel:
     def violated_at(self) -> int | None:
         """The sample that showed the first violation; None while there is none."""
         return None if self.violated_by is None else self._decided[self.violated_by]
+
+    @property
+    def progress(self) -> dict[str, float]:
+        """The progress of each requirement in stages, by its name; see `StageProgress`."""
+        if self._stages is None:
+            return {}
+        return self._stages.values
+
+    @property
+    def least_progress(self) -> np.float64 | None:
+        """The least progress over the requirements in stages; None if none is."""
+        return None if self._stages is None else np.float64(self._stages.least)
 
     @property
     def all_decided(self) -> bool:
@@ -201,7 +216,10 @@ class Panel:
         elements, others = split(reads or ())
         measure = together(
             None if self._owing is None else self._owing.feeder(names),
-            None if self._meter is None else self._meter.feeder(names),
+            together(
+                None if self._meter is None else self._meter.feeder(names),
+                None if self._stages is None else self._stages.feeder(names),
+            ),
         )
         alone = len(self.monitors) == 1 and len(elements) + len(others) == 1
         if alone and measure is None and keep is None:
@@ -288,6 +306,8 @@ class Panel:
             self._meter.reset()
         if self._owing is not None:
             self._owing.reset()
+        if self._stages is not None:
+            self._stages.reset()
         self._decided = {}
         self._failed = frozenset()
         self.settled = 0
@@ -326,6 +346,8 @@ class Panel:
         else:
             for judge in self._judges:
                 judge.finish(end)
+            if self._stages is not None:
+                self._stages.finish(end)
             self.note()
         return self.read()
 
@@ -360,6 +382,7 @@ class Panel:
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""
+        progress = {name: np.float64(each) for name, each in self.progress.items()}
         return {
             name: spec_state(
                 np.float64(source.robustness),
@@ -367,6 +390,7 @@ class Panel:
                 np.float64(self._upper(name, judge)),
                 _NAMES[self._verdict(name, judge)],
                 self.of_instant,
+                progress.get(name),
             )
             for name, (source, judge) in self.monitors.items()
         }
@@ -374,7 +398,7 @@ class Panel:
     def outcomes(self) -> dict[str, dict[str, Any]]:
         """The outcome of every specification so far: ``info["stl_episode"]``."""
         decided = self._decided
-        return {
+        made = {
             name: present(
                 outcome(
                     np.float64(judge.robustness),
@@ -384,6 +408,9 @@ class Panel:
             )
             for name, (_, judge) in self.monitors.items()
         }
+        for name, progress in self.progress.items():
+            made[name]["progress"] = np.float64(progress)
+        return made
 
     def results(self) -> Iterator[tuple[str, tuple[float, float, float], Verdict, int | None]]:
         """What every specification has become so far.
@@ -401,11 +428,12 @@ class Panel:
             source.state() if isinstance(source, InstantMonitor) else machine_state(source)
             for source in self._sources
         ]
-        return self._described, sources, dict(self._decided), self.violated_by
+        stages = None if self._stages is None else self._stages.state()
+        return self._described, sources, dict(self._decided), self.violated_by, stages
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state`; raises an `InputError` if it is one of other specifications."""
-        described, sources, decided, violated_by = state
+        described, sources, decided, violated_by, stages = state
         if described != self._described:
             raise InputError(
                 f"expected a state of the specifications {self._described}, got one of {described}"
@@ -415,6 +443,8 @@ class Panel:
                 source.restore(held)
             else:
                 source.__setstate__(held)
+        if self._stages is not None:
+            self._stages.restore(stages)
         self._decided = dict(decided)
         self._failed = frozenset()
         self.settled = len(self._decided)

@@ -23,6 +23,7 @@ from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors, requ
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import pick
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.stage_progress import VectorStageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
@@ -82,6 +83,8 @@ class VectorPanel:
             require_known(reading, Argument("cost", cost))
         self._meter = cost and VectorCostMeter(cost, specs, num, reading, columns)
         self._owing: Obligations | None = None
+        judges = {name: judge for name, (_, judge) in self.monitors.items()}
+        self._stages = VectorStageProgress(specs, judges, reading, num, columns) or None
         self._reading = num, reading, columns
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
@@ -129,6 +132,16 @@ class VectorPanel:
         """Whether they are satisfied: a row for each specification, a column for each of `at`."""
         return np.array([judge.verdict[at] > 0 for judge in self._judges])
 
+    @property
+    def progress(self) -> dict[str, Floats]:
+        """The progress of each requirement in stages, by its name; see `StageProgress`."""
+        return {} if self._stages is None else self._stages.values
+
+    @property
+    def least_progress(self) -> Floats | None:
+        """The least progress over the requirements in stages; None if none is."""
+        return None if self._stages is None else self._stages.least
+
     def success(self, at: Numbers) -> Lanes:
         """Whether each of the environments `at` satisfies all specifications."""
         failed: Lanes = np.logical_or.reduce(self.undecided(at) | self._violated.take(at, axis=1))
@@ -142,6 +155,8 @@ class VectorPanel:
             self._meter.reset(lanes)
         if self._owing is not None:
             self._owing.reset(lanes)
+        if self._stages is not None:
+            self._stages.reset(lanes)
         if lanes is None:
             self._decided_at[:] = self.violated_at[:] = -1
             self._violated[:] = self._failed[:] = False
@@ -170,6 +185,8 @@ class VectorPanel:
             self._meter.feed(table, lanes)
         if self._owing is not None:
             self._owing.feed(table, lanes)
+        if self._stages is not None:
+            self._stages.feed(table, lanes)
 
     def cut_windows(self, lanes: Lanes) -> frozenset[str]:
         """Specifications as of `Panel.cut_windows`, in some environment of the mask."""
@@ -195,6 +212,8 @@ class VectorPanel:
         else:
             for judge in self._judges:
                 judge.finish(lanes, end=end)
+            if self._stages is not None:
+                self._stages.finish(lanes, end)
             self.robustness = least([source.robustness for source, _ in self.monitors.values()])
         self._record(at, self._verdicts(at))
 
@@ -267,6 +286,7 @@ class VectorPanel:
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""
+        progress = self.progress
         return {
             name: spec_state(
                 source.robustness,
@@ -274,6 +294,7 @@ class VectorPanel:
                 upper,
                 VERDICTS[np.where(failed, -1, judge.verdict)],
                 self.of_instant,
+                progress.get(name),
             )
             for (name, (source, judge)), upper, failed in zip(
                 self.monitors.items(), self._uppers(), self._failed, strict=True
@@ -287,7 +308,10 @@ class VectorPanel:
             self._verdicts(at),
             self._decided_at.take(at, axis=1),
         )
-        return {name: _row(found, k) for k, name in enumerate(self.monitors)}
+        made = {name: _row(found, k) for k, name in enumerate(self.monitors)}
+        for name, progress in self.progress.items():
+            made[name]["progress"] = progress[at]
+        return made
 
 
 def _row(found: dict[str, Any], k: int) -> dict[str, Any]:

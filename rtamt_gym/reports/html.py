@@ -23,7 +23,7 @@ from rtamt_gym.reports.model import (
 from rtamt_gym.reports.rows import DIGITS
 from rtamt_gym.reports.standing import key_of, standing_of
 from rtamt_gym.reports.views import ComparedRequirement
-from rtamt_gym.results.statistics import SUCCESS
+from rtamt_gym.results.statistics import SUCCESS, progress_text
 from rtamt_gym.tables import counted, p_text
 
 __all__ = ["render"]
@@ -157,6 +157,9 @@ class _View:
         trials = requirement.trials
         columns = {
             "robustness": texts.aligned([trial.robustness for trial in trials]),
+            "progress": [
+                "" if trial.progress is None else progress_text(trial.progress) for trial in trials
+            ],
             "asked": [_asked(trial) for trial in trials],
             "decided_at": texts.aligned(
                 [None if t.decided_at is None else t.decided_at.time for t in trials]

@@ -99,6 +99,7 @@ class ShownTrial:
         vacuous: Whether it satisfied the requirement without an answer.
         defaults: The declared defaults that it read, each as ``limit = 0.5``.
         unknown: Whether values are not known in it, so that ``asked`` counts what is certain.
+        progress: How far it came in the stages of the requirement; None if that has none.
     """
 
     label: str
@@ -114,6 +115,7 @@ class ShownTrial:
     vacuous: bool = False
     defaults: tuple[str, ...] = ()
     unknown: bool = False
+    progress: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,6 +121,7 @@ def of_case(saved: SavedCase, room: int) -> Section:
         case=case_texts(saved.case),
         asked=None if stands_on is None else stands_on.occasions,
         vacuous=stands_on is not None and stands_on.vacuous,
+        progress=None if stands_on is None else stands_on.progress,
     )
     system = _system_text(saved.system)
     requirement = requirement_of(

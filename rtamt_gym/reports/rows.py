@@ -24,7 +24,12 @@ from rtamt_gym.reports.views import Cases
 from rtamt_gym.results.intervals import quantiles
 from rtamt_gym.results.outcome import BY_END, Outcome, Word, word
 from rtamt_gym.results.provenance import Provenance
-from rtamt_gym.results.statistics import STATISTICS, RequirementResult
+from rtamt_gym.results.statistics import (
+    STATISTICS,
+    RequirementResult,
+    mean_progress,
+    progress_text,
+)
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial, open_at_stop
 from rtamt_gym.search.runs.record import Record
@@ -103,6 +108,7 @@ def trials_of(
                 if outcome is None
                 else tuple(f"{each} = {number(v)}" for each, v in outcome.defaults.items()),
                 unknown=outcome is not None and bool(outcome.unknown),
+                progress=None if outcome is None else outcome.progress,
             )
         )
     return sorted(trials, key=worst_first)
@@ -154,7 +160,7 @@ def requirement_of(
         counts=counts_of([each.verdict for each in trials]),
         rate=also.pop("rate", None),
         interval=also.pop("interval", None),
-        statistics=statistics_of(heights),
+        statistics=(*statistics_of(heights), *_progress_of(trials)),
         robustness=evenly(heights, _ROBUSTNESS),
         verdicts=tuple(verdict for _, verdict in spaced(known, _ROBUSTNESS)),
         quantiles=shares_of(heights),
@@ -185,6 +191,12 @@ def statistics_of(heights: Sequence[float]) -> tuple[Fact, ...]:
         for each in STATISTICS
         if each.robustness and heights and each.shown(result)
     )
+
+
+def _progress_of(trials: Sequence[ShownTrial]) -> list[Fact]:
+    """How far trials came in the stages of a requirement; nothing if it has none."""
+    mean = mean_progress([each.progress for each in trials if each.progress is not None])
+    return [] if mean is None else [Fact("mean progress", progress_text(mean))]
 
 
 def _by_end(trial: ShownTrial) -> bool:

@@ -110,6 +110,8 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
     kept |= found.evidence or {}
     if found.defaults:
         kept["defaults"] = found.defaults
+    if found.progress is not None:
+        kept["progress"] = found.progress
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -202,6 +204,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         vacuous=kept.get("vacuous", False),
         defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
         unknown=tuple(kept.get("unknown", ())),
+        progress=number_of(kept.get("progress")),
     )
 
 

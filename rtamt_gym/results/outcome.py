@@ -81,6 +81,8 @@ class Outcome:
         defaults: The variables of which it read a declared default, in part of a recorded trace or
             in all of it, with the values.
         unknown: The variables of which a value was not known (`rtamt.Judgement.unknown`).
+        progress: How far it has come in its stages, from 0 to 1; 1 only if it is satisfied. None
+            if it has none (`rtamt.patterns.stages`), or nobody has counted.
     """
 
     robustness: float
@@ -96,6 +98,7 @@ class Outcome:
     vacuous: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
     unknown: tuple[str, ...] = ()
+    progress: float | None = None
 
     def __repr__(self) -> str:
         shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]
@@ -110,6 +113,7 @@ class Outcome:
         sample: int | None,
         period: Fraction | None,
         stands_on: Evidence[Asked] | None = None,
+        progress: float | None = None,
     ) -> Self:
         """The outcome of a run of samples.
 
@@ -119,10 +123,11 @@ class Outcome:
             sample: The sample that made it certain, or None.
             period: Seconds between samples, or None.
             stands_on: How often it was put to the test; None: nobody has counted.
+            progress: How far it has come in its stages, or None.
         """
         robustness, lower, upper = bounds
         decided = None if sample is None else Moment.of(sample, period)
-        found = cls(robustness, lower, upper, verdict, decided)
+        found = cls(robustness, lower, upper, verdict, decided, progress=progress)
         if stands_on is None:
             return found
         return replace(found, asked=stands_on.asked, vacuous=stands_on.vacuous)

@@ -27,6 +27,8 @@ __all__ = [
     "Statistic",
     "columns_of",
     "expected_shortfall",
+    "mean_progress",
+    "progress_text",
     "rank",
     "result_of",
 ]
@@ -63,6 +65,8 @@ class RequirementResult:
             fall that ``at_termination="failure"`` makes a violation may have any robustness.
         asked: How many of those that did not fail have put it to the test: of an implication of it
             the left side held. None if it has no implication, or nobody has counted.
+        progress: The mean progress, from 0 to 1, of those that did not fail, in the stages of the
+            requirement. None if it has none, or nobody has counted.
         apart: Whether trials that failed are left out of the rate: they were chosen, as in a sweep,
             and nothing is known of them. Episodes of a policy that failed are not satisfied.
         kind: The kind of the interval of the rate.
@@ -80,6 +84,7 @@ class RequirementResult:
     saved: float
     worst: tuple[tuple[int, float], ...]
     asked: int | None = None
+    progress: float | None = None
     apart: bool = False
     kind: IntervalKind = "exact"
 
@@ -155,6 +160,24 @@ def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
     return float(np.average(tail, weights=weights))
 
 
+def mean_progress(values: Sequence[float]) -> float | None:
+    """The mean of the progress of trials, which is 1 only if all are; None of none."""
+    if not values:
+        return None
+    mean = math.fsum(values) / len(values)
+    return mean if min(values) == 1 else min(mean, math.nextafter(1.0, 0.0))
+
+
+def progress_text(progress: float) -> str:
+    """Two digits, cut and not rounded: 1.00 says that every stage was reached.
+
+    Example:
+        >>> progress_text(0.9999), progress_text(1.0)
+        ('0.99', '1.00')
+    """
+    return f"{math.floor(progress * 100) / 100:.2f}"
+
+
 class Statistic(NamedTuple):
     """A number that many trials give of a requirement.
 
@@ -222,6 +245,10 @@ STATISTICS: Final = (
         shown=lambda of: of.asked is not None,
         judged=True,
     ),
+    Statistic(
+        *("progress", "progress", lambda of: of.progress, progress_text),
+        shown=lambda of: of.progress is not None,
+    ),
     _height("least", "least", lambda heights: float(heights[0])),
     # Of fewer than 20 it is the least.
     _height("cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.heights) >= 20),
@@ -288,6 +315,7 @@ def result_of(
         asked=sum(bool(each.occasions) for _, each in found)
         if any(each.asked for _, each in found)
         else None,
+        progress=mean_progress([each.progress for _, each in found if each.progress is not None]),
         apart=apart,
         kind=kind,
     )

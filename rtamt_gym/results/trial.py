@@ -82,6 +82,7 @@ MEASURES: Final = (
     Measure("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
     Measure("violated", lambda outcome: BY_END if outcome.by_end else None, "text", optional=True),
     Measure("asked", lambda outcome: outcome.occasions, "whole", optional=True),
+    Measure("progress", lambda outcome: outcome.progress, optional=True),
     Measure("evidence", _evidence, "text", optional=True),
 )
 """The columns of a requirement, written ``robustness(NAME)``."""
@@ -197,6 +198,7 @@ class Trial:
                 None if at is None else Moment(sample, at if timed else None),
                 asked=() if asked is None and name in unconditional else asked,
                 vacuous=evidence.get("vacuous", False),
+                progress=measured["progress"],
             )
         # Files of before have no returns.
         own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}

@@ -48,7 +48,16 @@ def documented(traces: Iterable[Kept]) -> list[dict[str, Any]]:
     ]
 
 
-_NEWER = {"decided_at", "text", "asked", "vacuous", "never_asked", "defaults", "unknown"}
+_NEWER = {
+    "decided_at",
+    "text",
+    "asked",
+    "vacuous",
+    "never_asked",
+    "defaults",
+    "unknown",
+    "progress",
+}
 
 
 def _named(outcome: Kept) -> dict[str, Any]:

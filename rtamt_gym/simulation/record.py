@@ -92,6 +92,7 @@ class Course(_ComparesArrays):
         outputs: Variables that the system sets.
         asked: How often it was put to the test, as `Outcome.asked` has it.
         vacuous: Whether it was satisfied without an answer.
+        progress: How far it has come in its stages at the end, as `Outcome.progress` has it.
     """
 
     formula: str
@@ -107,6 +108,7 @@ class Course(_ComparesArrays):
     outputs: tuple[str, ...] = ()
     asked: tuple[Asked | DenseAsked, ...] | None = None
     vacuous: bool = False
+    progress: float | None = None
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -131,7 +133,7 @@ class Course(_ComparesArrays):
         """What the specification has become, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
         found = Outcome.at(bounds, self.verdict, self.decided_at, period)
-        return replace(found, asked=self.asked, vacuous=self.vacuous)
+        return replace(found, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
 
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"

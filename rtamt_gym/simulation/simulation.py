@@ -377,9 +377,10 @@ class Simulation:
 
     def _found(self, record: Tally) -> dict[str, Outcome]:
         """What the specifications have become."""
-        stands_on = self._stands_on(record)
+        stands_on, progress = self._stands_on(record), self._panel.progress
+        period = self._panel.period
         return {
-            name: Outcome.at(bounds, verdict, decided, self._panel.period, stands_on[name])
+            name: Outcome.at(bounds, verdict, decided, period, stands_on[name], progress.get(name))
             for name, bounds, verdict, decided in self._panel.results()
         }
 

@@ -18,7 +18,7 @@ from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
 __all__ = ["plain_run", "run_fields"]
 
 
-_OF_OUTCOME: Final = ("decided_at", "asked", "vacuous")
+_OF_OUTCOME: Final = ("decided_at", "asked", "vacuous", "progress")
 """What is written of a course as outcomes have it."""
 
 
@@ -34,6 +34,7 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
         }
         | {"decided_at": course.outcome(run.period).decided}
         | dict(course.outcome(run.period).evidence or {})
+        | ({} if course.progress is None else {"progress": course.progress})
         | ({"by_end": True} if course.outcome(run.period).by_end else {})
         for name, course in run.courses.items()
     }
@@ -87,6 +88,7 @@ def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
         outputs=tuple(kept.get("outputs", ())),
         asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
+        progress=number_of(kept.get("progress")),
     )
 
 

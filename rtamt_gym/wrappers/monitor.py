@@ -49,6 +49,9 @@ class StlMonitor(
     * ``stl_lower``, ``stl_upper`` (float): bounds of what it can still become
     * ``stl_violated`` (bool): no continuation can satisfy all specifications
     * ``stl`` (dict): with ``details=True``, ``{spec: {"robustness", "lower", "upper", "verdict"}}``
+    * ``stl_progress`` (float): where a specification is in stages (:func:`rtamt.patterns.stages`),
+      how far the episode has come in them, from 0 to 1, and 1 only if it is satisfied; of several
+      the least, ``"progress"`` of each is in ``stl`` and ``stl_episode``; not with ``view="step"``
     * ``cost`` (float): with ``cost=``, in the info of every step; with several specifications also
       ``cost_NAME`` of each, of which ``cost`` is the greatest (of ``"first"`` the first)
 
@@ -249,7 +252,7 @@ class StlMonitor(
         panel.begin()
         found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
         states = panel.describe() if self._details else None
-        info = step_info(info, *found, states, of_instant=panel.of_instant)
+        info = step_info(info, *found, states, None, panel.of_instant, panel.least_progress)
         self._running = True
         return obs if self._state is None else self._observed(obs, self.values()), info
 
@@ -297,6 +300,7 @@ class StlMonitor(
             panel.describe() if self._details else None,
             panel.take_costs() if self._cost is not None else None,
             panel.of_instant,
+            panel.least_progress,
         )
         if terminated or truncated:
             self._running = False

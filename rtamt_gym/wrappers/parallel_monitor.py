@@ -51,9 +51,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
     were one:
 
     * **Infos.** Every agent of a step, or of a reset, gets the keys that :class:`StlMonitor` adds,
-      all agents the same: ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``, and
-      ``stl`` and ``cost`` where asked for. The cost is one number for all agents: sum it over the
-      steps of one agent, not over agents.
+      all agents the same: ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``,
+      ``stl_progress`` of requirements in stages, and ``stl`` and ``cost`` where asked for. The cost
+      is one number for all agents: sum it over the steps of one agent, not over agents.
     * **A certain violation** ends the episode of all agents, unless it is only reported: each is
       terminated, or truncated, and :attr:`agents` is empty.
     * **The episode ends** when the last agents leave. The end is read by ``at_termination`` if one
@@ -304,7 +304,15 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         for agent in agents:
             states = panel.describe() if self._details else None
             info = infos.get(agent, {})
-            made[agent] = step_info(info, *found, violated, states, costs, panel.of_instant)
+            made[agent] = step_info(
+                info,
+                *found,
+                violated,
+                states,
+                costs,
+                panel.of_instant,
+                panel.least_progress,
+            )
         return {**infos, **made}
 
     def _conclude(

@@ -78,7 +78,9 @@ class _LaneMonitoring(Monitoring):
         states = panel.describe() if self._details else None
         violated = panel.violated_at >= 0
         bounds = panel.robustness, panel.lower, panel.upper
-        added = step_info({}, *bounds, violated, states, of_instant=panel.of_instant)
+        added = step_info(
+            {}, *bounds, violated, states, None, panel.of_instant, panel.least_progress
+        )
         for key, value in added.items():
             put(infos, key, value, lanes, self.num_envs)
         for key, cost in (costs or {}).items():

@@ -16,12 +16,15 @@ import pytest
 from experiments import SCRIPTS
 from paths import EXAMPLES
 
+from rtamt.patterns import CATALOGUE
+
 ARGUMENTS = {
     "falling_humanoid": ["--episodes", "4"],
     "highway_rss": ["--episodes", "2"],
     "lookahead": [],
     "paper_figures": [],
     "parking": ["--episodes", "5"],
+    "patterns": [],
     "walking_response": ["--episodes", "3"],
 }
 PICTURES = {"paper_figures": ["paper_flights", "paper_map", "paper_servers"]}
@@ -93,6 +96,14 @@ def test_the_page_on_examples_shows_them_all() -> None:
     pictures = [EXAMPLES.parent / "docs" / link for link in shown]
     assert [picture for picture in pictures if not picture.is_file()] == []
     assert max(picture.stat().st_size for picture in pictures) < 150_000
+
+
+def test_a_pattern_is_satisfied_by_its_first_trace_and_violated_by_its_second(run: Runner) -> None:
+    rows = run("patterns").rows("pattern")
+    assert len(rows) == len(CATALOGUE)
+    for *_, first, above, second, below in rows:
+        assert (first, second) == ("SATISFIED", "VIOLATED")
+        assert float(above) >= 0 > float(below)
 
 
 def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(run: Runner) -> None:

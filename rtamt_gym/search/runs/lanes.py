@@ -317,6 +317,7 @@ class _Batch:
         decided = {
             name: np.array(each["decided_at"].value) for name, each in panel.outcomes(over).items()
         }
+        progress = panel.progress
         for place, lane in enumerate(over.tolist()):
             verdicts = {name: Verdict(columns[-1][lane].item()) for name, columns in found.items()}
             stopped = self.ends[lane] in STOPPED
@@ -335,6 +336,7 @@ class _Batch:
                     at if at >= 0 else None,
                     panel.period,
                     stands_on[name],
+                    progress[name][lane].item() if name in progress else None,
                 )
             yield lane, outcomes
 

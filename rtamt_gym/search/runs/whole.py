@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
+from rtamt.patterns import stages
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import Trial
@@ -113,7 +114,14 @@ class Whole:
         stands_on = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
         last = round(row.simulated / (period or 1))
         outcomes = {
-            name: Outcome.at([height] * 3, Verdict.SATISFIED, last, period, stands_on[name])
+            name: Outcome.at(
+                [height] * 3,
+                Verdict.SATISFIED,
+                last,
+                period,
+                stands_on[name],
+                1.0 if stages(self._runner.requirements[name]) else None,
+            )
             for name, height in heights.items()
         }
         return replace(row, outcomes=outcomes)

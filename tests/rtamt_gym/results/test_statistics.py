@@ -96,6 +96,7 @@ def test_where_all_failed_there_is_no_robustness_to_tell() -> None:
     cells = {each.key: each.cell(failed.requirements["near"]) for each in STATISTICS}
     assert {key for key, cell in cells.items() if cell == "-"} == {
         "asked",
+        "progress",
         "least",
         "cvar",
         "median",

@@ -1,0 +1,79 @@
+"""The patterns of requirements, each with a trace that satisfies it and one that violates it.
+
+Requirements of robots and controllers are mostly one of a few patterns. The catalogue has an
+example of each; the table says what it asks for, and what the monitor finds in its two traces.
+
+Run: python examples/patterns.py --plot docs/examples/patterns.png
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import rtamt
+from rtamt.patterns import CATALOGUE, Pattern
+
+GUIDES: dict[str, tuple[float, ...]] = {
+    "never": (3,),
+    "always within limits": (18, 24),
+    "settling time": (0.9, 1.1),
+    "overshoot": (1, 1.2),
+    "rise time": (0.1, 0.9),
+    "rate limit": (-2, 2),
+}
+"""The levels of the patterns that are about a quantity; the others are about what holds when."""
+COLOURS = {rtamt.Verdict.SATISFIED: "C2", rtamt.Verdict.VIOLATED: "C1"}
+
+
+def draw(ax: Any, pattern: Pattern, trace: Any, colour: str) -> None:
+    """Draws one trace: a quantity with its levels, or a lane for each condition."""
+    times = np.arange(len(next(iter(trace.values()))) + 1)
+    ax.set(xlim=(0, times[-1]), xticks=(0, 3, 6, 9))
+    for lane, values in enumerate(reversed(trace.values())):
+        held = np.array([*values, values[-1]])  # a sample lasts until the next
+        if pattern.name in GUIDES:
+            ax.step(times, held, colour, where="post")
+            ax.set_yticks(GUIDES[pattern.name])
+            ax.grid(axis="y", color="0.7", linestyle="--")
+            continue
+        ax.fill_between(times, lane, lane + 0.7 * (held > 0), step="post", color=colour, lw=0)
+        ax.axhline(lane, color="0.7", linewidth=0.6)
+    if pattern.name not in GUIDES:
+        ax.set(ylim=(-0.2, len(trace)), yticks=np.arange(len(trace)) + 0.3)
+        ax.set_yticklabels(reversed(list(trace)))
+        ax.tick_params(axis="y", length=0)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Judges and draws both traces of every pattern."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--plot", type=Path, help="draw the traces into this file")
+    arguments = parser.parse_args(argv)
+    plt.style.use(Path(__file__).with_name("paper.mplstyle"))
+    figure, axes = plt.subplots(7, 4, figsize=(9, 8.5), sharex=True)
+    print(f"{'pattern':22}{'first trace':>18}{'second trace':>18}")
+    pairs = iter(axes.reshape(-1, 2))
+    for pattern, panels in zip(CATALOGUE, pairs, strict=False):
+        said = []
+        for ax, trace in zip(panels, (pattern.satisfying, pattern.violating), strict=True):
+            found = rtamt.judge(pattern.formula, dict(trace), period=1, end="complete")
+            said.append(f"{found.verdict.name:>12}{found.robustness:6.2f}")
+            draw(ax, pattern, trace, COLOURS[found.verdict])
+        low, high = zip(*(ax.get_ylim() for ax in panels), strict=True)
+        for ax in panels:
+            ax.set_ylim(min(low), max(high))
+        name = pattern.name.replace(" ", r"\ ")
+        panels[0].set_title(rf"$\bf{{{name}}}$: {pattern.wanted}", fontsize=7.5)
+        print(f"{pattern.name:22}" + "".join(said))
+    for ax in axes.flat[2 * len(CATALOGUE) :]:
+        ax.set_axis_off()
+    axes[-1, 0].set_xlabel("time in s")
+    if arguments.plot:
+        figure.savefig(arguments.plot, dpi=110)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,227 @@
+"""Progress in stages: its laws, and its definition written down once more, from scratch."""
+
+import math
+import pickle
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import Trace, formulas, length, traces
+
+import rtamt
+from rtamt import Formula, Specification, Verdict
+from rtamt.patterns import in_order, prefixes, stages
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.vector_panel import VectorPanel
+
+NAMES = ("a", "b", "c")
+End = Literal["complete", "cut", "open"]
+
+
+@st.composite
+def requirements(draw: st.DrawFn) -> Formula:
+    """Stages of any operators, with and without a time for each."""
+    parts = draw(st.lists(formulas(1), min_size=2, max_size=4))
+    return in_order(*parts, within=draw(st.sampled_from([None, 1, 3])))
+
+
+def taken(formula: Formula, row: Sequence[float]) -> dict[str, float]:
+    """The sample that a monitor of the formula takes."""
+    named = zip(NAMES, row, strict=True)
+    return {name: value for name, value in named if name in formula.variables}
+
+
+def verdict(formula: Formula, rows: Sequence[Sequence[float]], end: End | None = None) -> Verdict:
+    monitor = rtamt.EpisodeMonitor(formula)
+    for row in rows:
+        monitor.update(taken(formula, row))
+    if end is not None:
+        monitor.finish(end)
+    return monitor.verdict
+
+
+def fed(formula: Formula, rows: Sequence[Sequence[float]]) -> float:
+    """The robustness after these samples."""
+    monitor = rtamt.EpisodeMonitor(formula)
+    robustness = math.nan
+    for row in rows:
+        robustness = monitor.update(taken(formula, row))
+    return robustness
+
+
+def decided(formula: Formula, rows: Sequence[Sequence[float]], end: End | None = None) -> int:
+    """The stages of which satisfaction is certain after these samples."""
+    found = [verdict(each, rows, end) is Verdict.SATISFIED for each in prefixes(formula)]
+    return max((number for number, holds in enumerate(found, 1) if holds), default=0)
+
+
+def expected(formula: Formula, rows: Sequence[Sequence[float]], end: End | None) -> list[float]:
+    """The progress after every sample, and after the end."""
+    wanted, found = stages(formula), [0.0]
+    count, begun, r0 = len(wanted), 0, math.nan
+    reached = -1
+    for t in range(len(rows)):
+        now = decided(formula, rows[: t + 1])
+        if now != reached:
+            reached, begun, r0 = now, t, math.nan
+        if reached == count:
+            found.append(1.0)
+            continue
+        r = fed(wanted[reached].eventually(), rows[begun : t + 1])
+        if math.isnan(r0) and math.isfinite(r):
+            r0 = r
+        share = 1.0 if r >= 0 else max(0.0, 1 - r / r0) if r0 < 0 else 0.0
+        place = min((reached + share) / count, math.nextafter((reached + 1) / count, 0))
+        found.append(max(found[-1], place))
+    last = decided(formula, rows, end) / count
+    return [*found[1:], max(found[-1], last)]
+
+
+def rows_of(trace: Trace) -> list[tuple[float, ...]]:
+    return [tuple(trace[name][i] for name in NAMES) for i in range(length(trace))]
+
+
+def played(spec: Specification, rows: Sequence[Sequence[float]], end: End) -> list[float]:
+    """The progress that the monitors of one environment give."""
+    panel = Panel({"task": spec}, Reading())
+    feed = panel.feeder(NAMES)
+    found = []
+    for row in rows:
+        feed(row)
+        found.append(panel.progress["task"])
+    panel.finish(end)
+    return [*found, panel.progress["task"]]
+
+
+@pytest.mark.parametrize("end", ["complete", "cut"])
+def test_progress_is_its_definition_and_keeps_its_laws(end: End) -> None:
+    @settings(max_examples=40)
+    @given(requirements(), traces())
+    def check(formula: Formula, trace: Trace) -> None:
+        rows = rows_of(trace)
+        spec = Specification.of(formula)
+        found = played(spec, rows, end)
+        assert found == sorted(found)
+        for t, progress in enumerate(found[:-1]):
+            assert (progress == 1) is (verdict(formula, rows[: t + 1]) is Verdict.SATISFIED)
+            number, count = decided(formula, rows[: t + 1]), len(stages(formula))
+            assert progress == 1 or number / count <= progress < (number + 1) / count
+        assert (found[-1] == 1) is (verdict(formula, rows, end) is Verdict.SATISFIED)
+        assert found == pytest.approx(expected(formula, rows, end), rel=1e-15, abs=0)
+
+    check()
+
+
+@settings(max_examples=30)
+@given(requirements(), st.lists(traces(), min_size=3, max_size=3), st.booleans())
+def test_many_environments_have_the_progress_of_one(
+    formula: Formula,
+    several: list[Trace],
+    both: bool,  # noqa: FBT001 - drawn
+) -> None:
+    specs = {"task": Specification.of(formula), "calm": rtamt.parse("always(a < 9)")}
+    if both:
+        specs["other"] = rtamt.parse("eventually(b > 0 and eventually(c > 0))")
+    panel = VectorPanel(specs, 3, Reading(), NAMES)
+    rows = [rows_of(trace) for trace in several]
+    alone = [Panel(specs, Reading()) for _ in rows]
+    feeds = [each.feeder(NAMES) for each in alone]
+    for t in range(max(map(len, rows))):
+        lanes = np.array([t < len(each) for each in rows])
+        panel.feed(np.array([each[min(t, len(each) - 1)] for each in rows]), lanes)
+        for lane in lanes.nonzero()[0].tolist():
+            feeds[lane](rows[lane][t])
+        ends = np.array([t == len(each) - 1 for each in rows])
+        panel.finish(ends)
+        for lane in ends.nonzero()[0].tolist():
+            alone[lane].finish()
+        for lane, each in enumerate(alone):
+            assert {k: v[lane] for k, v in panel.progress.items()} == each.progress
+            assert panel.least_progress is not None
+            assert panel.least_progress[lane] == each.least_progress
+    assert set(panel.progress) == {"task", "other"} if both else {"task"}
+    panel.reset(np.array([False, True, False]))
+    kept = panel.progress["task"]
+    assert kept[1] == 0
+    assert [kept[0], kept[2]] == [alone[0].progress["task"], alone[2].progress["task"]]
+
+
+def test_a_stage_counts_what_came_after_the_one_before_it() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
+    rows = [
+        (-4, -4, -4),  # a sets out at -4
+        (-1, 9, 9),  # three quarters of the way to stage 1; b and c are too early
+        (1, -2, 3),  # stage 1; b sets out at -2
+        (0, -1, 1),
+        (0, 0, 1),  # b > 0 does not hold at 0, however near it is
+        (0, 1, -9),  # stage 2; c sets out at -9, although it held before
+        (0, 0, 1),
+    ]
+    thirds = [0, 0.75, 1, 1.5, 2, 2, 3, 3]
+    found = played(spec, rows, "complete")
+    assert found == pytest.approx([third / 3 for third in thirds])
+    assert found[4] == math.nextafter(2 / 3, 0)
+    assert found[-1] == 1
+
+
+def test_the_end_decides_stages_as_it_is_read() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually always[0:3](b > 0))")
+    rows = [(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
+    almost = math.nextafter(1.0, 0.0)  # what is seen holds, and is not certain
+    assert played(spec, rows, "complete") == [almost, almost, 1.0]
+    assert played(spec, rows, "cut") == [almost, almost, almost]
+
+
+def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
+    panel = Panel({"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, Reading())
+    panel.feeder(NAMES)((1.0, -1.0, 0.0))
+    panel.finish("failure")
+    assert panel.progress == {"task": 0.5}
+    assert panel.violated_by == "task"
+
+
+def test_verdicts_alone_move_it_by_whole_stages() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually(b > 0))")
+    panel = Panel({"task": spec}, Reading(semantics="boolean"))
+    feed = panel.feeder(NAMES)
+    found = []
+    for row in ((-4, -4, 0), (-1, -4, 0), (1, -4, 0), (0, -1, 0), (0, 1, 0)):
+        feed(row)
+        found.append(panel.progress["task"])
+    assert found == [0, 0, 0.5, 0.5, 1]
+
+
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 - a literal
+    specs = {
+        "near": rtamt.parse("eventually[0:5](a > 0)"),
+        "calm": rtamt.parse("always(a < 9)"),
+    }
+    if view == "step":
+        specs = {"task": rtamt.parse("eventually[0:2](a > 0 and eventually[0:2](b > 0))")}
+    panel = Panel(specs, Reading(view=view))
+    vector = VectorPanel(specs, 2, Reading(view=view), NAMES)
+    assert panel.progress == vector.progress == {}
+    assert (panel.least_progress, vector.least_progress) == (None, None)
+    assert (panel._stages, vector._stages) == (None, None)
+
+
+def test_a_state_brings_the_progress_back() -> None:
+    specs = {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}
+    panel, other = Panel(specs, Reading()), Panel(specs, Reading())
+    feed, feed_other = panel.feeder(NAMES), other.feeder(NAMES)
+    feed((1.0, -4.0, 0.0))
+    state = pickle.loads(pickle.dumps(panel.state()))
+    for row in ((0.0, -2.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)):
+        feed(row)
+    assert panel.progress == {"task": 1.0}
+    other.restore(state)
+    panel.restore(state)
+    for row, progress in (((0.0, -2.0, 0.0), 0.75), ((0.0, 1.0, 0.0), 1.0)):
+        feed(row)
+        feed_other(row)
+        assert panel.progress == other.progress == {"task": progress}
