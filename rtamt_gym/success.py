@@ -25,7 +25,8 @@ States are joined by ``&``. What an episode owes of a state:
 | ``"kept"`` | has held for that time without a gap when the episode ends |
 
 Windows look back, so that no end of an episode cuts them: ``at_termination`` and ``at_truncation``
-do not change the verdict, unless they are ``"open"`` or ``"failure"``.
+do not change the verdict, unless they are ``"open"`` or ``"failure"``. The formulas are those of
+`rtamt.patterns.success`.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ from types import MappingProxyType
 from typing import Final, Literal, get_args
 
 import rtamt
-from rtamt import Formula, InputError, InputTypeError, Interval
-from rtamt.errors import Argument
+from rtamt import Formula, InputError, InputTypeError
+from rtamt.patterns import success
 from rtamt_gym.checks.arguments import check_choice
 
 __all__ = [
@@ -202,7 +203,8 @@ def reading(name: SuccessReading, state: Formula | str = "success", hold: Hold =
         hold: How long ``"held"`` and ``"kept"`` ask for, in seconds or as text with a unit.
 
     Raises:
-        InputError: If there is no such reading, or ``hold`` is not positive.
+        InputError: If there is no such reading.
+        SpecificationError: If ``hold`` is not positive.
         InputTypeError: If the state is neither a formula nor a name.
 
     Example:
@@ -226,9 +228,8 @@ def reading(name: SuccessReading, state: Formula | str = "success", hold: Hold =
             "expected a state, such as one_sided('angle', at_least=1.2), or the name of a flag, "
             f"got {state!r}"
         )
-    if name in {"held", "kept"}:
-        state = state.since(state, *_span(hold))
-    return state.always().eventually() if name in {"last", "kept"} else state.eventually()
+    length = hold if name in {"held", "kept"} else None
+    return success(state, length, kept=name in {"last", "kept"})
 
 
 def readings(state: Formula | str = "success", hold: Hold = 0.5) -> Mapping[str, Formula]:
@@ -240,6 +241,7 @@ def readings(state: Formula | str = "success", hold: Hold = 0.5) -> Mapping[str,
 
     Raises:
         InputError: As `reading` does.
+        SpecificationError: As `reading` does.
         InputTypeError: As `reading` does.
 
     Example:
@@ -248,14 +250,6 @@ def readings(state: Formula | str = "success", hold: Hold = 0.5) -> Mapping[str,
     """
     names: tuple[SuccessReading, ...] = READINGS
     return MappingProxyType({name: reading(name, state, hold) for name in names})
-
-
-def _span(hold: Hold) -> tuple[Fraction, Hold]:
-    """Both bounds of the window of one instant, a time ago."""
-    window = Interval.of(0, hold)
-    if window is None or window.end is None or window.end == 0:
-        raise InputError("expected ", Argument("hold"), f" as more than 0 s, got {hold!r}")
-    return window.end, hold
 
 
 def _positive(name: str, value: float) -> float:

@@ -168,7 +168,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
     from rtamt_gym.evaluation.tables import show
-    from rtamt_gym.judging.specs import own_requirements
+    from rtamt_gym.judging.specs import own_requirements, read_period
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.simulation.environments import make
 
@@ -186,7 +186,8 @@ def run(options: argparse.Namespace) -> int:
         specs = {}
         if options.spec or not options.success:
             specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
-        specs = success_requirements(options, specs)
+        reading = read_reading(options)
+        specs = success_requirements(options, specs, reading.period or read_period(env))
         signals = flag_signal(options, env, signals)
         with warnings.catch_warnings():
             for said in (FailedSimulationWarning, UnrepeatedSeedWarning):  # by the table
@@ -200,7 +201,7 @@ def run(options: argparse.Namespace) -> int:
                 progress=True,
                 **rules,
                 **{name: getattr(options, name) for name in _ARGUMENTS},
-                **read_reading(options).options(),
+                **reading.options(),
             )
         record = evaluation.record.of_files(files_of(options.spec, options.policy))
         evaluation = replace(evaluation, record=record)

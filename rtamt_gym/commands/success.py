@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import copy
+import math
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
 import rtamt
@@ -26,7 +28,8 @@ _FLAG: Final = "success"
 _KEYS: Final = ("success", "is_success")
 """The keys under which environments have such a flag."""
 
-_HOLD: Final = "500ms"
+_HOLD: Final = Fraction(1, 2)
+"""Seconds that are held, if nothing is said."""
 
 _NAMED: Final = 5
 """How many episodes are named."""
@@ -48,7 +51,8 @@ def add_success(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hold",
         metavar="TIME",
-        help=f"how long held and kept ask for, such as 2s (default: {_HOLD})",
+        help="how long held and kept ask for, such as 2s (default: 500ms, or the next multiple of "
+        "a step)",
     )
 
 
@@ -60,21 +64,35 @@ def check_success(options: argparse.Namespace) -> None:
 
 
 def success_requirements(
-    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification]
+    options: argparse.Namespace,
+    specs: Mapping[str, rtamt.Specification],
+    period: rtamt.Period | None,
 ) -> dict[str, rtamt.Specification]:
     """The specifications, and the readings of the flag if they are asked for.
+
+    Args:
+        options: The arguments of the command.
+        specs: The specifications.
+        period: Seconds between samples, of which the time is the next multiple where none is given.
 
     Raises:
         InputError: If the time is none, or a specification has the name of a reading.
     """
     if not options.success:
         return dict(specs)
-    found = readings(_FLAG, options.hold or _HOLD)
+    found = readings(_FLAG, options.hold or _hold(period))
     made = {f"{_FLAG}.{name}": rtamt.Specification.of(each) for name, each in found.items()}
     for name in made:
         if name in specs:
             raise InputError(f"expected one specification {name!r}, got two; name one of them")
     return {**specs, **made}
+
+
+def _hold(period: rtamt.Period | None) -> str:
+    """The time where none is given, as a text with its unit."""
+    step = None if period is None else rtamt.Monitor("true", period=period).period
+    length = _HOLD if step is None else math.ceil(_HOLD / step) * step
+    return f"{float(length * 1000):.12g}ms"
 
 
 def flag_signal(

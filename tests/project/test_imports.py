@@ -30,7 +30,7 @@ FLOORS = {
         ("checks",),
         ("shaping", "success", "tables", "drawing", "inputs"),
         ("signals", "results"),
-        ("judging",),
+        ("judging", "benchmarks"),
         ("wrappers", "mujoco"),
         ("simulation", "recorded"),
         ("search",),

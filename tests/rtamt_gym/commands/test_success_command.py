@@ -106,7 +106,7 @@ def test_an_environment_that_ends_at_its_first_success_holds_nothing(capsys: Out
     [
         (["--hold", "2s"], "--hold is for --success, got it without"),
         (["--success-key", "done"], "--success-key is for --success, got it without"),
-        (["--success", "--hold", "0s"], "expected --hold as more than 0 s, got '0s'"),
+        (["--success", "--hold", "0s"], "expected a time above 0 for hold, got '0s'"),
         (["--success", "--hold", "250ms"], "is not a multiple of the period"),
         (
             ["--success", "--env-kwarg", 'keys=["done"]'],

@@ -131,9 +131,9 @@ def test_a_block_in_the_hand_is_not_released() -> None:
     ("make", "message"),
     [
         (lambda: reading("keep"), "expected name='any' or 'last' or 'held' or 'kept', got 'keep'"),  # type: ignore[arg-type]
-        (lambda: reading("kept", "ok", 0), "expected hold= as more than 0 s, got 0"),
-        (lambda: reading("kept", "ok", "0ms"), "expected hold= as more than 0 s, got '0ms'"),
-        (lambda: reading("kept", "ok", float("inf")), "expected hold= as more than 0 s, got inf"),
+        (lambda: reading("kept", "ok", 0), "expected a time above 0 for hold, got 0"),
+        (lambda: reading("kept", "ok", "0ms"), "expected a time above 0 for hold, got '0ms'"),
+        (lambda: reading("kept", "ok", float("inf")), "expected a time above 0 for hold, got inf"),
         (lambda: reading("kept", "ok", -1), "expected a bound of at least 0, got -1"),
         (lambda: reading("kept", "ok", "1 hour"), "expected one of the units s, ms, us, ns, ps"),
         (

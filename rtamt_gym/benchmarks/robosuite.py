@@ -1,0 +1,147 @@
+"""Tasks of robosuite as environments of Gymnasium that monitors can read.
+
+robosuite 1.5 wants MuJoCo below 3.10 and ``h5py``: ``pip install robosuite 'mujoco<3.10' h5py``. On
+import this module registers ``robosuite/Lift-v0`` and the other tasks of `TASKS`; ``robots`` and
+every argument of ``robosuite.make`` are arguments of ``gymnasium.make``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from rtamt import InputTypeError
+from rtamt_gym.benchmarks.missing import benchmark
+
+__all__ = ["TASKS", "RobosuiteEnv", "make"]
+
+TASKS: Final = (
+    "Door",
+    "Lift",
+    "NutAssembly",
+    "NutAssemblyRound",
+    "NutAssemblySquare",
+    "PickPlace",
+    "PickPlaceBread",
+    "PickPlaceCan",
+    "PickPlaceCereal",
+    "PickPlaceMilk",
+    "PickPlaceSingle",
+    "Stack",
+    "ToolHang",
+    "Wipe",
+)
+"""The tasks of one arm, whose ids are ``robosuite/NAME-v0``."""
+
+
+class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
+    """An environment of robosuite as one of Gymnasium.
+
+    * ``info["success"]`` is 1.0 where the task is done and else 0.0, in the info of a reset too.
+    * The end of the horizon truncates an episode. It does not terminate one, as in robosuite's own
+      ``GymWrapper``, so that a window which it cuts stays open.
+    * A seed repeats an episode: ``reset(seed=)`` seeds the generator from which robosuite draws.
+    * ``dt`` is the time between two steps, ``model`` and ``data`` are MuJoCo's own: selectors such
+      as ``body:cube_main.xpos[2]`` read them. robosuite builds them anew at a reset.
+
+    Observations are a dictionary of arrays, in which selectors read ``obs['cube_pos'][2]``.
+
+    Args:
+        env: What ``robosuite.make`` has made; it is reset once to learn its observations.
+
+    Raises:
+        InputTypeError: If it is none.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
+
+    def __init__(self, env: Any) -> None:  # noqa: ANN401 - robosuite is not typed
+        missing = [name for name in _NEEDED if not hasattr(env, name)]
+        if missing or isinstance(env, gym.Env):
+            raise InputTypeError(
+                "expected an environment that robosuite.make has made, without GymWrapper, got "
+                f"{type(env).__name__}"
+            )
+        self.robosuite = env
+        low, high = env.action_spec
+        self.action_space = spaces.Box(low.astype(np.float32), high.astype(np.float32))
+        self.observation_space = spaces.Dict(
+            {name: _space(value) for name, value in _arrays(env.reset()).items()}
+        )
+
+    @property
+    def dt(self) -> float:
+        """Seconds between two steps."""
+        return float(self.robosuite.control_timestep)
+
+    @property
+    def model(self) -> Any:  # noqa: ANN401 - MuJoCo is optional
+        """MuJoCo's model of the episode."""
+        return self.robosuite.sim.model._model  # noqa: SLF001 - what it wraps has no other name
+
+    @property
+    def data(self) -> Any:  # noqa: ANN401 - see `model`
+        """MuJoCo's state of the episode."""
+        return self.robosuite.sim.data._data  # noqa: SLF001 - as `model`
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begins an episode; a seed says all that is random in it."""
+        super().reset(seed=seed, options=options)
+        if seed is not None:
+            # In place, for samplers of positions hold the generator.
+            fresh = np.random.default_rng(seed).bit_generator.state
+            self.robosuite.rng.bit_generator.state = fresh
+        return _arrays(self.robosuite.reset()), self._info({})
+
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
+        """Makes a step; the end of the horizon is a truncation."""
+        env = self.robosuite
+        shown, reward, done, info = env.step(action)
+        over = bool(done) and env.timestep >= env.horizon
+        return _arrays(shown), float(reward), bool(done) and not over, over, self._info(info)
+
+    def close(self) -> None:
+        """Closes the simulation."""
+        self.robosuite.close()
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        return {**info, "success": float(self.robosuite._check_success())}  # noqa: SLF001 - its only name
+
+
+_NEEDED: Final = ("_check_success", "action_spec", "control_timestep", "horizon", "rng", "sim")
+
+
+def make(task: str, robots: Any = "Panda", **arguments: Any) -> RobosuiteEnv:  # noqa: ANN401 - robosuite's own
+    """Makes a task of robosuite, without pictures unless ``arguments`` ask for them.
+
+    Args:
+        task: Its name, such as ``"Lift"``.
+        robots: The robot, or several.
+        **arguments: Further arguments of ``robosuite.make``, such as ``horizon=200``.
+    """
+    robosuite = benchmark("robosuite", "robosuite 'mujoco<3.10' h5py")
+    drawn = dict.fromkeys(("has_renderer", "has_offscreen_renderer", "use_camera_obs"), False)
+    return RobosuiteEnv(robosuite.make(task, robots=robots, **{**drawn, **arguments}))
+
+
+def _arrays(shown: Any) -> dict[str, Any]:  # noqa: ANN401 - robosuite's dictionary
+    """An observation with an array of each name, whatever robosuite has there."""
+    return {name: np.atleast_1d(np.asarray(value)) for name, value in shown.items()}
+
+
+def _space(value: Any) -> spaces.Box:  # noqa: ANN401 - an array
+    if value.dtype.kind == "u":  # a picture
+        return spaces.Box(0, np.iinfo(value.dtype).max, value.shape, value.dtype)
+    return spaces.Box(-np.inf, np.inf, value.shape, value.dtype)
+
+
+for _task in TASKS:
+    if f"robosuite/{_task}-v0" not in gym.registry:
+        gym.register(
+            f"robosuite/{_task}-v0", f"{__name__}:make", kwargs={"task": _task}, order_enforce=False
+        )
