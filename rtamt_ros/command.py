@@ -14,6 +14,7 @@ from rtamt_ros.core.settings import StaleAs
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
+from rtamt_ros.pauses import shorten_pauses
 
 __all__ = ["main"]
 
@@ -61,6 +62,7 @@ def _run(argv: Sequence[str]) -> int:
     ros = open_node(generation, _NODE, arguments)
     try:
         node = MonitorNode(ros, specifications, settings)
+        shorten_pauses()
         node.start()
         ros.spin()
         node.stop()

@@ -146,7 +146,8 @@ class _Plan:
         if not self.specifications:
             raise InputError("expected a specification or more, got none")
         judges = self.judges()
-        self.outputs = outputs_of(judges.requirements)
+        self.outputs = outputs_of(judges.requirements, dense=self.settings.dense)
+        self.lateness = judges.lateness
         self.bounds = bound_topics(self.outputs)
         self.formulas = {each.name: str(each.specification.formula) for each in judges.requirements}
         wanted = {("std_msgs", message) for message in BOUNDS.values()}
@@ -189,15 +190,17 @@ class _Running:
         self._closed = False
         self._handles: list[Handle] = []
         self._ended = threading.Event()
-        self._watch: threading.Thread | None = None
         self._begin = time.monotonic()
-        self._searched = False
+        self._searched = self._watching = False
+        self._threads: list[threading.Thread] = []
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
         try:
             self._refuse_two_types()
-            publishing = Publishing(middleware, plan.outputs, plan.bounds, plan.classes)
+            publishing = Publishing(
+                middleware, plan.outputs, plan.bounds, plan.classes, plan.lateness
+            )
             self._handles.append(publishing)
             self._publish = publishing.publish
             self._diagnostics = Diagnostics(middleware, plan.formulas)
@@ -220,8 +223,8 @@ class _Running:
         # Not under the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
-        if self._watch is not None:
-            self._watch.join()
+        for each in self._threads:
+            each.join()
         with self._lock:
             self.judges.close()
 
@@ -249,6 +252,12 @@ class _Running:
                     f"expected one type of messages on {whole}, got {'/'.join(first)} and "
                     f"{'/'.join(found)}"
                 )
+
+    def _in_thread(self, task: Callable[[], None]) -> None:
+        """Run what may take long beside looks, which would be late."""
+        thread = threading.Thread(target=task, name=task.__name__, daemon=True)
+        self._threads.append(thread)
+        thread.start()
 
     def _name_silent(self) -> None:
         """Log which topics nobody publishes, and which may be meant."""
@@ -284,10 +293,10 @@ class _Running:
         self._say(lambda now: self.judges.look(due, now))
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True
-            self._name_silent()
-        if self._watch is None and self._middleware.is_simulated() and not self._closed:
-            self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
-            self._watch.start()
+            self._in_thread(self._name_silent)
+        if not self._watching and self._middleware.is_simulated() and not self._closed:
+            self._watching = True
+            self._in_thread(self._watch_clock)
 
     def _say(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
         """Publish the reports of the time that it is now."""

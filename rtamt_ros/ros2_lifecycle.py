@@ -20,6 +20,7 @@ from rtamt.errors import nearest
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
+from rtamt_ros.pauses import shorten_pauses
 from rtamt_ros.ros2 import Ros2
 
 __all__ = ["LifecycleMonitor", "main", "run"]
@@ -189,6 +190,7 @@ def run(
     try:
         if monitor.node.get_parameter("autostart").value and not monitor.autostart():
             return 2
+        shorten_pauses()
         monitor.ros.spin()
         monitor.clean_up()
     finally:

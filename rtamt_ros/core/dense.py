@@ -47,6 +47,11 @@ class DenseJudge:
         settings: The semantics, and what the times of messages are.
         record: Where the events go.
 
+    Attributes:
+        account: The history of the requirement.
+        inputs: What it reads.
+        lateness: As in `Judges`, for this requirement.
+
     Raises:
         SpecificationError: If a monitor cannot run the requirement.
     """
@@ -75,6 +80,7 @@ class DenseJudge:
                 for name, formula in spec.formulas.items()
                 if formula is not spec.formula
             }
+        self.lateness = {"": 0, **self._latenesses()}
         self._read = {
             source: [
                 (name, place) for name, (of, place) in requirement.cells.items() if of is source
@@ -308,6 +314,17 @@ class DenseJudge:
             else _value(self._named[name], name)
             for name, formula in spec.formulas.items()
         }
+
+    def _latenesses(self) -> dict[str, int]:
+        """By how many nanoseconds the formulas that are known last lie before the requirement."""
+        late = {
+            name: each.horizon if isinstance(each, DenseMonitor) else 0.0
+            for name, each in self._named.items()
+        }
+        if self._monitor is not None:
+            horizon = self._monitor.horizon
+            late = {name: each - horizon for name, each in self._monitor.latencies.items()}
+        return {name: round(each * 1e9) for name, each in late.items()}
 
     def _time(self, time: float) -> int:
         return (self._origin or 0) + round(time * 1e9)

@@ -25,6 +25,7 @@ class Formulas:
 
     Attributes:
         values: The robustness of every named formula with the last sample.
+        latencies: Samples by which the value of every named formula is late.
     """
 
     def __init__(
@@ -42,6 +43,10 @@ class Formulas:
             )
             places = [variables.index(each) for each in monitor.variables]
             self._monitors[name] = monitor, places
+        self.latencies = dict.fromkeys(self._result, 0) | {
+            name: monitor.latency if isinstance(monitor, Monitor) else 0
+            for name, (monitor, _) in self._monitors.items()
+        }
 
     def update(self, sample: Sequence[float], robustness: float) -> None:
         """Take in a sample, with which the requirement has this robustness.

@@ -38,6 +38,9 @@ class Judges:
         topics: The topics that are read, and the inputs of each.
         requirements: What is judged.
         settings: How.
+        lateness: For each requirement and named formula of it, the nanoseconds by which what its
+            value is about lies before `RequirementReport.time`; on samples for the result too,
+            which is the formula ``""``.
     """
 
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
@@ -53,6 +56,11 @@ class Judges:
         self._sampled = [SampledJudge(of, settings, to) for of, to in recorded if not dense]
         self._dense = [DenseJudge(of, settings, to) for of, to in recorded if dense]
         self._judges: list[SampledJudge | DenseJudge] = [*self._sampled, *self._dense]
+        self.lateness = {
+            (each.account.name, formula): late
+            for each in self._judges
+            for formula, late in each.lateness.items()
+        }
         self._now = 0
         self._point: int | None = None  # the last that was judged
 

@@ -30,7 +30,9 @@ class Output:
     formulas: dict[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
 
-def outputs_of(requirements: Sequence[SubscribedRequirement]) -> list[Output]:
+def outputs_of(
+    requirements: Sequence[SubscribedRequirement], *, dense: bool = False
+) -> list[Output]:
     """The topics of requirements, and of the formulas with names that they use.
 
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, are on one
@@ -38,7 +40,8 @@ def outputs_of(requirements: Sequence[SubscribedRequirement]) -> list[Output]:
 
     Raises:
         SpecificationError: If two results, or formulas of two texts, were given one topic, a
-            result the topic of an input of its text, or a formula the name of a whole message.
+            result the topic of an input of its text, or a formula the name of a whole message; in
+            dense time, if formulas are named after several fields of one message.
     """
     made: dict[tuple[int, str], Output] = {}
     taken = {topic for each in requirements for topic in each.specification.topics.values()}
@@ -57,6 +60,9 @@ def outputs_of(requirements: Sequence[SubscribedRequirement]) -> list[Output]:
             if is_result or each.formula not in known:
                 name = "" if is_result else each.formula
                 made[key].formulas[requirement.name, name] = each.path
+    for (_, variable), output in made.items():
+        if dense:
+            _refuse_several(variable, output)
     return list(made.values())
 
 
@@ -96,6 +102,16 @@ def _refuse_twice(topic: str, made: Iterable[Output], name: str) -> None:
                 f"expected a topic for '{name}' that nothing else is published on, got {topic}; "
                 f"write another: @ topic({name}, PATH)"
             )
+
+
+def _refuse_several(variable: str, output: Output) -> None:
+    if len(output.formulas) > 1:
+        fields = [".".join((variable, *path)) for path in output.formulas.values()]
+        raise SpecificationError(
+            f"expected one field of the message '{variable}' in dense time, got "
+            f"{' and '.join(fields)}, whose values change at times of their own; declare a message "
+            "for each, or sample"
+        )
 
 
 def _refuse_loop(topic: str, requirement: SubscribedRequirement, name: str) -> None:

@@ -28,6 +28,7 @@ class Publishing:
         outputs: The topics of robustness.
         bounds: For each requirement the topic below which its bounds are.
         classes: The classes of all messages, by package and name.
+        lateness: As in `Judges`.
 
     Raises:
         InputError: If ROS refuses a topic; then no publisher is left open.
@@ -39,6 +40,7 @@ class Publishing:
         outputs: Sequence[Output],
         bounds: Mapping[str, str],
         classes: Mapping[tuple[str, str], type],
+        lateness: Mapping[tuple[str, str], int],
     ) -> None:
         self._middleware = middleware
         self._open: list[Publisher] = []
@@ -47,7 +49,7 @@ class Publishing:
         try:
             for output in outputs:
                 publisher = self._publisher(output.topic, classes[output.package, output.message])
-                outgoing = _Outgoing(middleware, output, publisher)
+                outgoing = _Outgoing(middleware, output, publisher, lateness)
                 for name in dict.fromkeys(name for name, _ in output.formulas):
                     self._of[name].append(outgoing)
             for name, topic in bounds.items():
@@ -100,31 +102,68 @@ class _Bound:
 
 
 class _Outgoing:
-    """The messages of one topic: published once every field of them has a value."""
+    """The messages of one topic, one for each time: that which all its fields are about.
 
-    def __init__(self, middleware: Middleware, output: Output, publisher: Publisher) -> None:
+    A field whose values are known sooner than those of another waits for them. What is not known,
+    as an input is stale, is nan in the messages that wait for it, and at the time of the sample.
+    """
+
+    def __init__(
+        self,
+        middleware: Middleware,
+        output: Output,
+        publisher: Publisher,
+        lateness: Mapping[tuple[str, str], int],
+    ) -> None:
         self._middleware = middleware
         self._publisher = publisher
         self._formulas = output.formulas
-        self._values: dict[tuple[str, str], float | None] = dict.fromkeys(output.formulas)
+        self._late = {key: lateness[key] for key in output.formulas}
+        self._longest = max(self._late.values())
+        self._waiting: dict[int, dict[tuple[str, str], float]] = {}
+        self._last: int | None = None  # what was said last, unless something was not known
 
     def publish(self, report: RequirementReport) -> None:
         gone = report.robustness is not None and math.isnan(report.robustness)
-        for name, formula in self._formulas:
-            if name == report.name:
-                value = report.values.get(formula) if formula else report.robustness
-                known = gone or (value is not None and not math.isnan(value))
-                self._values[name, formula] = math.nan if gone else value if known else None
-        if None in self._values.values():
+        for key in self._formulas:
+            if key[0] == report.name:
+                self._add_nan(key, report.time) if gone else self._add(key, report)
+        for time in sorted(self._waiting):
+            if len(self._waiting[time]) == len(self._formulas):
+                self._send(time)
+                self._waiting = {at: its for at, its in self._waiting.items() if at > time}
+        if self._waiting:  # what is older comes no more, and what is newer came before a jump back
+            oldest = report.time - self._longest
+            self._waiting = {
+                at: its for at, its in self._waiting.items() if oldest <= at <= report.time
+            }
+
+    def _add(self, key: tuple[str, str], report: RequirementReport) -> None:
+        name = key[1]
+        value = report.values.get(name) if name else report.robustness
+        about = report.time - self._late[key] if name else report.about
+        if value is None or about is None or math.isnan(value) or about == self._last:
             return
+        self._waiting.setdefault(about, {})[key] = value
+
+    def _add_nan(self, key: tuple[str, str], time: int) -> None:
+        self._waiting.setdefault(time, {})
+        for at, values in self._waiting.items():
+            if at < time:
+                values.setdefault(key, math.nan)
+        self._waiting[time][key] = math.nan
+
+    def _send(self, time: int) -> None:
         message = self._publisher.message()
-        for key, path in self._formulas.items():
+        for key, value in self._waiting[time].items():
+            *outer, last = self._formulas[key]
             holder: Any = message
-            for step in path[:-1]:
+            for step in outer:
                 holder = getattr(holder, step)
-            setattr(holder, path[-1], self._values[key])
-        self._middleware.set_stamp(message, report.time if report.about is None else report.about)
+            setattr(holder, last, value)
+        self._middleware.set_stamp(message, time)
         self._publisher.publish(message)
+        self._last = None if any(map(math.isnan, self._waiting[time].values())) else time
 
 
 class Diagnostics:

@@ -34,6 +34,11 @@ class SampledJudge:
         settings: The period, the semantics and `align`.
         record: Where the samples go.
 
+    Attributes:
+        account: The history of the requirement.
+        inputs: What it reads.
+        lateness: As in `Judges`, for this requirement.
+
     Raises:
         SpecificationError: If a monitor cannot run the requirement.
     """
@@ -75,6 +80,10 @@ class SampledJudge:
         self._formulas: Formulas | None = None
         if named and self._monitor is None:
             self._formulas = Formulas(requirement.specification, self._episode.variables, options)
+        self.lateness = {"": self._latency}
+        if by_name := self._formulas or self._monitor:
+            for name, samples in by_name.latencies.items():
+                self.lateness[name] = samples * settings.period
         self._record = record
         self._why = ""
         self._running = False

@@ -43,7 +43,7 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core",),
-        ("node", "parameters", "ending", "callback", "messages"),
+        ("node", "parameters", "ending", "pauses", "callback", "messages"),
         ("ros2_subscription",),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
 
 import pytest
 from memory_middleware import SECOND, message
-from memory_nodes import MS, send, started
+from memory_nodes import MS, send, started, until
 
 from rtamt_ros.middleware import Level
 
@@ -158,15 +157,6 @@ def test_stamps_that_went_back_for_good_begin_anew() -> None:
 
 
 # A clock that stands still. ----------------------------------------------------------------------
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait until another thread has made a condition true."""
-    for _ in range(1000):
-        if condition():
-            return
-        threading.Event().wait(0.01)
-    raise AssertionError("expected the condition within 10 s")
 
 
 @pytest.mark.parametrize("dense", [False, True])

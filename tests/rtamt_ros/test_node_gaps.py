@@ -143,19 +143,20 @@ def test_formulas_with_names_are_not_left_on_their_topics_either(
     from my_msgs.msg import Parts
     float64 x
     output Parts out
+    output Parts other
     near = x > 0
-    out.a = x < 9
-    out.b = always(near and out.a)
+    other.a = x < 9
+    out.b = always(near and other.a)
     """
     ros, _ = started(text, dense=dense)
     for n in range(3):
         send(ros, "x", 2.0)
         ros.tick(START + n * 100 * MS)
     assert ros.latched("rtamt/near") == 2.0
-    assert (ros.on("rtamt/out")[-1].a, ros.on("rtamt/out")[-1].b) == (7.0, 2.0)
+    assert (ros.on("rtamt/other")[-1].a, ros.on("rtamt/out")[-1].b) == (7.0, 2.0)
     ros.tick(START + 2000 * MS)
     assert math.isnan(ros.latched("rtamt/near"))
-    assert math.isnan(ros.on("rtamt/out")[-1].a)
+    assert math.isnan(ros.on("rtamt/other")[-1].a)
     assert math.isnan(ros.on("rtamt/out")[-1].b)
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from memory_middleware import MemoryMiddleware
-from memory_nodes import MS, send, started, topics
+from memory_nodes import MS, send, started, topics, until
 
 import rtamt_ros.node
 from rtamt import EpisodeMonitor, InputError, Monitor, parse
@@ -34,8 +34,8 @@ def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
         ros.tick()
         ros.time += 100 * MS
     found = [(m.header.stamp.ns, m.a, m.inner.y, m.b) for m in ros.on("rtamt/out")]
-    # out.b is late by one sample; its parts come with it, each as late as itself.
-    assert found == [(begin, -0.5, 1.0, 2.0), (begin + 100 * MS, 3.0, 2.0, 2.0)]
+    # out.b and out.inner.y are late by one sample, and out.a, which is not, waits for them.
+    assert found == [(begin, 2.0, 1.0, 2.0), (begin + 100 * MS, -0.5, 2.0, 2.0)]
     assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
 
 
@@ -118,6 +118,8 @@ def test_topics_that_nobody_publishes_are_named_once_with_those_that_may_be_mean
     node.start()
     for _ in range(3):
         ros.tick()
+    until(lambda: sum("nobody" in text for _, text in ros.lines) == 3)
+    node.stop()
     assert [line for line in ros.lines if "nobody" in line[1]] == [
         (Level.WARN, "nobody publishes /rtamt/a"),
         (Level.WARN, "nobody publishes /robot/odom; did you mean '/robot0/odom'?"),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import Any, cast
 
 from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
 
 from rtamt_ros.node import MonitorNode, Settings
 
-__all__ = ["MS", "send", "started", "topics"]
+__all__ = ["MS", "send", "started", "topics", "until"]
 
 MS = 1_000_000
 
@@ -32,3 +34,12 @@ def topics(ros: MemoryMiddleware) -> dict[str, str]:
     """The topics that are published, with the packages of their messages."""
     packages = {kind: package for (package, _), kind in CLASSES.items()}
     return {each.topic: packages[each.message] for each in ros.publishers}
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait until another thread has made a condition true."""
+    for _ in range(1000):
+        if condition():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("expected the condition within 10 s")

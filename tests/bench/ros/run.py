@@ -1,6 +1,6 @@
 """Measures the node beside the bare middleware, and beside the public node of 2020 if it is there.
 
-    python tests/bench/ros/run.py [latency drift memory] [--quick] [--json FILE]
+    python tests/bench/ros/run.py [latency drift memory late] [--quick] [--json FILE]
 
 The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
 figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import drift
+import late
 import latency
 import memory
 from bench import HOP, Subject, of_2020, ours, relay
@@ -79,9 +80,23 @@ def memories(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[
         }
 
 
+def lates(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of late samples at 200 Hz, with all processors free and with all of them taken."""
+    seconds = 6.0 if quick else 60.0
+    for busy in (0, os.cpu_count() or 1):
+        for count in (1, 20):
+            subject = ours(count=count)
+            found = late.measure(generation, subject, 200.0, seconds, count=count, busy=busy)
+            row: Row = {"what": subject.name, "busy": busy, "samples": found.samples}
+            row["late"], row["late %"] = found.late, 100 * found.late / found.samples
+            row["p50"], row["p99"], row["max"] = latency.quantiles(found.after_stamp)
+            yield row | {"CPU %": 100 * found.load}
+
+
 SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
     "latency": (latencies, "publish of the input to arrival of the robustness [us]"),
     "drift": (drifts, "drift at 100 Hz, and times of arrival off a regular course [us]"),
+    "late": (lates, "late samples at 200 Hz, and stamp to arrival [us]"),
     "memory": (memories, "memory over an hour of messages at full speed"),
 }
 

@@ -78,6 +78,24 @@ def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
     node.close()
 
 
+def told(ros: int, file: str) -> None:
+    """Saves how many late samples every requirement has, by the last diagnostics."""
+    node = bare.node(ros, "told")
+    late: dict[str, int] = {}
+
+    def receive(array: object) -> None:
+        for status in array.status:
+            pairs = {pair.key: pair.value for pair in status.values}
+            late[status.name] = int(pairs["late samples"])
+
+    node.subscribe(
+        "/diagnostics", bare.message_class("diagnostic_msgs", "DiagnosticArray"), receive
+    )
+    until_told()
+    np.save(file, np.array(list(late.values()), np.int64))
+    node.close()
+
+
 def relay(ros: int, topic: str, to: str) -> None:
     """Passes the number of a Twist on as a Float64, the least that a monitor could do."""
     node = bare.node(ros, "relay")
@@ -142,5 +160,5 @@ def hour(
 
 
 if __name__ == "__main__":
-    roles = {"source": source, "sink": sink, "relay": relay, "hour": hour}
+    roles = {"source": source, "sink": sink, "told": told, "relay": relay, "hour": hour}
     roles[sys.argv[1]](**json.loads(sys.argv[2]))

@@ -1,0 +1,63 @@
+"""Samples that a node judges late, and how late messages come, beside processes that compute."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bare
+import numpy as np
+from bench import INPUT, PATIENCE, Subject, bench
+
+
+@dataclass(frozen=True)
+class Late:
+    """What was measured of a subject.
+
+    Attributes:
+        samples: How many samples its requirements had, by the clock.
+        late: How many of them the node says that it judged late.
+        after_stamp: Nanoseconds from the stamps of the last requirement's samples to their arrival.
+        load: The processor time of the node as a share of one processor.
+    """
+
+    samples: int
+    late: int
+    after_stamp: np.ndarray
+    load: float
+
+
+def measure(
+    generation: int, subject: Subject, rate: float, seconds: float, *, count: int, busy: int
+) -> Late:
+    """The late samples of a subject with so many requirements, beside so many busy processes."""
+    with bench(generation) as running:
+        running.start(subject, 1e3 / rate)
+        sink = running.worker("sink", subject, topic=subject.topic)
+        told = running.worker("told")
+        source = running.worker("source", topic=INPUT, rate=rate, count=round(seconds * rate))
+        assert running.node is not None
+        used = bare.processor(running.node.pid)
+        with others(busy):
+            running.wait(lambda: not source.runs(), source, seconds + PATIENCE)
+        used = bare.processor(running.node.pid) - used
+        for worker in (sink, told):
+            worker.ask_to_end()
+            worker.ended()
+        rows, late = running.load("sink"), running.load("told")
+    return Late(round(seconds * rate) * count, int(late.sum()), rows[:, 2], used / seconds)
+
+
+@contextmanager
+def others(count: int) -> Iterator[None]:
+    """Processes that compute all the time, until the end of the block."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for each in busy:
+            each.kill()
+            each.wait()
