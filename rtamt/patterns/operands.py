@@ -72,6 +72,9 @@ def amount(given: AmountLike, what: str, *, least: float = -math.inf) -> Term:
         SpecificationError: If it is a number below the least one, or not finite.
         InputTypeError: If it is none of them.
     """
+    if not isinstance(given, Node | str) and not hasattr(given, "__float__"):
+        msg = f"expected a number, a term or its text for {what}, got {type(given).__name__}"
+        raise InputTypeError(f"{msg} {brief(given)}")
     term = quantity(given, what) if isinstance(given, Node | str) else number(given)
     if isinstance(term.leaf, float) and term.leaf < least:
         msg = f"expected a number of at least {brief(least)} for {what}, got {brief(term.leaf)}"

@@ -87,7 +87,8 @@ def in_order(*several: ConditionLike, within: Exact | None = None) -> Formula:
         'at some time, near is above 0 and lifted gets above 0 within 2 s'
     """
     if len(several) < 2:
-        raise SpecificationError(f"expected at least two stages, got {len(several)}")
+        msg = f"expected at least two stages, each an argument, got {len(several)}"
+        raise SpecificationError(msg)
     window = None if within is None else lasting(within, "within")
     found, *before = reversed([condition(each, f"stage {i + 1}") for i, each in enumerate(several)])
     for each in before:

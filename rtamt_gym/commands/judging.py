@@ -339,6 +339,7 @@ def _outcome(
         vacuous=found.vacuous,
         defaults=_defaults(spec, judged),
         unknown=found.unknown,
+        progress=judgement.progress,
     )
 
 

@@ -34,7 +34,30 @@ from rtamt_gym.judging.picking import pick, picked
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["StageProgress", "VectorStageProgress"]
+__all__ = ["StageProgress", "VectorStageProgress", "progress_of"]
+
+
+def progress_of(
+    spec: rtamt.Specification, columns: Mapping[str, Floats], reading: Reading
+) -> float | None:
+    """The progress of a whole trace of samples; None if the requirement is not in stages.
+
+    Args:
+        spec: The requirement.
+        columns: The values of its variables, and of others.
+        reading: How samples and the end are judged, with their period.
+    """
+    if not stages(spec):
+        return None
+    judge = EpisodeMonitor(spec, **reading.of_monitors({"": spec})[""])
+    found = StageProgress({"": spec}, {"": judge}, reading)
+    feed = found.feeder(spec.variables)
+    for row in zip(*(columns[name].tolist() for name in spec.variables), strict=True):
+        judge.update(*row)
+        feed(row)
+    judge.finish(reading.end)
+    found.finish(reading.end)
+    return found.least
 
 
 def _in_stages(

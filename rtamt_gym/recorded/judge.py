@@ -15,11 +15,13 @@ from rtamt import SemanticsName, Verdict
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.stage_progress import progress_of
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.asked import asked_texts
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.results.outcome import Moment
+from rtamt_gym.results.statistics import progress_text
 from rtamt_gym.tables import number, sample_text, time_text
 
 __all__ = [
@@ -81,6 +83,8 @@ class TraceJudgement:
         period: Seconds between samples; None for events, or if bounds count samples.
         step: The usual distance of two times in seconds; None if they are sample numbers.
         dense: Whether the trace was judged in dense time.
+        progress: How far it came in the stages of the requirement; None without stages, and in
+            dense time.
     """
 
     found: rtamt.Judgement
@@ -90,8 +94,14 @@ class TraceJudgement:
     period: Fraction | None
     step: float | None
     dense: bool = False
+    progress: float | None = None
 
     def __str__(self) -> str:
+        if self.progress is None:
+            return self._verdict_text()
+        return f"{self._verdict_text()}, progress {progress_text(self.progress)}"
+
+    def _verdict_text(self) -> str:
         found, words = self.found, f"{self.verdict.name}, robustness {self.robustness_text}"
         if found.unknown and found.lower < found.upper:
             ends = f"{number(found.lower)} and {number(found.upper)}"
@@ -254,7 +264,8 @@ def judge(
         )
         for name, part in (_parts(spec) if formulas and not found.unknown else {}).items()
     }
-    return TraceJudgement(found, series, semantics, trace.start, period, step)
+    progress = progress_of(whole, trace.columns, reading)
+    return TraceJudgement(found, series, semantics, trace.start, period, step, progress=progress)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:

@@ -82,7 +82,7 @@ class Outcome:
             in all of it, with the values.
         unknown: The variables of which a value was not known (`rtamt.Judgement.unknown`).
         progress: How far it has come in its stages, from 0 to 1; 1 only if it is satisfied. None
-            if it has none (`rtamt.patterns.stages`), or nobody has counted.
+            if it has none (`rtamt.patterns.stages`), in dense time, and where nobody has counted.
     """
 
     robustness: float

@@ -250,7 +250,12 @@ ERRORS: dict[str, Callable[[], object]] = {
     "expected one of the units s, ms, us, ns, ps, got 'h'": lambda: patterns.success("x", "1h"),
     "expected least= to be at most most=, got 3 and 1": lambda: patterns.within_limits("x", 3, 1),
     "expected low= to be below high=, got 1 and 1": lambda: patterns.rise_time("x", 1, 1, 1),
-    "expected at least two stages, got 1": lambda: patterns.in_order("x"),
+    "expected at least two stages, each an argument, got 1": (
+        lambda: patterns.in_order(["x", "y"])  # type: ignore[arg-type]
+    ),
+    "expected a number, a term or its text for least, got NoneType None": (
+        lambda: patterns.within_limits("x", None, 3)  # type: ignore[arg-type]
+    ),
 }
 
 

@@ -16,6 +16,7 @@ from rtamt import Formula, Specification, Verdict
 from rtamt.patterns import in_order, prefixes, stages
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.stage_progress import progress_of
 from rtamt_gym.judging.vector_panel import VectorPanel
 
 NAMES = ("a", "b", "c")
@@ -148,6 +149,22 @@ def test_many_environments_have_the_progress_of_one(
     kept = panel.progress["task"]
     assert kept[1] == 0
     assert [kept[0], kept[2]] == [alone[0].progress["task"], alone[2].progress["task"]]
+
+
+@pytest.mark.parametrize("end", ["complete", "cut"])
+def test_a_recorded_trace_has_the_progress_that_its_run_had(end: End) -> None:
+    @settings(max_examples=20)
+    @given(requirements(), traces())
+    def check(formula: Formula, trace: Trace) -> None:
+        spec = Specification.of(formula)
+        if not spec.variables:
+            return
+        columns = {name: np.array(values) for name, values in trace.items()}
+        found = progress_of(spec, columns, Reading(end=end))
+        assert found == played(spec, rows_of(trace), end)[-1]
+
+    check()
+    assert progress_of(rtamt.parse("always(a > 0)"), {"a": np.ones(2)}, Reading()) is None
 
 
 def test_a_stage_counts_what_came_after_the_one_before_it() -> None:
