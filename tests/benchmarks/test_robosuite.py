@@ -77,6 +77,7 @@ def test_a_window_that_looks_ahead_stays_open_at_the_horizon(env: RobosuiteEnv) 
     assert info["stl_episode"]["spec"]["verdict"] == "UNDECIDED"
 
 
+@pytest.mark.filterwarnings("ignore:.*precision lowered:UserWarning")
 def test_robosuites_own_wrapper_ends_otherwise_and_does_not_repeat() -> None:
     drawn = dict.fromkeys(("has_renderer", "has_offscreen_renderer", "use_camera_obs"), False)
     made = robosuite.make("Lift", robots="Panda", horizon=3, **drawn)
