@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from rtamt.checking.search import ExampleTrace, SearchAnswer
 
-__all__ = ["Answer", "Check", "CheckedRequirement", "Equivalence", "Idle", "Says"]
+__all__ = ["Answer", "Check", "CheckedRequirement", "Clashing", "Equivalence", "Idle", "Says"]
 
 Says = Literal["yes", "no", "unknown"]
+
+Clashing = tuple[str, tuple[int, int] | None]
+"""A part that clashes: its text, and its line and column if it has any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +26,10 @@ class Answer:
         samples: Of a no, 0 if it is proved for all traces; else there is no trace of up to that
             many samples that then repeats its last 1 to 4 for ever, and no shorter one that ends.
         why: Why it is unknown.
-        clash: Of a no, the parts that cannot hold together, as text; empty if that says nothing.
+        clash: Of a no, the parts that cannot hold together, as text, with the ranges on which
+            that rests; empty if that says nothing.
+        places: Line and column in the text of each of `clash`, from 1; None of what is assumed or
+            declared, and of what has no place.
     """
 
     says: Says
@@ -31,14 +37,18 @@ class Answer:
     samples: int = 0
     why: str = ""
     clash: tuple[str, ...] = ()
+    places: tuple[tuple[int, int] | None, ...] = ()
 
     @classmethod
-    def of(cls, found: SearchAnswer, clash: tuple[str, ...] = ()) -> Answer:
+    def of(cls, found: SearchAnswer, clash: Iterable[Clashing] = ()) -> Answer:
         """The answer that a search has found."""
+        parts = [*clash]
         if found.trace is not None:
             return cls("yes", found.trace)
         if found.none or found.samples:
-            return cls("no", samples=0 if found.none else found.samples, clash=clash)
+            samples = 0 if found.none else found.samples
+            texts = tuple(text for text, _ in parts)
+            return cls("no", samples=samples, clash=texts, places=tuple(at for _, at in parts))
         return cls("unknown", why=found.why)
 
     def __str__(self) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from typing import Literal, cast
 
-from rtamt.checking.answers import Answer, Check, CheckedRequirement, Idle
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Clashing, Idle
 from rtamt.checking.equivalence import paired, same
 from rtamt.checking.questions import impossible, prepared
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
 from rtamt.language.formula import Formula, make
 from rtamt.language.node import Node
+from rtamt.language.ranges import range_text
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.options import Spec
@@ -99,20 +100,23 @@ class _Checker:
     ) -> None:
         self.spec, self._period, self._search, self._given = spec, period, search, given
         self.program = compile_program(spec, period)
+        self._first = 1  # the samples of a trace on which parts may decide something
 
     def checked(self) -> CheckedRequirement:
         """What there is to say of it."""
         satisfied = self._find((self.program, True))
-        clash = self._clash() if satisfied.none or satisfied.samples else ()
+        clash = self._clash(satisfied) if impossible(satisfied) else []
         satisfiable = Answer.of(satisfied, clash)
-        falsifiable = Answer.of(self._find((self.program, False)))
+        violated = self._find((self.program, False))
+        falsifiable = Answer.of(violated, self.declared(violated))
         asked, idle, unknown = {}, [], {}
         if satisfiable.says == "yes":
             for implication in implications(self.spec.formula):
                 other = self.unanswered(implication)
                 answer = Answer.of(self._find((self.program, True), (other, False)))
                 asked[str(implication)] = answer
-        if satisfiable.says == falsifiable.says == "yes":
+        if satisfiable.trace is not None and falsifiable.trace is not None:
+            self._first = max(satisfiable.trace.samples, falsifiable.trace.samples)
             never = {text for text, answer in asked.items() if answer.says == "no"}
             covered: set[Node] = set()
             for node in self._parts():
@@ -132,9 +136,9 @@ class _Checker:
         """The program of the requirement where nothing answers one of its implications."""
         return self._with(unanswered(self.spec.formula, [implication]))
 
-    def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
+    def _find(self, *demands: tuple[Program, bool], first: int = 1) -> SearchAnswer:
         wanted = [Goal(program, holds) for program, holds in demands]
-        return self._search.find([*wanted, *self._given])
+        return self._search.find([*wanted, *self._given], first)
 
     def _with(self, formula: Formula) -> Program:
         return compile_program(self.spec.with_result(formula), self._period)
@@ -153,7 +157,7 @@ class _Checker:
             other = self._with(_replaced(self.spec.formula, node, instead))
             bound = 0
             for holds in (True, False):
-                found = self._find((other, holds), (self.program, not holds))
+                found = self._find((other, holds), (self.program, not holds), first=self._first)
                 if found.trace is not None:
                     break
                 if not (found.none or found.samples):
@@ -164,23 +168,34 @@ class _Checker:
                 return Idle(str(node), instead, bound)
         return why
 
-    def _clash(self) -> tuple[str, ...]:
-        """The fewest conjuncts that cannot hold together; empty if it is one alone.
+    def _clash(self, found: SearchAnswer) -> list[Clashing]:
+        """The fewest conjuncts that cannot hold together; none if it is one alone.
 
-        What is assumed is the last of them if it is needed.
+        What is assumed or declared comes last, if it is needed.
         """
-        assumed: tuple[str, ...] = ()
+        more: list[Clashing] = []
         if self._given and self._search.find([Goal(self.program, holds=True)]).trace is not None:
-            assumed = (f"assumed: {self._given[0].program.specification.formula}",)
+            more.append((f"assumed: {self._given[0].program.specification.formula}", None))
         parts = list(_conjuncts(self.spec.formula))
-        if len(parts) == 1:
-            return (str(parts[0]), *assumed) if assumed else ()
-        programs = [self._with(part) for part in parts]
-        kept = _fewest(
-            list(range(len(parts))),
-            lambda places: self._find(*((programs[place], True) for place in places)),
-        )
-        return (*(str(parts[place]) for place in kept), *assumed)
+        programs = [self._with(whole) for whole, _ in parts]
+
+        def find(places: list[int]) -> SearchAnswer:
+            return self._find(*((programs[place], True) for place in places))
+
+        kept = [0]
+        if len(parts) > 1:
+            kept = _fewest(list(range(len(parts))), find)
+            found = find(kept)
+        more += self.declared(found)
+        if len(parts) == 1 and not more:
+            return []
+        positions = self.spec.positions
+        return [(str(parts[k][0]), positions.get(parts[k][1])) for k in kept] + more
+
+    def declared(self, found: SearchAnswer) -> list[Clashing]:
+        """The ranges on which an answer rests."""
+        ranges = self._search.ranges
+        return [(f"declared: {name} in {range_text(ranges[name])}", None) for name in found.ranged]
 
 
 def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:
@@ -196,17 +211,22 @@ def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> lis
     return kept
 
 
-def _conjuncts(formula: Formula) -> Iterator[Formula]:
-    """The parts that have to hold together: those of ``and``, below ``always`` too."""
+def _conjuncts(formula: Formula) -> Iterator[tuple[Formula, Formula]]:
+    """The parts that have to hold together, each with what stands for it in the text.
+
+    Of ``always(p and q)`` they are ``always(p)``, for which ``p`` stands, and ``always(q)``.
+    """
     name = formula.op.name if formula.op else ""
     if name == "and":
         for part in formula.args:
             yield from _conjuncts(cast("Formula", part))
     elif name == "always":
-        for part in _conjuncts(cast("Formula", formula.args[0])):
-            yield cast("Formula", make("always", (part,), formula.interval))
+        below = [*_conjuncts(cast("Formula", formula.args[0]))]
+        for part, last in below:
+            whole = cast("Formula", make("always", (part,), formula.interval))
+            yield whole, formula if len(below) == 1 else last
     else:
-        yield formula
+        yield formula, formula
 
 
 def _replaced(formula: Formula, part: Formula, constant: str) -> Formula:
@@ -245,7 +265,8 @@ def _set(
             list(range(len(names))), lambda places: find(*((names[i], True) for i in places))
         )
         conflict = tuple(names[i] for i in kept)
-    together = Answer.of(both, conflict) if len(names) > 1 else None
+    clash = [(name, None) for name in conflict]
+    together = Answer.of(both, clash) if len(names) > 1 else None
     several = [checkers[name] for name in names] if together and both.trace else []
     asked = {
         (name, str(each)): Answer.of(

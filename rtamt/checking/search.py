@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import Final, TypedDict
 
 from rtamt.checking.graph import TRUE, Graph, Truth
+from rtamt.checking.pool import TracePool
 from rtamt.checking.samples import known_samples, unknown_samples
 from rtamt.checking.solver import Solution, Solver, is_exact
 from rtamt.checking.truths import World, truth
@@ -142,16 +143,24 @@ class WitnessSearch:
         self._solver = Solver(self.graph, whole)
         self._truths: dict[tuple[Program, int, World, int], Truth] = {}
         self._kept: dict[tuple[str, int], Truth] = {}
+        self._pool = TracePool(self.graph, self._usual)
 
-    def find(self, demands: Sequence[Goal]) -> SearchAnswer:
-        """A trace that is as demanded."""
+    def find(self, demands: Sequence[Goal], first: int = 1) -> SearchAnswer:
+        """A trace that is as demanded.
+
+        Args:
+            demands: The demands.
+            first: The least length that is tried; a trace that was found before may be shorter.
+        """
         deadline = time.monotonic() + self._timeout
         needed = [_needed(demand.program) for demand in demands]
         decisive = None if None in needed else max(n or 1 for n in needed)
         most = min(self._horizon, _ample(demands) if decisive is None else decisive)
         why = ""
-        for count in _lengths(most):
-            found = self._finite(demands, count, deadline, last=count == most)
+        lengths = _lengths(most, first)
+        for count in lengths:
+            proves = count in {*_PROOFS, lengths[0], most}
+            found = self._finite(demands, count, deadline, proves=proves)
             if found.trace is not None or found.none:
                 return found
             why = why or found.why
@@ -188,16 +197,23 @@ class WitnessSearch:
         return [*asked, *self._within(demands, count)]
 
     def _finite(
-        self, demands: Sequence[Goal], count: int, deadline: float, *, last: bool
+        self, demands: Sequence[Goal], count: int, deadline: float, *, proves: bool
     ) -> SearchAnswer:
         """A trace of some samples; or whether no trace begins like one of them."""
         asked = self.truths(demands, count, 0)
+        for columns, known in self._pool.of_length(count):
+            if known.fulfils(asked):
+                values = Solution(possible=True, loads=_loads(columns))
+                before = self._witness(values, demands, count, 0)
+                if self.confirmed(before, demands):
+                    return SearchAnswer(before)
         trace, why, _ = self._tried(asked, demands, count, 0, deadline)
         if trace is not None:
+            self._pool.add(trace.columns)
             return SearchAnswer(trace)
         # What fails for certain after each prefix of this length fails on each shorter trace too.
         hoped = [self._truth(d, count, World.UPPER if d.holds else World.LOWER) for d in demands]
-        if all(truth == TRUE for truth in hoped) or not (last or count in _PROOFS):
+        if all(truth == TRUE for truth in hoped) or not proves:
             return SearchAnswer(why=why)
         hoped += self._within(demands, count)
         solution = self._solver.solve(hoped, deadline, wide=not is_exact(self.graph, hoped))
@@ -289,13 +305,17 @@ class WitnessSearch:
         variables = dict.fromkeys(name for demand in demands for name in demand.program.variables)
         columns = {}
         for variable in variables:
-            lower, upper = self.ranges.get(variable, (0.0, 0.0))
             values: list[float] = []
             for sample in range(samples):  # a value that does not matter is the one before
-                before = values[-1] if values else min(max(0.0, lower), upper)
+                before = values[-1] if values else self._usual(variable)
                 values.append(solution.loads.get((variable, sample), before))
             columns[variable] = tuple(values)
         return ExampleTrace(columns, samples, loop)
+
+    def _usual(self, variable: str) -> float:
+        """The value of a variable where it does not matter."""
+        lower, upper = self.ranges.get(variable, (0.0, 0.0))
+        return min(max(0.0, lower), upper)
 
     def _late(self, solution: Solution) -> str:
         return f"no answer within {self._timeout:g} s" if solution.possible is None else ""
@@ -326,9 +346,13 @@ class WitnessSearch:
         return True
 
 
-def _lengths(most: int) -> list[int]:
+def _loads(columns: Mapping[str, Sequence[float]]) -> dict[tuple[str, int], float]:
+    return {(name, i): x for name, values in columns.items() for i, x in enumerate(values)}
+
+
+def _lengths(most: int, first: int) -> list[int]:
     """Numbers of samples, each twice the one before; the last is the most."""
-    lengths = [1]
+    lengths = [min(first, most)]
     while lengths[-1] * 2 < most:
         lengths.append(lengths[-1] * 2)
     return lengths if lengths[-1] >= most else [*lengths, most]

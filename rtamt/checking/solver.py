@@ -89,7 +89,7 @@ def _atom(graph: Graph, node: int) -> Atom | None:
 
 
 class Solver:
-    """Asks Z3 about the truths of a graph.
+    """Asks Z3 about the truths of a graph; what questions have in common is written once.
 
     Args:
         graph: The graph.
@@ -97,8 +97,10 @@ class Solver:
     """
 
     def __init__(self, graph: Graph, whole: Collection[str] = ()) -> None:
-        self._graph, self._whole = graph, whole
+        self._graph = graph
         self._z3 = solver_library()
+        calls = _Calls(self._z3)
+        self._written = {wide: _Written(graph, calls, whole, wide=wide) for wide in (False, True)}
 
     def solve(self, truths: Sequence[Truth], deadline: float, *, wide: bool) -> Solution:
         """Whether truths can be true together.
@@ -115,140 +117,207 @@ class Solver:
         left = deadline - time.monotonic()
         if left <= 0:
             return Solution(possible=None, loads={})
-        written = _Written(self._graph, truths, self._whole, wide=wide)
-        solver = z3.Solver()
+        written = self._written[wide]
+        solver = z3.SimpleSolver()
         solver.set("timeout", max(1, int(1000 * left)))
-        solver.from_string(written.text)  # much faster than the same from objects of Python
         names = [z3.Bool(f"part{place}") for place in range(len(truths))]
+        used = written.assert_in(solver, truths, names)
         answer = solver.check(*names)
-        free = frozenset(written.free)
         if answer == z3.sat:
             model = solver.model()
             loads = {}
-            for key, name in written.loads.items():
-                number = z3.Int(name) if key[0] in self._whole else z3.Real(name)
+            for key, number in used.loads.items():
                 value = model.eval(number)
                 if z3.is_rational_value(value) or z3.is_int_value(value):
                     loads[key] = _double(Fraction(value.as_string()))
-            return Solution(possible=True, loads=loads, free=free)
+            return Solution(possible=True, loads=loads, free=used.free)
         if answer == z3.unsat:
             core = {str(each) for each in solver.unsat_core()}
             places = tuple(i for i, name in enumerate(names) if str(name) in core)
-            return Solution(possible=False, loads={}, core=places, free=free)
-        return Solution(possible=None, loads={}, free=free)
+            return Solution(possible=False, loads={}, core=places, free=used.free)
+        return Solution(possible=None, loads={}, free=used.free)
+
+
+class _Calls:
+    """Makes expressions of Z3 by its C interface: its Python objects take ten times as long."""
+
+    def __init__(self, z3: Any) -> None:  # noqa: ANN401 - z3 has no types
+        self._core, self._array = z3.z3core, z3.Ast
+        self.z3, self.context = z3, z3.main_ctx().ref()
+        self.real, self.integer = z3.RealSort().ast, z3.IntSort().ast
+        self.boolean = z3.BoolSort().ast
+        self._numbers: dict[Fraction, Any] = {}
+
+    def __call__(self, name: str, *args: Any) -> Any:  # noqa: ANN401
+        """The expression that a function of the interface makes of some others."""
+        return self._kept(getattr(self._core, f"Z3_mk_{name}")(self.context, *args))
+
+    def many(self, name: str, parts: Sequence[Any]) -> Any:  # noqa: ANN401
+        """The expression of a function that takes any number of others."""
+        made = getattr(self._core, f"Z3_mk_{name}")
+        return self._kept(made(self.context, len(parts), (self._array * len(parts))(*parts)))
+
+    def constant(self, name: str, sort: Any) -> Any:  # noqa: ANN401
+        """An unknown of some sort."""
+        symbol = self._core.Z3_mk_string_symbol(self.context, name)
+        return self._kept(self._core.Z3_mk_const(self.context, symbol, sort))
+
+    def number(self, value: Fraction) -> Any:  # noqa: ANN401
+        """A real number."""
+        if value not in self._numbers:
+            text = f"{value.numerator}/{value.denominator}"
+            self._numbers[value] = self._kept(
+                self._core.Z3_mk_numeral(self.context, text, self.real)
+            )
+        return self._numbers[value]
+
+    def asserted(self, solver: Any, expression: Any) -> None:  # noqa: ANN401
+        """Adds a truth to a solver."""
+        self._core.Z3_solver_assert(self.context, solver.solver, expression)
+
+    def _kept(self, expression: Any) -> Any:  # noqa: ANN401
+        self._core.Z3_inc_ref(self.context, expression)
+        return expression
+
+
+@dataclass(frozen=True, slots=True)
+class _Used:
+    """What some truths depend on: values of variables, and functions of any result."""
+
+    loads: Mapping[tuple[str, int], Any]
+    free: frozenset[str]
+
+
+@dataclass(slots=True)
+class _Number:
+    """A term as Z3 knows it.
+
+    Attributes:
+        written: Its expression.
+        known: What is known of it, as expressions that are true.
+        loads: The values of variables among its operands.
+        free: The functions among it whose results are any number at all.
+    """
+
+    written: Any
+    known: tuple[Any, ...] = ()
+    loads: frozenset[tuple[str, int]] = frozenset()
+    free: frozenset[str] = frozenset()
 
 
 class _Written:
-    """Truths in the language of solvers, SMT-LIB 2; each is implied by a constant ``partN``.
+    """Truths as expressions of Z3, each made once."""
 
-    Attributes:
-        text: The text.
-        loads: The names of values of variables.
-        free: The functions whose results are any number at all.
-    """
+    def __init__(self, graph: Graph, calls: _Calls, whole: Collection[str], *, wide: bool) -> None:
+        self._graph, self._call, self._whole, self._wide = graph, calls, whole, wide
+        self._kind = "w" if wide else "x"
+        self._truths: dict[int, Any] = {0: calls("false")}
+        self._used: dict[int, tuple[_Number, _Number]] = {}
+        self._numbers: dict[TermKey, _Number] = {}
+        self._loads: dict[tuple[str, int], Any] = {}
 
-    def __init__(
-        self, graph: Graph, truths: Sequence[Truth], whole: Collection[str], *, wide: bool
-    ) -> None:
-        self._whole, self._wide = whole, wide
-        self.loads: dict[tuple[str, int], str] = {}
-        self.free: set[str] = set()
-        self._lines = ["(define-fun n0 () Bool false)"]
-        self._numbers: dict[TermKey, str] = {}
-        for node in reached(graph, truths):
-            if node == 0:
-                continue
-            atom = _atom(graph, node)
-            if atom is not None:
-                x, y = self._number(atom[1]), self._number(atom[2])
-                made = f"({'>=' if atom[0] == 'at_least' else '='} {x} {y})"
-            else:
-                parts = cast("tuple[Truth, ...]", graph.nodes[node])
-                made = f"(and {' '.join(map(_named, parts))})"
-            self._lines.append(f"(define-fun n{node} () Bool {made})")
-        for place, truth in enumerate(truths):
-            self._lines.append(f"(declare-const part{place} Bool)")
-            self._lines.append(f"(assert (=> part{place} {_named(truth)}))")
-        self.text = "\n".join(self._lines)
+    def assert_in(self, solver: Any, truths: Sequence[Truth], names: Sequence[Any]) -> _Used:  # noqa: ANN401
+        """Asserts that names imply truths, and what is known of the numbers in them."""
+        loads: set[tuple[str, int]] = set()
+        free: set[str] = set()
+        known: dict[int, Any] = {}
+        for node in reached(self._graph, truths):
+            if node not in self._truths:
+                self._write(node)
+            for number in self._used.get(node, ()):
+                loads |= number.loads
+                free |= number.free
+                known |= {id(each): each for each in number.known}
+        for each in known.values():
+            self._call.asserted(solver, each)
+        for truth, name in zip(truths, names, strict=True):
+            self._call.asserted(solver, self._call("implies", name.ast, self._named(truth)))
+        return _Used({key: self._loads[key] for key in loads}, frozenset(free))
 
-    def _number(self, number: TermKey) -> str:
+    def _write(self, node: int) -> None:
+        atom = _atom(self._graph, node)
+        if atom is None:
+            parts = cast("tuple[Truth, ...]", self._graph.nodes[node])
+            self._truths[node] = self._call.many("and", [self._named(part) for part in parts])
+            return
+        x, y = self._number(atom[1]), self._number(atom[2])
+        self._used[node] = x, y
+        comparison = "ge" if atom[0] == "at_least" else "eq"
+        self._truths[node] = self._call(comparison, x.written, y.written)
+
+    def _named(self, truth: Truth) -> Any:  # noqa: ANN401
+        made = self._truths[truth >> 1]
+        return self._call("not", made) if truth & 1 else made
+
+    def _number(self, number: TermKey) -> _Number:
         known = self._numbers.get(number)
         if known is None:
             known = self._numbers[number] = self._made(number)
         return known
 
-    def _made(self, number: TermKey) -> str:
+    def _made(self, number: TermKey) -> _Number:
+        call = self._call
         function, *parts = number
         if function == "load":
-            variable, sample = cast("tuple[str, int]", tuple(parts))
-            whole = variable in self._whole
-            name = self.loads[variable, sample] = f"v{len(self.loads)}"
-            self._lines.append(f"(declare-const {name} {'Int' if whole else 'Real'})")
-            return f"(to_real {name})" if whole else name
+            key = cast("tuple[str, int]", tuple(parts))
+            whole = key[0] in self._whole
+            made = call.constant(f"{key[0]}@{key[1]}", call.integer if whole else call.real)
+            self._loads[key] = call.z3.ArithRef(made)
+            return _Number(call("int2real", made) if whole else made, loads=frozenset({key}))
         if function == "const":
             value = cast("float", parts[0])
-            return _written(Fraction(value) if math.isfinite(value) else _sign(value) * _INFINITE)
-        operands = [cast("TermKey", part) for part in parts]
-        x, y = (self._number(each) for each in (operands[0], operands[-1]))
-        exact = _applied(cast("str", function), x, y, operands)
+            exact = Fraction(value) if math.isfinite(value) else _sign(value) * _INFINITE
+            return _Number(call.number(exact))
+        keys = [cast("TermKey", part) for part in parts]
+        operands = [self._number(each) for each in keys]
+        loads = frozenset[tuple[str, int]]().union(*(each.loads for each in operands))
+        free = frozenset[str]().union(*(each.free for each in operands))
+        known = tuple(each for operand in operands for each in operand.known)
+        exact = self._applied(cast("str", function), operands, keys)
         if exact is None:
-            self.free.add(cast("str", function))
-            return self._declared()
-        return self._rounded(exact) if self._wide and function in _ROUNDS else self._defined(exact)
+            made = call.constant(f"{self._kind}{len(self._numbers)}", call.real)
+            return _Number(made, known, loads, free | {cast("str", function)})
+        if not (self._wide and function in _ROUNDS):
+            return _Number(exact, known, loads, free)
+        made = call.constant(f"{self._kind}{len(self._numbers)}", call.real)
+        return _Number(made, (*known, self._near(exact, made)), loads, free)
 
-    def _declared(self) -> str:
-        name = f"r{len(self._lines)}"
-        self._lines.append(f"(declare-const {name} Real)")
-        return name
+    def _near(self, exact: Any, made: Any) -> Any:  # noqa: ANN401
+        """Whether a double is what they can make of an exact result."""
+        call = self._call
+        negative = call("lt", exact, call.number(Fraction(0)))
+        size = call("ite", negative, call("unary_minus", exact), exact)
+        share = call.many("mul", [size, call.number(_ROUNDING)])
+        slack = call.many("add", [share, call.number(_SMALLEST)])
+        above = call("le", call.many("sub", [made, exact]), slack)
+        below = call("le", call.many("sub", [exact, made]), slack)
+        near = call.many("and", [above, below])
+        return call.many("or", [call("ge", size, call.number(_LARGEST)), near])
 
-    def _defined(self, number: str) -> str:
-        name = f"r{len(self._lines)}"
-        self._lines.append(f"(define-fun {name} () Real {number})")
-        return name
-
-    def _rounded(self, number: str) -> str:
-        """What doubles can make of an exact result."""
-        exact, made = self._defined(number), self._declared()
-        size = self._defined(f"(ite (< {exact} 0.0) (- {exact}) {exact})")
-        slack = self._defined(f"(+ (* {size} {_written(_ROUNDING)}) {_written(_SMALLEST)})")
-        near = f"(and (<= (- {made} {exact}) {slack}) (<= (- {exact} {made}) {slack}))"
-        self._lines.append(f"(assert (or (>= {size} {_written(_LARGEST)}) {near}))")
-        return made
-
-
-def _applied(function: str, x: str, y: str, operands: Sequence[TermKey]) -> str | None:
-    """The result of a function; None if it is not linear."""
-    constant = [each[0] == "const" for each in operands]
-    match function:
-        case "neg":
-            return f"(- {x})"
-        case "abs":
-            return f"(ite (< {x} 0.0) (- {x}) {x})"
-        case "min":
-            return f"(ite (<= {x} {y}) {x} {y})"
-        case "max":
-            return f"(ite (<= {x} {y}) {y} {x})"
-        case "add" | "sub":
-            return f"({'+' if function == 'add' else '-'} {x} {y})"
-        case "mul" if any(constant):
-            return f"(* {x} {y})"
-        case "div" if constant[1] and operands[1][1] not in {0.0, math.inf, -math.inf}:
-            return f"(/ {x} {y})"
-    return None
+    def _applied(self, function: str, operands: Sequence[_Number], keys: Sequence[TermKey]) -> Any:  # noqa: ANN401
+        """The result of a function; None if it is not linear."""
+        call, x, y = self._call, operands[0].written, operands[-1].written
+        constant = [each[0] == "const" for each in keys]
+        match function:
+            case "neg":
+                return call("unary_minus", x)
+            case "abs":
+                negative = call("lt", x, call.number(Fraction(0)))
+                return call("ite", negative, call("unary_minus", x), x)
+            case "min":
+                return call("ite", call("le", x, y), x, y)
+            case "max":
+                return call("ite", call("le", x, y), y, x)
+            case "add" | "sub":
+                return call.many(function, [x, y])
+            case "mul" if any(constant):
+                return call.many("mul", [x, y])
+            case "div" if constant[1] and keys[1][1] not in {0.0, math.inf, -math.inf}:
+                return call("div", x, y)
+        return None
 
 
 _ROUNDS: Final = frozenset({"add", "sub", "mul", "div"})
-
-
-def _named(truth: Truth) -> str:
-    return f"(not n{truth >> 1})" if truth & 1 else f"n{truth >> 1}"
-
-
-def _written(number: Fraction) -> str:
-    text = f"{abs(number.numerator)}.0"
-    if number.denominator != 1:
-        text = f"(/ {text} {number.denominator}.0)"
-    return f"(- {text})" if number < 0 else text
 
 
 def _sign(value: float) -> int:

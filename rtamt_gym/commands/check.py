@@ -5,17 +5,23 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Final
 
 import rtamt
-from rtamt import Answer, Check, CheckedRequirement, InputError
+from rtamt import Answer, Check, CheckedRequirement, InputError, Specification
 from rtamt_gym.commands.arguments import add_reading, positive, read_reading
-from rtamt_gym.commands.example_traces import answer_data, drawn, first_timed, write
+from rtamt_gym.commands.example_traces import (
+    answer_data,
+    drawn,
+    equivalence_data,
+    first_timed,
+    write,
+)
 from rtamt_gym.commands.exit_codes import exit_code
-from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.commands.specs import files_of, read_constants, read_requirements
 
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
@@ -41,6 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the value of a constant, in place of that in the text; may be repeated",
     )
     parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
+    parser.add_argument(
+        "--same-as",
+        action="append",
+        default=[],
+        metavar="OTHER",
+        help="say only whether the same traces satisfy this formula or .stl file; of several "
+        "requirements, those of the same names; may be repeated",
+    )
     parser.add_argument(
         "--end",
         choices=("complete", "cut", "open"),
@@ -71,8 +85,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
     specs = read_requirements(options.specs, read_constants(options.constant))
+    others = read_requirements(options.same_as)
     period = read_reading(options).seconds
-    if period is None and (timed := first_timed(specs)):
+    if period is None and (timed := first_timed(specs) or first_timed(others)):
         raise InputError(
             f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
             "give --period 100ms, for instance"
@@ -82,28 +97,65 @@ def run(options: argparse.Namespace) -> int:
         period,
         end=options.end,
         assume=options.assume,
+        same_as=others or None,
         horizon=options.horizon,
         timeout=options.timeout,
     )
     if options.save is not None:
         _save(found, options.save)
-    print(json.dumps(_data(found), indent=2) if options.json else "\n".join(_lines(found)))
+    if options.json:
+        print(json.dumps(_data(found, specs, others), indent=2))
+    elif others:
+        print(*_compared(found, specs, others), sep="\n")
+    else:
+        print(*_lines(found, specs, _files(options.specs)), sep="\n")
     return exit_code([_WORDS[found.says]])
 
 
-def _lines(found: Check) -> Iterator[str]:
+def _files(arguments: Sequence[str]) -> dict[str, str]:
+    """The files among the arguments, by their text."""
+    paths = [Path(path) for path in files_of(arguments) if path.endswith(".stl")]
+    return {path.read_text(encoding="utf-8-sig"): f"{path}:" for path in paths if path.is_file()}
+
+
+def _compared(
+    found: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
+) -> Iterator[str]:
+    """What there is to say of requirements and their namesakes."""
+    for name, same in found.same.items():
+        yield f"{_titled(name, specs[name])}:"
+        for side, spec in (("one", specs[name]), ("other", _other(name, others))):
+            yield from _row(side, str(spec.formula))
+        yield from _row("same", str(same))
+        yield ""
+    yield from _traces(found)
+    yield {
+        "yes": "they are the same",
+        "no": "they differ: see above",
+        "unknown": "no difference was found, but not all is known: see above",
+    }[found.says]
+
+
+def _other(name: str, others: Mapping[str, Specification]) -> Specification:
+    return others[name] if name in others else next(iter(others.values()))
+
+
+def _titled(name: str, spec: Specification) -> str:
+    return name if spec.id is None else f"{name} ({spec.id})"
+
+
+def _lines(
+    found: Check, specs: Mapping[str, Specification], files: Mapping[str, str]
+) -> Iterator[str]:
     for name, each in found.requirements.items():
-        yield from wrap(f"{name}: {each.text}", 80, subsequent_indent="    ")
-        yield from _of_one(each)
+        title = _titled(name, specs[name])
+        yield from wrap(f"{title}: {each.text}", 80, subsequent_indent="    ")
+        yield from _of_one(each, files.get(specs[name].text, ""))
         yield ""
     if found.together is not None:
         yield from _of_all(found, found.together)
         yield ""
-    for name, what, trace in found.traces():
-        if what != "satisfied":
-            yield " ".join(filter(None, [name, f"{what}:"]))
-            yield from drawn(trace)
-            yield ""
+    yield from _traces(found)
     yield {
         "yes": "nothing wrong was found",
         "no": "something is wrong: see above",
@@ -111,17 +163,31 @@ def _lines(found: Check) -> Iterator[str]:
     }[found.says]
 
 
-def _of_one(found: CheckedRequirement) -> Iterator[str]:
+def _traces(found: Check) -> Iterator[str]:
+    for name, what, trace in found.traces():
+        if what != "satisfied":
+            yield " ".join(filter(None, [name, f"{what}:"]))
+            yield from drawn(trace)
+            yield ""
+
+
+def _of_one(found: CheckedRequirement, file: str) -> Iterator[str]:
     yield from _said("satisfied", found.satisfiable)
-    for part in found.satisfiable.clash:
-        yield from _row("", f"clashes: {part}")
+    yield from _clashes(found.satisfiable, "clashes", file)
     yield from _said("violated", found.falsifiable)
+    yield from _clashes(found.falsifiable, "as", file)
     for text, answer in found.asked.items():
         yield from _said("asked", answer, f": {text}")
     for idle in found.idle:
         yield from _row("idle", str(idle))
     for text, why in found.unknown.items():
         yield from _row("parts", f"unknown whether {text} decides something: {why}")
+
+
+def _clashes(answer: Answer, word: str, file: str) -> Iterator[str]:
+    for part, place in zip(answer.clash, answer.places, strict=True):
+        where = f" at {file}{place[0]}:{place[1]}" if place else ""
+        yield from _row("", f"{word}: {part}{where}")
 
 
 def _of_all(found: Check, together: Answer) -> Iterator[str]:
@@ -144,13 +210,34 @@ def _said(what: str, answer: Answer, more: str = "") -> list[str]:
 
 
 def _row(what: str, text: str) -> list[str]:
-    return wrap(f"  {what:<11}{text}", 80, subsequent_indent=" " * 13, break_on_hyphens=False)
+    return wrap(
+        f"  {what:<11}{text}",
+        80,
+        subsequent_indent=" " * 13,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
 
 
-def _data(found: Check) -> dict[str, Any]:
+def _data(
+    found: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
+) -> dict[str, Any]:
+    if others:
+        return {
+            "says": found.says,
+            "same": {
+                name: {
+                    "one": str(specs[name].formula),
+                    "other": str(_other(name, others).formula),
+                    **equivalence_data(same),
+                }
+                for name, same in found.same.items()
+            },
+        }
     requirements = {
         name: {
             "formula": each.text,
+            **({} if (identity := specs[name].id) is None else {"id": identity.id}),
             "says": each.says,
             "satisfiable": answer_data(each.satisfiable),
             "falsifiable": answer_data(each.falsifiable),

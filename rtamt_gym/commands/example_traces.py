@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rtamt import Answer, ExampleTrace, Specification
+from rtamt import Answer, Equivalence, ExampleTrace, Specification
 from rtamt_gym.tables import counted, number, table
 
-__all__ = ["answer_data", "drawn", "first_timed", "trace_data", "write"]
+__all__ = ["answer_data", "drawn", "equivalence_data", "first_timed", "trace_data", "write"]
 
 
 def first_timed(specs: Mapping[str, Specification]) -> str:
@@ -54,8 +54,20 @@ def answer_data(answer: Answer) -> dict[str, Any]:
     if answer.trace is not None:
         data["trace"] = trace_data(answer.trace)
     if answer.says == "no":
-        data |= {"samples": answer.samples or None, "clash": [*answer.clash]}
+        parts = zip(answer.clash, answer.places, strict=True)
+        clash = [{"text": text, "place": place and [*place]} for text, place in parts]
+        data |= {"samples": answer.samples or None, "clash": clash}
     return data | ({"why": answer.why} if answer.why else {})
+
+
+def equivalence_data(same: Equivalence) -> dict[str, Any]:
+    """Whether two requirements are the same, with the trace that tells them apart."""
+    data: dict[str, Any] = {"says": same.says}
+    if same.trace is not None:
+        data |= {"satisfied": same.satisfied, "trace": trace_data(same.trace)}
+    if same.says == "yes":
+        data["samples"] = same.samples or None
+    return data | ({"why": same.why} if same.why else {})
 
 
 def trace_data(trace: ExampleTrace) -> dict[str, Any]:

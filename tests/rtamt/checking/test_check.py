@@ -78,9 +78,22 @@ def test_parts_that_clash_are_named() -> None:
     found = only("always(x < 3 and y > 0) and eventually(x > 5)")
     assert found.satisfiable.says == "no"
     assert found.satisfiable.clash == ("always(x < 3)", "eventually(x > 5)")
+    assert found.satisfiable.places == ((1, 10), (1, 29))
     assert only("always(x > 1 and x < 0)").satisfiable == Answer(
-        "no", clash=("always(x > 1)", "always(x < 0)")
+        "no", clash=("always(x > 1)", "always(x < 0)"), places=((1, 10), (1, 20))
     )
+
+
+def test_ranges_that_clash_are_named() -> None:
+    found = only("float x in [5, 9]\nfloat y in [0, 1]\nalways(x < 3 and y < 2)")
+    assert found.satisfiable.clash == ("always(x < 3)", "declared: x in [5, 9]")
+    assert found.satisfiable.places == ((3, 10), None)
+    nothing = only("float x in [5, 9]; x > 3")
+    assert (nothing.falsifiable.says, nothing.falsifiable.clash) == (
+        "no",
+        ("declared: x in [5, 9]",),
+    )
+    assert nothing.satisfiable.clash == ()
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,8 @@ def test_clashes_and_idle_parts_are_printed(capsys: pytest.CaptureFixture[str]) 
     lines = capsys.readouterr().out.splitlines()
     assert lines[1:4] == [
         "  satisfied  no",
-        "             clashes: always(x > 1)",
-        "             clashes: always(x < 0)",
+        "             clashes: always(x > 1) at 1:12",
+        "             clashes: always(x < 0) at 1:22",
     ]
     assert "  idle       x > 0 demands nothing more" in lines
 
@@ -100,6 +100,80 @@ def test_bounds_in_time_need_a_period(capsys: pytest.CaptureFixture[str]) -> Non
         "rtamt: error: --period: spec has bounds with units, and nobody said how long a sample "
         "is; give --period 100ms, for instance\n"
     )
+
+
+def test_requirements_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "always(x < 3)", "--same-as", "not eventually(x > 3)"]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "spec:",
+        "  one        always(x < 3)",
+        "  other      not eventually(x > 3)",
+        "  same       no, in 1 sample: other is satisfied, one is violated",
+        "",
+        "spec apart:",
+        "  sample  0",
+        "  x       3",
+        "",
+        "they differ: see above",
+    ]
+    assert main(["check", "always[0:3](x < 3)", "--same-as", "not eventually[0:3](x >= 3)"]) == 0
+    assert capsys.readouterr().out.splitlines()[3:] == [
+        "  same       yes",
+        "",
+        "they are the same",
+    ]
+    assert main(["check", "x * x >= 0", "--same-as", "x >= 0 or x < 0"]) == 3
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "no difference was found, but not all is known: see above"
+    )
+
+
+def test_what_is_compared_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["check", "a = x > 1; b = x > 2", "--same-as", "b = x > 3; a = not x <= 1"]
+    assert main([*arguments, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == {
+        "says": "no",
+        "same": {
+            "a": {"one": "x > 1", "other": "not (x <= 1)", "says": "yes", "samples": None},
+            "b": {
+                "one": "x > 2",
+                "other": "x > 3",
+                "says": "no",
+                "satisfied": "one",
+                "trace": {"samples": 1, "repeats": 0, "columns": {"x": [3.0]}},
+            },
+        },
+    }
+
+
+def test_a_requirement_without_a_namesake_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "a = x > 1; b = x > 2", "--same-as", "b = x > 3; c = x > 1"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: --same-as expected requirements of the same names, or one and one; a, c are "
+        "on one side only\n"
+    )
+
+
+def test_places_and_ids_are_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spec = Path("spec.stl")
+    spec.write_text(
+        '@ id(near, "SYS-REQ-7")\nfloat d in [0, 9]\nnear = always(d < 5\n  and d > 20)\n'
+    )
+    assert main(["check", str(spec)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "near (SYS-REQ-7): always(d < 5 and d > 20)"
+    assert lines[1:4] == [
+        "  satisfied  no",
+        "             clashes: always(d > 20) at spec.stl:4:9",
+        "             clashes: declared: d in [0, 9]",
+    ]
+    assert main(["check", str(spec), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["requirements"]["near"]
+    assert found["id"] == "SYS-REQ-7"
+    assert {"text": "always(d > 20)", "place": [4, 9]} in found["satisfiable"]["clash"]
 
 
 def test_without_the_solver_it_names_the_extra() -> None:
