@@ -1,0 +1,154 @@
+"""The tutorial of docs/ros.md as it stands: its commands, its specification and its transcripts."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bags import Said, write_bag
+from memory_middleware import SECOND, MemoryMiddleware
+from memory_nodes import MS, until
+from paths import ROOT
+
+import rtamt_ros.node
+from rtamt_gym.__main__ import main
+from rtamt_ros.command import _parser as parser_of_monitor
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode
+from rtamt_ros.parameters import PARAMETERS, read
+from rtamt_ros.simulator.robot import Robot, RobotController
+from rtamt_ros.simulator.robot import _parser as parser_of_robot
+
+PAGE = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+BEGIN = 1_795_333_330_934_702_000
+ROBOT = BEGIN + 5 * SECOND + 40 * MS
+"""When the robot is started, after the monitor; its messages come between two samples."""
+DRIVES = 16 * SECOND
+"""Until Ctrl-C ends it."""
+
+
+@dataclass
+class Logging(MemoryMiddleware):
+    """A node that writes its log as rospy does."""
+
+    shown: list[str] = field(default_factory=list)
+    heard: list[tuple[int, str, Any]] = field(default_factory=list)
+    said: str = ""
+
+    def log(self, level: Level, text: str) -> None:
+        super().log(level, text)
+        name = "INFO" if level is Level.OK else "ERROR" if level is Level.ERROR else "WARN"
+        self.shown.append(f"[{name}] [{self.time / SECOND:.6f}]: {text}")
+
+
+def block(command: str) -> list[str]:
+    """The lines of the block that begins with a command."""
+    found = re.search(rf"```\w*\n((?:\$ )?{command}.*?)```", PAGE, re.DOTALL)
+    assert found is not None, command
+    return found[1].splitlines()
+
+
+def option(parser: Any, line: str, words: int) -> Any:  # noqa: ANN401
+    """The options of a command that stands in the page, after these words."""
+    return parser.parse_args(shlex.split(line.removeprefix("$ "))[words:])
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Logging:
+    """What the commands of the page do, without ROS."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    given = vars(option(parser_of_monitor(), block("ros_stl_monitor.py")[0], 1))
+    record = given["record"]
+    given = {**given, "spec_file": [str(ROOT / path) for path in given.pop("stl")]}
+    given["record"] = str(folder / record)
+    defaults = {name: default for name, (default, _) in PARAMETERS.items()}
+    specifications, settings = read({**defaults, **given})
+    (robot_line,) = block("python -m rtamt_ros.simulator")
+    stuck = option(parser_of_robot(), robot_line, 3).stuck
+
+    ros = Logging(time=BEGIN, known=set())
+    node = MonitorNode(ros, specifications, settings)
+    node.start()
+    starts = ROBOT, ROBOT + DRIVES + 5 * SECOND
+    for time in range(BEGIN, starts[1] + SECOND, 10 * MS):
+        ros.time = time
+        if time in starts:
+            robot, sent = MemoryMiddleware(time=time), 0
+            Robot(robot, stuck=stuck)
+            RobotController(robot)
+        if time > ROBOT and not 0 < time - ROBOT - DRIVES <= 5 * SECOND:
+            if (time - ROBOT) % (100 * MS) == 0:
+                robot.tick(time)
+            for topic, message in robot.published[sent:]:
+                robot.send(topic, message)
+                ros.send(topic, message)
+                if time < starts[1]:
+                    ros.heard.append((time, topic, message))
+            sent = len(robot.published)
+        if (time - BEGIN) % (100 * MS) == 0:
+            ros.tick()
+        if time == BEGIN + 3 * SECOND:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(rtamt_ros.node, "SOON", 0.0)
+                ros.tick()
+                until(lambda: sum("nobody" in line for line in ros.shown) == 2)
+    ros.said = node.reports[0].text
+    node.stop()
+    ros.shown = [line.replace(str(folder / record), record) for line in ros.shown]
+    return ros
+
+
+def test_the_specification_is_the_file() -> None:
+    text = (ROOT / "examples" / "follows.stl").read_text(encoding="utf-8")
+    assert block("from geometry_msgs.msg") == text.strip().splitlines()
+
+
+def test_the_monitor_says_what_the_page_shows(played: Logging) -> None:
+    shown = block("ros_stl_monitor.py")[1:]
+    assert played.shown[: len(shown)] == shown
+
+
+def test_the_violation_is_on_the_topics_of_the_page(played: Logging) -> None:
+    shown = [
+        float(line.removeprefix("data: ")) for line in block("rostopic echo") if "data" in line
+    ]
+    found = [round(value, 12) for value in played.data("rtamt/near")]
+    at = found.index(shown[0])
+    assert found[at : at + len(shown)] == shown
+    assert min(shown) < 0
+    assert -1 in played.data("rtamt/follows/verdict")
+
+
+def test_a_robot_that_is_back_begins_the_monitor_anew_with_the_text_of_the_page(
+    played: Logging,
+) -> None:
+    _, said = played.said.split("; ", 1)
+    found = re.search(r"stays in the text: `(violated .*?)`", PAGE, re.DOTALL)
+    assert found is not None
+    assert " ".join(found[1].split()) == said
+
+
+def test_a_bag_of_the_topics_is_judged_as_the_page_shows(
+    played: Logging,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    messages = []
+    for time, topic, heard in played.heard:
+        if hasattr(heard, "linear"):
+            kind, fields = "geometry_msgs/Twist", {"linear": {"x": heard.linear.x}}
+        else:
+            kind = "nav_msgs/Odometry"
+            fields = {"twist": {"twist": {"linear": {"x": heard.twist.twist.linear.x}}}}
+        messages.append(Said(time, f"/{topic}", kind, fields))
+    write_bag(tmp_path / "run.bag", messages)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    prompt, *shown = block("rtamt monitor examples/follows.stl run.bag")
+    assert main(shlex.split(prompt)[2:]) == 1
+    assert capsys.readouterr().out.splitlines() == shown
