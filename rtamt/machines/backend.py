@@ -10,19 +10,23 @@ from typing import Final, Literal, get_args
 from rtamt.errors import InputError, alternatives, brief, is_one_of
 from rtamt.inputs.clock import Clock
 from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Given
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
+from rtamt.machines.dense.signs import PythonDenseSigns
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
     DenseEpisodeMachine,
     DenseMachine,
+    DenseSigns,
     DiscreteBank,
     DiscreteMachine,
+    End,
     EpisodeBank,
     EpisodeMachine,
 )
@@ -51,6 +55,7 @@ class Factories:
         episode_machine: ``(program, reader)``.
         dense_machine: ``(program, reader, observed)``: ``values`` lists the observed registers.
         dense_episode_machine: ``(program, reader)``.
+        dense_signs: ``(program, reader, events, trace, end)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
         clock: Counts times for a program.
@@ -62,6 +67,9 @@ class Factories:
     episode_machine: Callable[[Program, SampleReader], EpisodeMachine]
     dense_machine: Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
     dense_episode_machine: Callable[[RegionProgram, EventReader], DenseEpisodeMachine]
+    dense_signs: Callable[
+        [RegionProgram, EventReader, Sequence[Given], tuple[int, int], End], DenseSigns
+    ]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
     clock: Callable[[DenseProgram], Clock]
@@ -75,6 +83,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         machine_with_neutrals(PythonUncertainEpisode),
         PythonDenseMachine,
         PythonDenseEpisodeMachine,
+        PythonDenseSigns,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
         Clock,
@@ -98,6 +107,7 @@ else:
         machine_with_neutrals(native.episode_machine),
         native.dense_machine,
         native.dense_episode_machine,
+        native.dense_signs,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
         native.NativeClock,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
@@ -10,16 +11,22 @@ from rtamt.errors import StateError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Given
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
+from rtamt.machines.dense.outlook import everywhere
 from rtamt.machines.dense.rows import RegionRows, dense_of, readings_of
+from rtamt.machines.dense.signs import PythonDenseSigns
+from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.ranges import RefusesRanges
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.encoding import (
+    DiscreteRow,
+    EncodedRegionRow,
     clock_of,
     encoded_dense,
     encoded_discrete,
@@ -34,6 +41,7 @@ __all__ = [
     "dense_episode_machine",
     "dense_episode_on_regions",
     "dense_machine",
+    "dense_signs",
     "discrete_bank",
     "discrete_machine",
     "episode_bank",
@@ -131,6 +139,27 @@ def dense_episode_machine(
     variables, clock = program.program.variables, clock_of(dense_of(program).tick)
     declared = declared_of(program.program).before
     return _native.DenseEpisodeMachine(readings, variables, clock, declared, program.reach, reader)
+
+
+def dense_signs(
+    program: RegionProgram,
+    reader: EventReader,
+    given: Sequence[Given],
+    trace: tuple[int, int],
+    end: End,
+) -> DenseSigns:
+    if reader.unknown:  # the machine in C++ takes numbers
+        return PythonDenseSigns(program, reader, given, trace, end, (term_columns, term_ranges))
+    return _native.DenseSigns(*_encoded_signs(program), reader, given, *trace, end)
+
+
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
+def _encoded_signs(
+    program: RegionProgram,
+) -> tuple[tuple[DiscreteRow, ...], tuple[EncodedRegionRow, ...], int, tuple[float, int, int]]:
+    (known,) = readings_of(program.program)
+    rows, clock = encoded_regions(everywhere(known)).rows, clock_of(dense_of(program).tick)
+    return encoded_terms(known), rows, known.result, clock
 
 
 def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:

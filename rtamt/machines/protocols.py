@@ -8,6 +8,7 @@ definition: where the two differ, the C++ machine is wrong.
 `DiscreteMachine`    runs a program on samples: `rtamt.machines.discrete`
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
+`DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.signs`
 `DiscreteBank`       many discrete machines in lockstep: `rtamt.machines.bank`
 `EpisodeBank`        many episode machines in lockstep: `rtamt.machines.bank`
 ===================  ========================================================================
@@ -24,11 +25,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.between import Between
 from rtamt.inputs.events import GivenLike
+from rtamt.program.implications import Counted, InstantRuns
 
 __all__ = [
     "Bank",
     "DenseEpisodeMachine",
     "DenseMachine",
+    "DenseSigns",
     "DiscreteBank",
     "DiscreteMachine",
     "End",
@@ -178,6 +181,7 @@ class DenseEpisodeMachine(Stateful, Protocol):
         lower: The least robustness over all continuations and ends.
         upper: The greatest robustness over all continuations and ends.
         settled: The last time at which all variables are known; -inf before there is one.
+        span: The first and the last tick of the trace, which has begun.
         decided_at: The first time after which the bounds have one sign bit; None: no such.
         finished: Whether the trace has ended.
         update: Takes in new events; returns the robustness.
@@ -191,6 +195,8 @@ class DenseEpisodeMachine(Stateful, Protocol):
     def upper(self) -> float: ...
     @property
     def settled(self) -> float: ...
+    @property
+    def span(self) -> tuple[int, int]: ...
     @property
     def decided_at(self) -> float | None: ...
     @property
@@ -215,6 +221,16 @@ class DenseEpisodeMachine(Stateful, Protocol):
         """
 
     def reset(self) -> None: ...
+
+
+class DenseSigns(Protocol):
+    """Where a formula fails or holds for certain on a whole trace in dense time."""
+
+    def fails_at(self, instants: InstantRuns) -> Counted:
+        """How often it fails at recorded ones of some positions."""
+
+    def holds_at(self, instants: InstantRuns) -> bool:
+        """Whether it holds at all of some positions, which have one or more."""
 
 
 class Bank(Stateful, Protocol):

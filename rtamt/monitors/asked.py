@@ -27,11 +27,12 @@ from rtamt.machines.part_signs import PartSigns
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.program.implications import (
+    Counted,
     InstantRuns,
     Reads,
+    Routes,
     TraceSpan,
     implications,
-    reads,
     unanswered,
 )
 from rtamt.program.interface import STANDARD, Interface
@@ -42,7 +43,6 @@ from rtamt.program.timing import Align, samples
 __all__ = [
     "Asked",
     "AskedRow",
-    "Counted",
     "Evidence",
     "SampledQuestion",
     "asked_text",
@@ -98,21 +98,7 @@ def asked_text(occasions: int, first: str | None, *, vacuous: bool) -> str:
     return f"asked {occasions}x, first at {first}{answer}"
 
 
-class Counted(NamedTuple):
-    """How often something is so.
-
-    Attributes:
-        length: How long: samples, or ticks of dense time.
-        occasions: How many times it begins; the begin of the trace counts.
-        first: The first instant; None if there is none.
-    """
-
-    length: int
-    occasions: int
-    first: int | None
-
-
-_NEVER = Counted(0, 0, None)
+_NEVER: Counted = 0, 0, None
 
 
 class Signs(Protocol):
@@ -218,9 +204,10 @@ def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], 
         asked = opposite.fails_at(every)
         vacuous = False
         if satisfied:
-            vacuous = not (asked if needed == every else opposite.fails_at(needed)).occasions
+            _, answers, _ = asked if needed == every else opposite.fails_at(needed)
+            vacuous = not answers
             # Where the left side fails, the right side does not matter.
-            idle.append(not asked.occasions and not question.hides and opposite.holds_at(every))
+            idle.append(not asked[1] and not question.hides and opposite.holds_at(every))
             if vacuous and not idle[-1]:
                 vacuous = question.satisfied_without((each,))
         rows.append(AskedRow(_text(each), asked, vacuous))
@@ -331,7 +318,7 @@ class _SampledSigns:
                 first = begin + int(flags.argmax())
             length += count
             occasions += int(np.count_nonzero(flags[1:] > flags[:-1])) + int(flags[0])
-        return Counted(length, occasions, first)
+        return length, occasions, first
 
     def holds_at(self, instants: InstantRuns) -> bool:
         if instants[-1][1] > self._last:
@@ -340,15 +327,20 @@ class _SampledSigns:
         return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
 
 
-@functools.lru_cache(maxsize=512)  # many traces have one length
-def _reads(
-    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
-) -> Mapping[Formula, Reads]:
+@functools.lru_cache(maxsize=512)
+def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
     def bounds(node: Node) -> Bounds:
         error = functools.partial(specification.error, node)
         return samples(node.interval, period, specification.unit, error, align)
 
-    return reads(specification.formula, bounds, extent)
+    return Routes(specification.formula, bounds)
+
+
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _reads(
+    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
+) -> Mapping[Formula, Reads]:
+    return _routes(specification, period, align).reads(extent)
 
 
 @functools.lru_cache(maxsize=512)

@@ -94,7 +94,7 @@ def judge_dense(
     complete = machine.complete()
     terms = BACKENDS[backend].term_columns, BACKENDS[backend].term_ranges
     machine.finish(reading)
-    lower, upper = machine.lower, machine.upper
+    lower, upper, span = machine.lower, machine.upper, machine.span
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or verdict_of(lower, upper) != 0:
@@ -111,7 +111,8 @@ def judge_dense(
         return again.decided_at
 
     def evidence(verdict: Verdict) -> Evidence[DenseAsked]:
-        question = DenseQuestion(specification, interface, reading, regions, given, reader, backend)
+        its = specification, interface, reading, regions, given, span, reader, backend
+        question = DenseQuestion(*its)
         return dense_evidence(question, satisfied=verdict is Verdict.SATISFIED)
 
     return Judgement.of(

@@ -204,7 +204,8 @@ class DenseImplications:
         machine.run(given)  # refuses what judge_dense refuses
         machine.finish(reading)
         satisfied = verdict_of(machine.lower, machine.upper) if verdict is None else verdict
-        question = DenseQuestion(specification, interface, reading, regions, given, reader, backend)
+        its = specification, interface, reading, regions, given, machine.span, reader, backend
+        question = DenseQuestion(*its)
         return dense_evidence(question, satisfied=satisfied > 0)
 
 

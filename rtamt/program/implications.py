@@ -21,13 +21,19 @@ from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Bounds
 
-__all__ = ["InstantRuns", "Reads", "TraceSpan", "implications", "reads", "unanswered"]
+__all__ = ["Counted", "InstantRuns", "Reads", "Routes", "TraceSpan", "implications", "unanswered"]
 
 InstantRuns = tuple[tuple[int, float], ...]
 """First and last one of runs of instants, in order; no run touches the next; the last may be inf.
 
 Instants are samples, or positions of dense time: 2t is the tick t, 2t + 1 the time between it and
 the next one.
+"""
+
+
+Counted = tuple[int, int, int | None]
+"""How often something is so at some instants: how long, in samples or ticks; how many times it
+begins, where the begin of the trace counts; and the first instant, None if there is none.
 """
 
 
@@ -213,40 +219,59 @@ class Reads(NamedTuple):
     needed: InstantRuns
 
 
-def reads(
-    formula: Formula, bounds: Callable[[Node], Bounds], trace: TraceSpan
-) -> Mapping[Formula, Reads]:
-    """At which instants a formula reads its implications; it is judged at instant 0.
+class Routes:
+    """The ways from a formula to its implications, for traces of any length.
 
     Args:
-        formula: The formula.
+        formula: The formula; it is judged at instant 0.
         bounds: The bounds of an operator with an interval, in samples or ticks.
-        trace: The instants of the trace.
     """
-    places: dict[Node, dict[tuple[bool, bool], list[tuple[int, float]]]] = {
-        formula: {(True, True): [(0, 0)]}
-    }
-    for node in reversed([*formula.nodes()]):
-        if node not in places or node.op is None:
-            continue
-        limits = bounds(node) if node.op.timed else _NO_BOUNDS
-        known = [(key, _merged(runs)) for key, runs in places[node].items()]
-        for way in _ways(node.op.name, len(node.args), limits):
-            below = places.setdefault(node.args[way.operand], {})
-            for (positive, alone), runs in known:
-                chosen = way.chosen if positive else _dual(way.chosen)
-                key = positive == way.positive, alone and "max" not in chosen
-                below.setdefault(key, []).extend(trace.along(way.steps, runs))
-    found = {}
-    for each in implications(formula):
-        at = places.get(each, {})
-        needed = at.get((True, True), [])
-        found[each] = Reads(_merged(needed + at.get((True, False), [])), _merged(needed))
-    return found
+
+    __slots__ = ("_ends", "_legs", "_places")
+
+    def __init__(self, formula: Formula, bounds: Callable[[Node], Bounds]) -> None:
+        # A place is a node, its sign, and whether the formula fails wherever the node does.
+        places: dict[Node, dict[tuple[bool, bool], int]] = {formula: {(True, True): 0}}
+        count = 1
+        legs: list[tuple[int, list[tuple[int, tuple[_Step, ...]]]]] = []
+        for node in reversed([*formula.nodes()]):
+            if node not in places or node.op is None:
+                continue
+            limits = bounds(node) if node.op.timed else _NO_BOUNDS
+            ways = _ways(node.op.name, len(node.args), limits)
+            for (positive, alone), place in places[node].items():
+                goes: list[tuple[int, tuple[_Step, ...]]] = []
+                for way in ways:
+                    chosen = way.chosen if positive else _dual(way.chosen)
+                    key = positive == way.positive, alone and "max" not in chosen
+                    below = places.setdefault(node.args[way.operand], {})
+                    if key not in below:
+                        below[key], count = count, count + 1
+                    goes.append((below[key], way.steps))
+                legs.append((place, goes))
+        self._legs, self._places = legs, count
+        self._ends: list[tuple[Formula, int | None, int | None]] = []
+        for each in implications(formula):
+            at = places.get(each, {})
+            self._ends.append((each, at.get((True, True)), at.get((True, False))))
+
+    def reads(self, trace: TraceSpan) -> Mapping[Formula, Reads]:
+        """At which instants of a trace the formula reads its implications."""
+        runs: list[list[tuple[int, float]]] = [[] for _ in range(self._places)]
+        runs[0].append((0, 0))
+        for place, goes in self._legs:
+            known = _merged(runs[place])
+            for below, steps in goes:
+                runs[below] += trace.along(steps, known)
+        found = {}
+        for each, needed, others in self._ends:
+            its = () if needed is None else _merged(runs[needed])
+            every = its if others is None else _merged([*its, *runs[others]])
+            found[each] = Reads(every, its)
+        return found
 
 
-@dataclass(frozen=True, slots=True)
-class TraceSpan:
+class TraceSpan(NamedTuple):
     """The instants of a trace, and what a reading of its end makes of windows.
 
     Attributes:
@@ -265,7 +290,8 @@ class TraceSpan:
     def along(self, steps: Sequence[_Step], runs: InstantRuns) -> InstantRuns:
         """The instants that are reached from some."""
         for step in steps:
-            runs = _merged(run for each in runs for run in self._step(step, *each))
+            reached = [run for first, final in runs for run in self._step(step, first, final)]
+            runs = tuple(reached) if len(reached) < 2 else _merged(reached)
         return runs
 
     def _step(self, step: _Step, first: int, final: float) -> Iterator[tuple[int, float]]:
@@ -300,8 +326,11 @@ class TraceSpan:
 
 
 def _merged(runs: Iterable[tuple[int, float]]) -> InstantRuns:
+    known = sorted(runs)
+    if len(known) < 2:
+        return tuple(known)
     found: list[tuple[int, float]] = []
-    for first, last in sorted(runs):
+    for first, last in known:
         if found and first <= found[-1][1] + 1:
             found[-1] = found[-1][0], max(found[-1][1], last)
         else:

@@ -251,15 +251,26 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def add_require_asked(parser: argparse.ArgumentParser, what: str) -> None:
-    """Adds ``--require-asked``.
+    """Adds ``--require-asked`` and ``--require-answered``, which fill the list ``required``.
 
     Args:
         parser: The parser of the command.
         what: What puts a requirement to the test, as in ``trace``.
     """
+    parser.set_defaults(required=[])
     parser.add_argument(
         "--require-asked",
-        action="store_true",
+        dest="required",
+        action="append_const",
+        const="asked",
         help=f"exit 3 if no {what} has put some requirement with an implication to the test, and "
         "nothing is violated",
+    )
+    parser.add_argument(
+        "--require-answered",
+        dest="required",
+        action="append_const",
+        const="answered",
+        help=f"exit 3 too if the verdict on such a requirement hangs on an answer in no {what}: "
+        "each that puts it to the test satisfies it without one, or leaves it open",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
@@ -29,7 +30,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.success import (
     add_success,
@@ -38,6 +39,7 @@ from rtamt_gym.commands.success import (
     not_kept,
     success_requirements,
 )
+from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison
@@ -57,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Plays episodes of a policy and prints how often it satisfies each requirement, with the "
         "95% interval of that rate. Exits 0; with --target, 1 if a requirement falls short of it, "
-        "else 3 if one is undecided."
+        "else 3 if one is undecided. Ctrl-C ends it with the episodes that are over, and 130."
     )
     parser.epilog = (
         "example: rtamt evaluate CartPole-v1 --policy sb3:model.zip --spec 'upright = "
@@ -180,7 +182,7 @@ def run(options: argparse.Namespace) -> int:
         if name in rules and options.target is None:
             raise InputError(f"--{name} is for --target, got it without")
     stopping_of((), **rules)  # refuses wrong numbers before the environment is made
-    signals = read_signals(options.signal)
+    signals, lost = read_signals(options.signal), 0
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         specs = {}
@@ -192,29 +194,52 @@ def run(options: argparse.Namespace) -> int:
         with warnings.catch_warnings():
             for said in (FailedSimulationWarning, UnrepeatedSeedWarning):  # by the table
                 warnings.simplefilter("ignore", said)
-            evaluation = evaluate_policy(
-                options.policy,
-                env,
-                specs,
-                signals or None,
-                episodes=options.episodes or (_MOST if sequential else _EPISODES),
-                progress=True,
-                **rules,
-                **{name: getattr(options, name) for name in _ARGUMENTS},
-                **reading.options(),
-            )
+            try:
+                evaluation = evaluate_policy(
+                    options.policy,
+                    env,
+                    specs,
+                    signals or None,
+                    episodes=options.episodes or (_MOST if sequential else _EPISODES),
+                    progress=True,
+                    **rules,
+                    **{name: getattr(options, name) for name in _ARGUMENTS},
+                    **reading.options(),
+                )
+            except KeyboardInterrupt as pressed:
+                evaluation, lost = _so_far(pressed)
         record = evaluation.record.of_files(files_of(options.spec, options.policy))
         evaluation = replace(evaluation, record=record)
         if options.save:
             evaluation.save(options.save)
     show(evaluation)
+    if lost:
+        print(
+            "", f"more had begun at most, which do not count: {counted(lost, 'episode')}", sep="\n"
+        )
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
-    hollow = unasked(evaluation.record, "episode", fails=options.require_asked)
+    hollow = unasked(evaluation.record, "episode", options.required)
     hollow += not_kept(evaluation.record) if options.success else []
     tell(hollow)
+    if evaluation.interrupted is not None:
+        return INTERRUPTED
     return exit_code(_words(evaluation.decision or {}, options.target), hollow)
+
+
+def _so_far(pressed: KeyboardInterrupt) -> tuple[Evaluation, int]:
+    """What an evaluation has found that was interrupted, and how many more episodes had begun.
+
+    Raises:
+        KeyboardInterrupt: If no episode was over.
+    """
+    found: Evaluation | None = getattr(pressed, "evaluation", None)
+    if found is None:
+        print("interrupted before an episode was over", file=sys.stderr)
+        raise pressed
+    lost: int = getattr(pressed, "lost", 0)
+    return found, lost
 
 
 _RULES = ("until_width", "target", "alpha", "margin")

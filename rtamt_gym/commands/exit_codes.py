@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 from rtamt_gym.tables import wrapped
 
@@ -13,7 +13,13 @@ if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
     from rtamt_gym.results.table import Results
 
-__all__ = ["INTERRUPTED", "Hollow", "exit_code", "tell", "unasked", "undecided"]
+__all__ = ["INTERRUPTED", "Hollow", "Required", "exit_code", "tell", "unasked", "undecided"]
+
+Required = Literal["asked", "answered"]
+"""What a command may require of the runs or traces of a requirement with an implication.
+
+Some of them put it to the test; or the verdict on some hangs on an answer, too.
+"""
 
 INTERRUPTED: Final = 130
 """The exit code after Ctrl-C, as shells have it."""
@@ -74,18 +80,26 @@ def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
     ]
 
 
-def unasked(results: Results, what: str, *, fails: bool) -> list[Hollow]:
+def unasked(results: Results, what: str, required: Collection[Required]) -> list[Hollow]:
     """What nothing has put to the test, and what was satisfied without an answer.
 
     Args:
         results: The trials.
         what: What a trial is, in a word.
-        fails: Whether the command is to fail for requirements that nothing has put to the test.
+        required: What the command is to fail for where there is none.
     """
-    from rtamt_gym.results.asked import never_asked_lines, partly_asked_lines
+    from rtamt_gym.results.asked import (
+        never_answered_texts,
+        never_asked_lines,
+        partly_asked_lines,
+    )
 
-    never = [Hollow(text, fails) for text in never_asked_lines(results, what)]
-    return never + [Hollow(text) for text in partly_asked_lines(results, what)]
+    found = [Hollow(text, bool(required)) for text in never_asked_lines(results, what)]
+    found += [Hollow(text) for text in partly_asked_lines(results, what)]
+    if "answered" in required:
+        texts = never_answered_texts(results, what).values()
+        found += [Hollow(text, fails=True) for text in texts]
+    return found
 
 
 def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:

@@ -45,9 +45,10 @@ def run(options: argparse.Namespace) -> int:
     if texts:
         print(*texts, sep="\n\n", flush=True)
     matrix = matrix_of(asked, rows)
-    if notes := note_lines(matrix):
-        print("", *notes, sep="\n", flush=True)
-    hollow = unasked(matrix, "trace", fails=options.require_asked) + too_short(asked, rows)
+    said = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
+    if said := [*said, *note_lines(matrix)]:
+        print("", *said, sep="\n", flush=True)
+    hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
     tell(hollow)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
     return exit_code([matrix.word], hollow)

@@ -198,7 +198,7 @@ def run(options: argparse.Namespace) -> int:
     if not found.falsified:
         hollow += hollow_failures(found.record, options, found.not_violated)
         hollow += undecided(found.record, "simulation", fails=True)
-    hollow += unasked(found.record, "simulation", fails=options.require_asked)
+    hollow += unasked(found.record, "simulation", options.required)
     tell(hollow, stderr=options.json)
     words: list[Word] = ["violated"] if found.falsified else []
     return INTERRUPTED if found.interrupted else exit_code(words, hollow)

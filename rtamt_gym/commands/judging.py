@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
@@ -15,14 +15,19 @@ from multiprocessing import get_context
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
-from rtamt_gym.commands.exit_codes import Hollow
+from rtamt_gym.commands.exit_codes import Hollow, Required
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.results.asked import never_asked_texts, never_asked_word, rests_on_unknown
+from rtamt_gym.results.asked import (
+    never_answered_texts,
+    never_asked_texts,
+    never_asked_word,
+    rests_on_unknown,
+)
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
@@ -219,6 +224,8 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
     untimed = isinstance(judged.trace, Trace) and judged.trace.times is None
     if timed and untimed and judged.period is None:
         notes.append("no column is one of times, so that bounds count samples")
+    for name, judgement in judged.judgements.items():
+        notes += filter(None, [judgement.note_of_end(name if len(asked.specs) > 1 else "")])
     described = f"{judged.trace.source}: {extent.text}"
     if asked.min_duration is not None and extent.shorter(asked.min_duration):
         notes.append(
@@ -234,15 +241,16 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
 
 
-def unmet_of(asked: TracesAsked, matrix: Matrix, *, require_asked: bool) -> Unmet:
+def unmet_of(asked: TracesAsked, matrix: Matrix, required: Collection[Required]) -> Unmet:
     """What the traces were to have beside verdicts, and do not have: `Hollow` that fails.
 
     Args:
         asked: What the command line asks for.
         matrix: The outcomes.
-        require_asked: Whether some trace is to put each requirement to the test.
+        required: What some trace is to do with each requirement.
     """
-    unasked = never_asked_texts(matrix) if require_asked else {}
+    unasked = never_asked_texts(matrix) if required else {}
+    unanswered = never_answered_texts(matrix) if "answered" in required else {}
     short = {
         row.name: text
         for row in matrix.rows
@@ -253,9 +261,11 @@ def unmet_of(asked: TracesAsked, matrix: Matrix, *, require_asked: bool) -> Unme
     for name in unasked:
         word = never_asked_word(unknown=rests_on_unknown(matrix, name))
         words.setdefault(word, []).append(name)
+    if unanswered:
+        words["never answered"] = list(unanswered)
     parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
     parts += [each.text for each in too_short(asked, matrix.rows)]
-    return Unmet(unasked, short, "; ".join(parts))
+    return Unmet(unasked, unanswered, short, "; ".join(parts))
 
 
 def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:

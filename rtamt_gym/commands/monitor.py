@@ -122,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
-    hollow = unasked(matrix, "trace", fails=options.require_asked) + too_short(asked, rows)
+    hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
     code = exit_code([matrix.word], hollow)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
         print(to_json(made_of, _rules(asked), columns, code, least=least))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
-    unmet = unmet_of(asked, matrix, require_asked=options.require_asked)
+    unmet = unmet_of(asked, matrix, options.required)
     said = _write(options, asked, matrix, judged, unmet)
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     tell(hollow, stderr=options.json)

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         save(draw([with_inputs(made, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
     trial, text = made.trial(), str(saved.requirement.formula)
-    hollow = unasked(Results([trial], {saved.name: text}), "run", fails=options.require_asked)
+    hollow = unasked(Results([trial], {saved.name: text}), "run", options.required)
     tell(hollow)
     return exit_code([] if saved.gives(made) else ["violated"], hollow)
 

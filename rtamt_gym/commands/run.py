@@ -142,7 +142,7 @@ def run(options: argparse.Namespace) -> int:
         shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown}: {options.plot}")
-    hollow = unasked(record, "episode", fails=options.require_asked)
+    hollow = unasked(record, "episode", options.required)
     tell(hollow)
     return exit_code(["failed"] if failed else [], hollow)
 

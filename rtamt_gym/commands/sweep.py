@@ -25,6 +25,7 @@ from rtamt_gym.commands.arguments import (
     read_signals,
     whole,
 )
+from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
@@ -137,7 +138,8 @@ def run(options: argparse.Namespace) -> int:
             "--policy random: expected a policy that acts alike each time; vary what acts with "
             "--vary NAME=LOW:HIGH,points=N"
         )
-    with closing(make(options.env_id, None, read_options(options.env_kwarg))) as env:
+    kwargs = read_options(options.env_kwarg)
+    with closing(make(options.env_id, None, kwargs)) as env, noted_ends() as notes:
         simulation: Any = env.unwrapped
         entries, numbers = read_varied(
             options.vary, options.set, getattr(simulation, "scenario", None)
@@ -173,11 +175,13 @@ def run(options: argparse.Namespace) -> int:
     if options.sampler in {"morris", "saltelli"}:
         for name in done.requirements:
             print("", _moved(done, name), sep="\n")
+    if notes:
+        print("", *notes, sep="\n")
     _write(done, options)
     failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
     hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
     hollow += undecided(done.record, "simulation", fails=False)
-    hollow += unasked(done.record, "simulation", fails=options.require_asked)
+    hollow += unasked(done.record, "simulation", options.required)
     tell(hollow)
     return exit_code([], hollow)
 

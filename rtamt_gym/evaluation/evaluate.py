@@ -154,6 +154,8 @@ def evaluate_policy(
         error ended counts as not satisfied, and has the error in its row.
 
     Raises:
+        KeyboardInterrupt: On Ctrl-C, with the `Evaluation` of the episodes so far as its attribute
+            ``evaluation`` if there are any: those up to the first that is not over.
         SpecificationError: If a specification is wrong.
         InputError: If an argument is wrong, the policy does not fit the environment, ``folder``
             holds another campaign, or all episodes failed.
@@ -214,7 +216,31 @@ def evaluate_policy(
     rules: dict[str, Any] = {"until_width": until_width, "target": target}
     rules |= {"alpha": alpha, "margin": margin} if target is not None else {}
     rules |= {"interval": interval} if until_width is not None else {}
-    record = run_campaign(
+
+    def made_of(
+        record: Record, keep: int, begun: bool | None, planned: int | None = None
+    ) -> Evaluation:
+        period = rtamt.Monitor("true", period=runner.period).period
+        runs, frames = _worst_runs(Filming(runner, period), record, keep)
+        return Evaluation(
+            record,
+            runner.name,
+            name or runner.evaluated.name,
+            period,
+            runner.duration,
+            int(seed),
+            None if stopping is None else dict(stopping.decisions),
+            runs,
+            frames,
+            reading_of(runner),
+            interval,
+            begun,
+            planned,
+            runner,
+        )
+
+    campaign = partial(
+        run_campaign,
         runner,
         [({}, each) for each in range(seed, seed + episodes)],
         n_jobs=n_jobs,
@@ -226,28 +252,18 @@ def evaluate_policy(
         progress=progress,
         enough=None if stopping is None else partial(_add, stopping),
     )
+    try:
+        record = campaign()
+    except KeyboardInterrupt as pressed:
+        so_far: Any = pressed
+        if len(getattr(pressed, "record", ())):
+            so_far.evaluation = made_of(so_far.record, 0, None, episodes)
+        raise
     tell_failures(record)
     if runner.unasked:
         _tell_open_end(runner, record)
-    period = rtamt.Monitor("true", period=runner.period).period
     begun = _repeats(runner, record)
-    kept = 0 if begun is False else keep
-    runs, frames = _worst_runs(Filming(runner, period), record, kept)
-    return Evaluation(
-        record,
-        runner.name,
-        name or runner.evaluated.name,
-        period,
-        runner.duration,
-        int(seed),
-        None if stopping is None else dict(stopping.decisions),
-        runs,
-        frames,
-        reading_of(runner),
-        interval,
-        begun,
-        runner,
-    )
+    return made_of(record, 0 if begun is False else keep, begun)
 
 
 def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401

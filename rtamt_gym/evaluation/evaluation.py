@@ -70,6 +70,7 @@ class Evaluation:
         interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
         repeats: Whether two resets with one seed began alike. None: nobody has looked, as in a file
             that an older version has written.
+        interrupted: How many episodes it was to have at most, if Ctrl-C has ended it; else None.
     """
 
     record: Record
@@ -84,6 +85,7 @@ class Evaluation:
     reading: Mapping[str, Any] | None = None
     interval: IntervalKind = "exact"
     repeats: bool | None = None
+    interrupted: int | None = None
     _runner: Runner | None = None
 
     @cached_property
@@ -226,7 +228,7 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
-    *("reading", "interval", "repeats"),
+    *("reading", "interval", "repeats", "interrupted"),
 )
 
 
@@ -252,6 +254,7 @@ def _written(evaluation: Evaluation) -> str:
         "evaluation",
         {
             **{name: getattr(evaluation, name) for name in _KEPT},
+            **({} if evaluation.interrupted is None else {"interrupted": evaluation.interrupted}),
             **found,
             "results": every,
             "runs": [
@@ -287,6 +290,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         reading=kept.get("reading"),  # files of older versions have none
         interval=_kind_of(kept),
         repeats=kept.get("repeats"),
+        interrupted=kept.get("interrupted"),
     )
 
 

@@ -67,6 +67,9 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
         results.append(evaluation.success)
     seeds = [row.seed for row in evaluation.record if row.seed is not None]
     yield terminal.cut(f"{evaluation.system} under {evaluation.policy}")
+    if evaluation.interrupted is not None:
+        planned = counted(evaluation.interrupted, "episode")
+        yield terminal.cut(f"interrupted after {len(evaluation.record)} of {planned}")
     yield terminal.cut(
         f"{counted(len(evaluation.record), 'episode')}"
         + (f", seeds {min(seeds)} to {max(seeds)}" if seeds else "")

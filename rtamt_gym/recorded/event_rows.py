@@ -70,16 +70,21 @@ def read_events(
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     _check_order(rows, times, np.arange(len(times)))
-    signals = {}
+    signals, empty = {}, []
     for name in there:
         column = columns.column(name)
         values = rows.numbers[column]
         given = ~np.isnan(values)
+        if not (given.all() or rows.sparse) and columns.missing == "raise":
+            empty.append(f"{name}: {len(given) - int(given.sum())}")
         if columns.missing == "unknown":
             given |= rows.invalid.get(column, np.True_)
         if not given.any() and name not in columns.starts:
             raise InputError(f"{recording.source}: expected events of '{name}', got none")
         signals[name] = (times, values) if given.all() else (times[given], values[given])
+    if empty:
+        said = f"empty cells are no events: the value before holds ({', '.join(empty)})"
+        rows = replace(rows, notes=[*rows.notes, said])
     return _events(rows, signals, variables, columns, axis)
 
 

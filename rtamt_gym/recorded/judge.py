@@ -85,6 +85,7 @@ class TraceJudgement:
         dense: Whether the trace was judged in dense time.
         progress: How far it came in the stages of the requirement; None without stages, and in
             dense time.
+        cut: The verdict on a recording that was cut; None: it was not asked for.
     """
 
     found: rtamt.Judgement
@@ -95,6 +96,7 @@ class TraceJudgement:
     step: float | None
     dense: bool = False
     progress: float | None = None
+    cut: Verdict | None = None
 
     def __str__(self) -> str:
         if self.progress is None:
@@ -179,6 +181,20 @@ class TraceJudgement:
         verdicts = {self.verdict, self.found.complete}
         return self.found.complete.name if verdicts == _DECIDED else ""
 
+    def note_of_end(self, name: str = "") -> str:
+        """Says that ``--end complete`` alone has satisfied it; empty if that is not so.
+
+        Args:
+            name: What the requirement is called; empty if there is one alone.
+        """
+        if self.verdict is not Verdict.SATISFIED or self.cut is not Verdict.UNDECIDED:
+            return ""
+        what = f"{name} is " if name else ""
+        return (
+            f"{what}SATISFIED if the trace is all there is, as --end complete takes it: windows "
+            "reach past its end, and --end cut says UNDECIDED"
+        )
+
     @property
     def robustness_text(self) -> str:
         """The robustness in words; a 0 says whether the specification holds."""
@@ -251,6 +267,9 @@ def judge(
         reading = reading.having(nan="unknown")
     options = reading.of_monitors({"": whole})[""]
     found = rtamt.judge(whole, trace.columns, end=reading.end, n=n, **options)
+    cut = None
+    if reading.end == "complete":
+        cut = rtamt.judge(whole, trace.columns, end="cut", n=n, **options).verdict
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -265,7 +284,8 @@ def judge(
         for name, part in (_parts(spec) if formulas and not found.unknown else {}).items()
     }
     progress = progress_of(whole, trace.columns, reading)
-    return TraceJudgement(found, series, semantics, trace.start, period, step, progress=progress)
+    clock = trace.start, period, step
+    return TraceJudgement(found, series, semantics, *clock, progress=progress, cut=cut)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
@@ -312,19 +332,17 @@ def judge_events(
         InputError: If the variables have no time in common.
     """
     semantics, signals, whole = reading.semantics, trace.tables, viewed(spec, reading.view)
-    found = rtamt.judge_dense(
-        whole,
-        {name: signals[name] for name in whole.variables},
-        reading.end,
-        semantics=semantics,
-        **_not_known(trace),
-    )
+    known = {name: signals[name] for name in whole.variables}
+    options = {"semantics": semantics, **_not_known(trace)}
+    found, cut = rtamt.judge_dense(whole, known, reading.end, **options), None
+    if reading.end == "complete":
+        cut = rtamt.judge_dense(whole, known, "cut", **options).verdict
     series = {}
     for name, part in (_parts(spec) if formulas and not found.unknown else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
-    return TraceJudgement(found, series, semantics, 0.0, None, trace.step, dense=True)
+    return TraceJudgement(found, series, semantics, 0.0, None, trace.step, dense=True, cut=cut)
 
 
 def _not_known(trace: EventTrace) -> dict[str, Any]:

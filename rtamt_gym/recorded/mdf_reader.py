@@ -91,4 +91,4 @@ class MdfRecording:
                 invalid[name][places] = wrong
             arrays[name] = samples
         marked = ArrayRecording(self.source, arrays, invalid)
-        return replace(marked.read(wanted), unit="s")
+        return replace(marked.read(wanted), unit="s", sparse=True)

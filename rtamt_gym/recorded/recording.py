@@ -49,6 +49,7 @@ class Rows:
             None if there is none.
         notes: What was read otherwise than it is written, in sentences to print.
         unit: The unit of the times, where the format of the file says it; else empty.
+        sparse: Whether columns come at their own pace, so that a cell is empty where none came.
         invalid: Of columns of numbers the cells that hold no number though there is a record, such
             as samples that a measurement marks as not valid: nan, where others are empty.
     """
@@ -61,6 +62,7 @@ class Rows:
     times: NDArray[Any] | None = None
     notes: Sequence[str] = ()
     unit: str = ""
+    sparse: bool = False
     invalid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
 

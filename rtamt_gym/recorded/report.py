@@ -49,6 +49,7 @@ def report(
             unknown[name] = judgement.found.unknown
     notes = [*notes, *_left_out(unknown, several=several)]
     for name, judgement in judgements.items():
+        notes += filter(None, [judgement.note_of_end(name if several else "")])
         if judgement.series and judgement.otherwise_complete:
             of = f" of {name}" if several else ""
             notes.append(

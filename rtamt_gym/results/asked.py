@@ -14,6 +14,7 @@ __all__ = [
     "asked_line",
     "asked_said",
     "asked_texts",
+    "never_answered_texts",
     "never_asked",
     "never_asked_lines",
     "never_asked_texts",
@@ -66,6 +67,23 @@ def never_asked_texts(results: Results, what: str = "trace") -> dict[str, str]:
             f"{never_asked_word(unknown=unknown)}: {name} was put to the test"
             f"{' for certain' * unknown} in 0 of {counted(len(_counted(results, name)), what)}"
         )
+    return texts
+
+
+def never_answered_texts(results: Results, what: str = "trace") -> dict[str, str]:
+    """A text for each requirement that was put to the test and hung on an answer in no trial.
+
+    Args:
+        results: The trials.
+        what: What a trial is, in a word.
+    """
+    texts = {}
+    for name in results.requirements:
+        found = _counted(results, name)
+        asked = any(each.occasions for each in found)
+        if asked and not any(each.answered for each in found):
+            every = counted(len(found), what)
+            texts[name] = f"never answered: {name} hung on an answer in 0 of {every}"
     return texts
 
 

@@ -149,6 +149,14 @@ class Outcome:
         return self.verdict is Verdict.SATISFIED and self.occasions == 0
 
     @property
+    def answered(self) -> bool:
+        """Whether it was put to the test, and an answer or that there was none has decided it."""
+        if not self.occasions or self.by_end:
+            return False
+        satisfied = self.verdict is Verdict.SATISFIED and not self.vacuous
+        return satisfied or self.verdict is Verdict.VIOLATED
+
+    @property
     def occasions(self) -> int | None:
         """How many times its implications were put to the test.
 

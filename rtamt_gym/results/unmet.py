@@ -17,11 +17,13 @@ class Unmet:
 
     Attributes:
         unasked: For each requirement that nothing has put to the test, that in words.
+        unanswered: For each requirement of which no verdict hung on an answer, that in words.
         short: For each trace that is shorter than it is to be, that in words.
         summary: All of it in a few words, for a heading; empty if there is nothing.
     """
 
     unasked: Mapping[str, str] = field(default_factory=dict)
+    unanswered: Mapping[str, str] = field(default_factory=dict)
     short: Mapping[str, str] = field(default_factory=dict)
     summary: str = ""
 
@@ -34,6 +36,7 @@ class Unmet:
             return None
         found = {
             "never asked": self.unasked.get(requirement),
+            "never answered": self.unanswered.get(requirement),
             "too short": self.short.get(trace),
         }
         said = {kind: text for kind, text in found.items() if text}

@@ -13,6 +13,7 @@ import gymnasium as gym
 from rtamt import InputError
 from rtamt_gym.checks.extras import EXTRAS
 from rtamt_gym.simulation.crashes import exited
+from rtamt_gym.simulation.imported import imported
 
 __all__ = ["PACKAGES", "families", "make", "register"]
 
@@ -27,17 +28,21 @@ def make(
     """Makes the environment of an id; the user need not import one of `PACKAGES` first.
 
     Args:
-        env_id: The id that `gymnasium.make` takes.
+        env_id: The id that `gymnasium.make` takes; the module of ``module:Name-v0`` may lie in the
+            working directory.
         max_steps: Time limit in steps; None: the environment's own.
         options: Further keyword arguments of the environment.
 
     Raises:
-        InputError: If there is no such environment (names the nearest), or it cannot be made.
+        InputError: If there is no such environment (names the nearest), it cannot be made, or its
+            module cannot be imported.
     """
     name = env_id.rpartition(":")[2].partition("-v")[0]
     package = PACKAGES.get(name.rpartition("/")[0])
     if package and ":" not in env_id and not _known(name) and find_spec(package):
         register(package)
+    if ":" in env_id:
+        imported(env_id.partition(":")[0])
     try:
         return gym.make(
             env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})

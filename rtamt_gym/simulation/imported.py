@@ -13,7 +13,7 @@ from typing import Any
 from rtamt import InputError
 from rtamt.errors import nearest
 
-__all__ = ["find_object", "line_in"]
+__all__ = ["find_object", "imported", "line_in"]
 
 
 def find_object(module: str, path: str) -> Any:  # noqa: ANN401
@@ -27,7 +27,7 @@ def find_object(module: str, path: str) -> Any:  # noqa: ANN401
         InputError: If there is no such module or object, with the nearest name, or the import
             raises.
     """
-    found: Any = _import(module)
+    found: Any = imported(module)
     for name in path.split("."):
         if not hasattr(found, name):
             of = f"the module {module}" if isinstance(found, ModuleType) else repr(found)
@@ -44,7 +44,12 @@ def line_in(module: str, error: BaseException) -> str:
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
-def _import(module: str) -> ModuleType:
+def imported(module: str) -> ModuleType:
+    """Imports a module, also from the working directory.
+
+    Raises:
+        InputError: If there is no such module, or the import raises.
+    """
     here = str(Path.cwd())
     if here not in sys.path and "" not in sys.path:
         sys.path.insert(0, here)  # as `python -m` does

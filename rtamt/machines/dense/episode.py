@@ -240,6 +240,10 @@ class PythonDenseEpisodeMachine(StateFields):
         return self.reader.time(self._end, self._dated)
 
     @property
+    def span(self) -> tuple[int, int]:
+        return int(self._declared.begin(self._first)), int(self._end)
+
+    @property
     def decided_at(self) -> float | None:
         if self._decided is None:
             return None

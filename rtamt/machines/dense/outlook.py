@@ -17,7 +17,7 @@ from rtamt.program.instructions import Const, Window
 from rtamt.program.placement import Placement
 from rtamt.program.program import Program
 
-__all__ = ["DenseOutlook", "Places", "recorded"]
+__all__ = ["DenseOutlook", "Places", "everywhere", "recorded"]
 
 
 class Places(NamedTuple):
@@ -62,7 +62,7 @@ def _seen(program: Program, rows: RegionRows, last: int, worlds: Sequence[int], 
     instruction = program.instructions[program.result]
     if program.result < program.terms and not isinstance(instruction, Const):
         return Runs(rows.positions, (rows.terms[program.result],))
-    regions = Regions(_everywhere(program))
+    regions = Regions(everywhere(program))
     regions.unfold(rows, last, worlds)
     return clipped(regions.seen(program.result, world), 0, last)
 
@@ -73,33 +73,12 @@ def _looks_ahead(program: Program) -> bool:
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
-def _everywhere(program: Program) -> Placement:
-    """Every register that is no term of a term is a stream."""
+def everywhere(program: Program) -> Placement:
+    """A placement in which every register that is no term of a term is a stream."""
     every = tuple(range(len(program.instructions)))
     read = {a for r in every[program.terms :] for a in program.formula(r).args} | {program.result}
     streams = tuple(r for r in every if r >= program.terms or r in read)
     return Placement(program, (), streams, ())
-
-
-def complete_runs(program: Program, rows: RegionRows, last: int) -> Runs:
-    """The result on a trace that is all there is.
-
-    Args:
-        program: One of `readings_of` a program over regions.
-        rows: Its terms at the positions of the trace.
-        last: The last position.
-    """
-    regions = _all_streams(program)
-    regions.unfold(rows, last, (NOW,))
-    return clipped(regions.seen(program.result, NOW), 0, last)
-
-
-def _all_streams(program: Program) -> Regions:
-    """The registers of a program, of which all are found at all positions."""
-    every = tuple(range(len(program.instructions)))
-    read = {a for r in every[program.terms :] for a in program.formula(r).args} | {program.result}
-    streams = tuple(r for r in every if r >= program.terms or r in read)
-    return Regions(Placement(program, (), streams, ()))
 
 
 class DenseOutlook:
@@ -125,7 +104,7 @@ class DenseOutlook:
         greatest = programs[-1:] * (len(rows) - len(programs))
         for each, its in zip((*programs, *greatest), rows, strict=True):
             self.program = each
-            regions = Regions(_everywhere(each))
+            regions = Regions(everywhere(each))
             regions.unfold(its, last, (*WORLDS, *CUT) if cut else WORLDS)
             self._readings.append(regions)
 

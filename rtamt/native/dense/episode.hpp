@@ -58,6 +58,8 @@ public:
     int verdict() const { return verdict_of(lower_, upper_); }
     // The last time at which all variables are known; kBefore if there is none.
     dense::Time settled() const { return sampler_.started() ? sampler_.known() : dense::kBefore; }
+    // The first time of the trace, which has begun.
+    dense::Time begin() const { return begin_; }
     // The first time such that the trace up to it decides the verdict.
     std::optional<dense::Time> decided() const {
         if (decided_ < 0) return std::nullopt;

@@ -129,6 +129,11 @@ void bind_dense_episode(nb::module_& m) {
                      "The greatest robustness over all continuations and ends.")
         .def_prop_ro("settled", [](const Self& o) { return time_of(o, o.machine.settled()); },
                      "The last time at which all variables are known.")
+        .def_prop_ro("span",
+                     [](const Self& o) {
+                         return nb::make_tuple(o.machine.begin(), o.machine.settled());
+                     },
+                     "The first and the last tick of the trace, which has begun.")
         .def_prop_ro("decided_at", decided_at,
                      "The first time such that the trace up to it decides the verdict, or None.")
         .def_prop_ro("finished", [](const Self& o) { return o.machine.finished(); },

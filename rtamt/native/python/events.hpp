@@ -248,39 +248,8 @@ template <class M>
 }
 
 // The events of a whole trace, with times in ticks.
-class Trace {
+class CountedEvents {
 public:
-    // Takes times as they were given, and tells a new machine what they are.
-    template <class M>
-    Trace(EventObject<M>& object, const nb::sequence& given) {
-        const dense::Sampler& sampler = object.machine.sampler();
-        if (nb::len(given) != sampler.variables())
-            throw nb::value_error("expected events of every variable");
-        for (std::size_t v = 0; v < sampler.variables(); ++v)
-            if (sampler.last_time(v) > dense::kBefore)
-                throw nb::value_error("expected a new machine");
-        if (count(given, object.clock)) {
-            object.machine.set_dating(Dating::numbers);
-            return;
-        }
-        const nb::object counted = object.reader.attr("counted")(
-            given, times_of(sampler, &dense::Sampler::last_time), nb::none());
-        take(counted[0]);
-        for (const dense::Events& each : events)
-            if (!dense::Sampler::fit(dense::kBefore, each))
-                throw std::runtime_error("the reader gave events that do not fit");
-        object.machine.set_dating(dating_of(counted[1]));
-    }
-
-    std::size_t longest() const {
-        std::size_t most = 0;
-        for (const dense::Events& each : events) most = std::max(most, each.size);
-        return most;
-    }
-
-    std::vector<dense::Events> events;
-
-private:
     // Counts times that are doubles; false if there are others, or what is no signal.
     bool count(const nb::sequence& given, const Clock& clock) {
         for (nb::handle pair : given) {
@@ -309,12 +278,47 @@ private:
             views_.emplace_back(column);
             events.push_back(views_.back().events());
         }
+        for (const dense::Events& each : events)
+            if (!dense::Sampler::fit(dense::kBefore, each))
+                throw std::runtime_error("the reader gave events that do not fit");
     }
 
+    std::size_t longest() const {
+        std::size_t most = 0;
+        for (const dense::Events& each : events) most = std::max(most, each.size);
+        return most;
+    }
+
+    std::vector<dense::Events> events;
+
+private:
     static constexpr std::size_t kBlock = 1024;
 
     std::vector<std::unique_ptr<Time[]>> counted_;
     std::vector<EventViews> views_;
+};
+
+// Those of a new machine.
+class Trace : public CountedEvents {
+public:
+    // Takes times as they were given, and tells the machine what they are.
+    template <class M>
+    Trace(EventObject<M>& object, const nb::sequence& given) {
+        const dense::Sampler& sampler = object.machine.sampler();
+        if (nb::len(given) != sampler.variables())
+            throw nb::value_error("expected events of every variable");
+        for (std::size_t v = 0; v < sampler.variables(); ++v)
+            if (sampler.last_time(v) > dense::kBefore)
+                throw nb::value_error("expected a new machine");
+        if (count(given, object.clock)) {
+            object.machine.set_dating(Dating::numbers);
+            return;
+        }
+        const nb::object counted = object.reader.attr("counted")(
+            given, times_of(sampler, &dense::Sampler::last_time), nb::none());
+        take(counted[0]);
+        object.machine.set_dating(dating_of(counted[1]));
+    }
 };
 
 }  // namespace rtamt

@@ -14,6 +14,7 @@ NB_MODULE(_native, m) {
     bind_banks(m);
     bind_ranges(m);
     bind_regions(m);
+    bind_signs(m);
 
     nb::dict functions;
     nb::dict folds;

@@ -201,5 +201,6 @@ void bind_dense_episode(nb::module_& m);
 void bind_banks(nb::module_& m);
 void bind_ranges(nb::module_& m);
 void bind_regions(nb::module_& m);
+void bind_signs(nb::module_& m);
 
 }  // namespace rtamt

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rtamt import Verdict
@@ -73,6 +75,8 @@ def run_campaign(
         A row for each task, in their order, up to the one that was enough.
 
     Raises:
+        KeyboardInterrupt: On Ctrl-C, with the attributes ``record``, the rows up to the first run
+            that is not over, and ``lost``, how many more runs had begun at most.
         InputError: If an argument is wrong, the folder holds another campaign, or another process
             cannot make the system.
         InputTypeError: If the system cannot be sent to another process.
@@ -112,10 +116,20 @@ def run_campaign(
         bar = shown_progress(what, len(listed) if progress else 0, "run")
         advance = stack.enter_context(bar)
         advance(len(rows), str(note))
+
+        def record_of(count: int) -> Record:
+            made_of = Provenance.of(runner.requirements)
+            return Record((rows[i] for i in range(count)), requirements, runner.name, made_of)
+
+        take = partial(_take, rows, kept)
+        most = runner.batch if elsewhere is None else len(listed)
+
+        def open_tasks(count: int) -> int:
+            return min(most, len(listed) - len(chunks) - count)
+
+        stack.enter_context(_carrying(rows, take, order, record_of, open_tasks))
         for finished in over:
-            if kept is not None:
-                kept.add(finished)
-            rows.update(finished)
+            take(finished)
             chunks.learn(finished)
             note.take(row for _, row in finished)
             advance(len(finished), str(note))
@@ -123,15 +137,46 @@ def run_campaign(
                 if elsewhere is not None:  # else its workers would be waited for
                     elsewhere.close()
                 break
-        record = Record(
-            (rows[i] for i in range(order.count)),
-            requirements,
-            runner.name,
-            Provenance.of(runner.requirements),
-        )
+        record = record_of(order.count)
         if kept is not None:
             kept.finish(record)
         return record
+
+
+def _take(rows: dict[int, Trial], kept: Folder | None, finished: NumberedTrials) -> None:
+    if kept is not None:
+        kept.add(finished)
+    rows.update(finished)
+
+
+@contextmanager
+def _carrying(
+    rows: Mapping[int, Trial],
+    take: Callable[[NumberedTrials], None],
+    order: _Order,
+    record_of: Callable[[int], Record],
+    open_tasks: Callable[[int], int],
+) -> Iterator[None]:
+    """Makes attributes of an interrupt, which `run_campaign` documents.
+
+    Args:
+        rows: The rows by the number of their task.
+        take: Adds rows to them.
+        order: Shows rows in order.
+        record_of: The record of the first rows.
+        open_tasks: How many tasks behind the first ones have begun at most.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as pressed:
+        if finished := getattr(pressed, "finished", []):  # of a chunk that was run here
+            take(finished)
+        order.over()
+        # Runs that are over early may be short ones: those behind one that is not do not count.
+        count = next(i for i in itertools.count() if i not in rows)
+        carried: Any = pressed
+        carried.record, carried.lost = record_of(count), open_tasks(count)
+        raise
 
 
 class _Order:
@@ -189,5 +234,12 @@ class _Note:
 
 def _run_here(runner: Runner, tasks: Sequence[SearchTask]) -> NumberedTrials:
     seeds: Any = [seed for _, _, seed in tasks] if runner.takes_seeds else None
-    over = runner.run([case for _, case, _ in tasks], seeds)
-    return [(tasks[index][0], row) for index, row in over]
+    finished: NumberedTrials = []
+    try:
+        for index, row in runner.run([case for _, case, _ in tasks], seeds):
+            finished.append((tasks[index][0], row))
+    except KeyboardInterrupt as pressed:
+        carried: Any = pressed
+        carried.finished = finished
+        raise
+    return finished

@@ -122,9 +122,12 @@ SHOWN: dict[str, Shown] = {
         f"monitor '{BOTH}' -- idle.csv busy.csv"
     ),
     "a constant is mined of traces that do not ask": Shown(f"mine {MINED} -- busy.csv idle.csv"),
-    "no answer was needed": Shown(f"monitor '{EITHER}' busy.csv"),
+    "no answer was needed": Shown(f"monitor '{EITHER}' busy.csv", "--require-answered"),
     "the recording stops too early for a requirement": Shown(
         "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
+    ),
+    "windows reach past a trace that is taken for all there is": Shown(
+        "monitor 'always[0:60](gnt >= 3)' idle.csv --end complete", "--end cut"
     ),
     "the recording is short": Shown(f"monitor {GRANTED} short.csv", "--min-duration 10s"),
     "hours are missing in the recording": Shown(
@@ -132,6 +135,9 @@ SHOWN: dict[str, Shown] = {
     ),
     "a value is not known": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
     "a cell is empty": Shown(f"monitor {GRANTED} holes.csv"),
+    "a cell of a table of events is empty": Shown(
+        f"monitor {GRANTED} holes.csv --dense", "--missing unknown"
+    ),
     "rows are not evenly spaced": Shown(
         f"monitor {GRANTED} late.csv --jitter 5%", without="--jitter 5%"
     ),
@@ -195,6 +201,10 @@ SHOWN: dict[str, Shown] = {
     ),
     "seeds do not repeat episodes": Shown(
         "evaluate blinking:Wild-v0 --policy zero --success --episodes 2"
+    ),
+    "the environment of a sweep did": Shown(
+        f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
+        "--vary env.gravity=9:10 --samples 2"
     ),
     "few episodes": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"

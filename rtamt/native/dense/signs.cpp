@@ -1,0 +1,258 @@
+#include "dense/signs.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/columns.hpp"
+#include "dense/region_windows.hpp"
+
+namespace rtamt::dense {
+
+namespace {
+
+double sign_of(double value) { return std::signbit(value) ? -kInfinity : kInfinity; }
+
+}  // namespace
+
+Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
+             const std::vector<RegionRow>& rows, std::size_t result, End end)
+    : variables_(variables),
+      loads_(terms.size()),
+      constants_(terms.size()),
+      rows_(rows),
+      result_(result),
+      end_(end),
+      found_(terms.size() + rows.size()) {
+    const auto require = [](bool condition) {
+        if (!condition) throw std::invalid_argument("expected a program over regions");
+    };
+    require(result < found_.size());
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+        const DenseRow& row = terms[i];
+        if (row.kind == "LOAD") {
+            require(row.a < variables);
+            loads_[i] = row.a;
+        } else if (row.kind == "CONST") {
+            constants_[i] = row.value;
+        } else {
+            require(row.kind == "MAP" && row.a < i && row.b < i && function_named(row.name));
+            operations_.push_back({function_named(row.name), i, row.a, row.b});
+        }
+    }
+    std::vector<bool> operand(found_.size());
+    operand[result] = true;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const RegionRow& row = rows[i];
+        const std::size_t reg = terms.size() + i;
+        require(row.a < reg && row.b < reg);
+        require(row.kind == "MAP" || (row.kind == "WINDOW" && (row.lo || row.hi)));
+        require(row.kind == "MAP" || (row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
+        require(row.hi || row.lo == std::optional<Time>(0) || row.kind == "MAP");
+        require(!row.lo || !row.hi || *row.lo <= *row.hi);
+        folds_.push_back(fold_named(row.name));
+        operand[row.a] = operand[row.b] = true;
+        ahead_ |= row.kind == "WINDOW" && (!row.hi || *row.hi > 0);
+    }
+    for (std::size_t reg = 0; reg < terms.size(); ++reg)
+        if (operand[reg] && !constants_[reg]) read_.push_back(reg);
+    seen_.resize(read_.size());
+}
+
+bool Signs::read(const Events* events, Time begin, Time last) {
+    t_ = 2 * (last - begin);
+    std::vector<std::size_t> at(variables_);
+    for (std::size_t v = 0; v < variables_; ++v) {
+        const Events& e = events[v];
+        const auto after = std::upper_bound(e.times, e.times + e.size, begin) - e.times;
+        if (after == 0) throw std::invalid_argument("expected an event at the begin of the trace");
+        at[v] = static_cast<std::size_t>(after) - 1;
+    }
+    const std::size_t terms = loads_.size();
+    std::vector<double> memory((variables_ + terms) * kBlock);
+    std::vector<const double*> sources(terms);
+    for (std::size_t i = 0; i < terms; ++i) {
+        double* own = memory.data() + (variables_ + i) * kBlock;
+        if (constants_[i]) std::fill_n(own, kBlock, *constants_[i]);
+        sources[i] = loads_[i] ? memory.data() + *loads_[i] * kBlock : own;
+    }
+    std::vector<Time> steps(variables_ == 1 ? 0 : kBlock);
+    for (Time now = begin; now <= last;) {
+        std::size_t n = 0;
+        const Time* times = steps.data();
+        if (variables_ == 1) {  // its events are the steps
+            const Events& e = events[0];
+            times = e.times + at[0];
+            for (std::size_t i = 0; i < terms; ++i)
+                if (loads_[i]) sources[i] = e.values + at[0];
+            const std::size_t most = std::min(e.size - at[0], kBlock);
+            n = static_cast<std::size_t>(std::upper_bound(times, times + most, last) - times);
+            at[0] += n;
+            now = at[0] < e.size ? e.times[at[0]] : kAfter;
+        }
+        for (; variables_ != 1 && n < kBlock && now <= last; ++n) {
+            steps[n] = now;
+            Time next = kAfter;
+            for (std::size_t v = 0; v < variables_; ++v) {
+                const Events& e = events[v];
+                memory[v * kBlock + n] = e.values[at[v]];
+                if (at[v] + 1 < e.size) next = std::min(next, e.times[at[v] + 1]);
+            }
+            for (std::size_t v = 0; v < variables_; ++v)
+                at[v] += at[v] + 1 < events[v].size && events[v].times[at[v] + 1] == next;
+            now = next;
+        }
+        for (const Operation& op : operations_) {
+            double* out = memory.data() + (variables_ + op.out) * kBlock;
+            op.function(sources[op.a], sources[op.b], out, n);
+            if (columns::first_nan(out, n) < n) return false;
+        }
+        for (std::size_t r = 0; r < read_.size(); ++r) {
+            Runs& seen = seen_[r];
+            const double* values = sources[read_[r]];
+            bool negative = !seen.empty() && seen.at(seen.size() - 1)->q < 0;
+            for (std::size_t i = 0; i < n; ++i) {
+                if (std::signbit(values[i]) == negative && !seen.empty()) continue;
+                negative = std::signbit(values[i]);
+                const Time step = std::max(times[i], begin);
+                seen.add(2 * (step - begin), Pair{0.0, negative ? -kInfinity : kInfinity});
+            }
+        }
+    }
+    return true;
+}
+
+std::size_t Signs::world(bool best) const {
+    if (end_ == End::complete || !ahead_) return Regions::now;
+    if (end_ == End::cut) return best ? Regions::cut_upper : Regions::cut_lower;
+    return best ? Regions::upper : Regions::lower;
+}
+
+const Runs& Signs::runs(std::size_t reg, std::size_t world) {
+    std::optional<Runs>& found = found_[reg][world];
+    if (found) return *found;
+    const std::size_t terms = constants_.size();
+    if (reg >= terms) {
+        found = windowed(reg, world);
+    } else if (constants_[reg]) {
+        found.emplace().add(0, Pair{0.0, sign_of(*constants_[reg])});
+    } else {
+        const auto place = std::find(read_.begin(), read_.end(), reg) - read_.begin();
+        found = seen_[static_cast<std::size_t>(place)];
+        const bool best = world == Regions::upper || world == Regions::cut_upper;
+        const Pair unseen{0.0, best ? kInfinity : -kInfinity};
+        found->push(t_ + 1, &unseen);
+    }
+    return *found;
+}
+
+Runs Signs::windowed(std::size_t reg, std::size_t world) {
+    const std::size_t i = reg - constants_.size();
+    const RegionRow& row = rows_[i];
+    const RegionFold fold = folds_[i];
+    if (row.kind == "MAP") {
+        Runs found;
+        Runs pairs;
+        join(runs(row.a, world).view(), runs(row.b, world).view(), 0, pairs);
+        for (std::size_t k = 0; k < pairs.size(); ++k)
+            found.push(pairs.start(k), fold.upper(pairs.at(k)->p, pairs.at(k)->q));
+        return found;
+    }
+    const Time lo = row.lo.value_or(0), hi = row.hi.value_or(0);
+    const Time first = std::max<Time>(0, row.lo ? lo : hi);
+    Runs read;
+    if (fold.kind == Kind::single) {
+        read.append(runs(row.b, world).view().clipped(first));
+    } else {
+        Runs pairs;
+        join(runs(row.a, world).view(), runs(row.b, world).view(), first, pairs);
+        pair_up(fold, pairs.view(), {}, read);
+    }
+    const RunsView elements = read.view();
+    FoldMemory memory;
+    if (!row.lo) {
+        Runs found;
+        Pair total = fold.identity();
+        if (elements.start(0) - hi > 0) found.push(0, &total);
+        for (std::size_t k = 0; k < elements.size(); ++k) {
+            total = fold.combine(total, *elements.at(k));
+            found.push(elements.start(k) - hi, &total);
+        }
+        return found;
+    }
+    const Reading reading(row, fold);
+    const bool stops = reading.stops(world);
+    if (!row.hi) {
+        const Time end = is_cut(world) || stops ? t_ : kEver;
+        Runs found;
+        fold_suffixes(fold, elements.clipped(0, end), 0, {fold.identity()}, memory, found);
+        if (is_cut(world)) found.append(runs(reg, world - 2).view().clipped(t_ + 1));
+        else if (stops) write_own(found, fold, 0, elements, t_ + 1);
+        return found;
+    }
+    if (stops) {
+        Runs known, found;
+        const RunsView seen = elements.clipped(first, t_);
+        for (std::size_t k = 0; k < seen.size(); ++k) known.add(seen.start(k), seen.at(k));
+        known.add(std::max(t_ + 1, first), fold.identity());
+        slide(fold, known.view(), lo, hi, 0, t_, memory, found);
+        write_own(found, fold, lo, elements, t_ + 1);
+        return found;
+    }
+    const bool cut = reading.endless && is_cut(world);
+    const Time recorded = cut ? t_ - reading.begin : kEver;
+    Runs found;
+    if (recorded >= 0) slide(fold, elements, lo, hi, 0, recorded, memory, found);
+    if (cut) found.append(runs(reg, world - 2).view().clipped(std::max<Time>(0, recorded + 1)));
+    return found;
+}
+
+Signs::Spans Signs::parts(std::size_t world, bool negative) {
+    Spans found;
+    const Runs& runs = this->runs(result_, world);
+    for (std::size_t i = 0; i < runs.size() && runs.start(i) <= t_; ++i) {
+        if (std::signbit(runs.at(i)->q) != negative) continue;
+        const Time end = i + 1 < runs.size() ? std::min(runs.start(i + 1) - 1, t_) : t_;
+        found.emplace_back(runs.start(i), end);
+    }
+    return found;
+}
+
+namespace {
+
+// Calls a function with each part of some spans that lies in others.
+template <class Take>
+void common(const Signs::Spans& some, const Signs::Spans& others, Take take) {
+    for (auto a = some.begin(), b = others.begin(); a != some.end() && b != others.end();) {
+        const Time first = std::max(a->first, b->first);
+        const Time last = std::min(a->second, b->second);
+        if (first <= last) take(first, last);
+        if (a->second < b->second) ++a;
+        else ++b;
+    }
+}
+
+}  // namespace
+
+Signs::Count Signs::fails_at(const Spans& spans) {
+    Count count;
+    common(parts(world(true), true), spans, [&](Time first, Time last) {
+        count.ticks += (last + 1) / 2 - first / 2;  // the odd positions
+        ++count.occasions;
+        if (count.first < 0) count.first = first;
+    });
+    return count;
+}
+
+bool Signs::holds_at(const Spans& spans) {
+    Time needed = 0;
+    for (const auto& [first, last] : spans) {
+        if (last > t_) return false;
+        needed += last - first + 1;
+    }
+    common(parts(world(false), false), spans,
+           [&](Time first, Time last) { needed -= last - first + 1; });
+    return needed == 0;
+}
+
+}  // namespace rtamt::dense

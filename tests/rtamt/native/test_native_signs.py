@@ -1,0 +1,88 @@
+"""Where left sides hold in dense time: C++ against Python, on traces of many blocks."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from rtamt import Events, judge_dense
+from rtamt.machines.protocols import End
+
+native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+LEFTS = (
+    "x > 0",
+    "x > 0 and y + x > 0",
+    "eventually[0:5](x > 1)",
+    "once[2:7](x > 1)",
+    "historically(x > -3)",
+    "eventually(y > 2)",
+    "always[0:3](eventually[1:2](x > 0))",
+    "x > 0 until[1:4] y > 0",
+    "x > -1 since[0:4] y > 1",
+    "not (x > 0 until y > 1)",
+    "always[5:9](x < 2) implies once(y > 0)",
+    "true",
+)
+
+
+def events(count: int, seed: int, *, dates: bool) -> dict[str, Events]:
+    rng = np.random.default_rng(seed)
+    found = {}
+    for name in ("x", "y"):
+        steps = np.cumsum(rng.integers(1, 40, count))
+        times = steps / 10
+        if dates:
+            times = steps.astype("M8[s]")
+        found[name] = Events(times, np.round(rng.normal(size=count), 1))
+    return found
+
+
+@pytest.mark.parametrize("dates", [False, True], ids=["numbers", "dates"])
+@pytest.mark.parametrize("left", LEFTS)
+def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
+    spec = f"always(({left}) implies eventually[0:20](y > -1 or x > -1))"
+    for count in (1, 2, 60, 1300):
+        trace = events(count, count, dates=dates)
+        begin, end = (pick(trace[n].times[i] for n in "xy") for pick, i in ((max, 0), (min, -1)))
+        if begin > end:
+            continue
+        for reading in get_args(End):
+            python, native = (
+                judge_dense(spec, trace, reading, resolution="100ms", backend=backend)
+                for backend in ("python", "native")
+            )
+            assert list(map(astuple, native.asked)) == list(map(astuple, python.asked)), count
+            assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"result": 9}, "a program over regions"),
+        ({"rows": [("WINDOW", "min", 7, 7, 0, 2, False, False)]}, "a program over regions"),
+        ({"given": [(np.array([5.0]), np.array([1.0]))]}, "an event at the begin"),
+        ({"last": -1}, "expected a trace"),
+        ({"terms": [(0, "LOAD", "x", 3, 0, 0.0, 0, 0)]}, "a program over regions"),
+    ],
+)
+def test_what_is_no_program_or_no_trace_is_refused(
+    changes: dict[str, object], message: str
+) -> None:
+    made: dict[str, object] = {
+        "terms": [(0, "LOAD", "x", 0, 0, 0.0, 0, 0)],
+        "rows": [],
+        "result": 0,
+        "clock": (1e9, 10**9, 1),
+        "reader": object(),
+        "given": [(np.array([0.0, 3.0]), np.array([1.0, -1.0]))],
+        "begin": 0,
+        "last": 3 * 10**9,
+        "end": "cut",
+    }
+    assert native.DenseSigns(**made).fails_at([(0, float("inf"))]) == (0, 1, 6 * 10**9)
+    with pytest.raises((ValueError, RuntimeError), match=message):
+        native.DenseSigns(**{**made, **changes})
