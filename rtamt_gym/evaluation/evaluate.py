@@ -218,7 +218,7 @@ def evaluate_policy(
     rules |= {"interval": interval} if until_width is not None else {}
 
     def made_of(
-        record: Record, keep: int, begun: bool | None, planned: int | None = None
+        record: Record, keep: int, planned: int | None = None, *, begun: bool | None = None
     ) -> Evaluation:
         period = rtamt.Monitor("true", period=runner.period).period
         runs, frames = _worst_runs(Filming(runner, period), record, keep)
@@ -257,13 +257,13 @@ def evaluate_policy(
     except KeyboardInterrupt as pressed:
         so_far: Any = pressed
         if len(getattr(pressed, "record", ())):
-            so_far.evaluation = made_of(so_far.record, 0, None, episodes)
+            so_far.evaluation = made_of(so_far.record, 0, episodes)
         raise
     tell_failures(record)
     if runner.unasked:
         _tell_open_end(runner, record)
     begun = _repeats(runner, record)
-    return made_of(record, 0 if begun is False else keep, begun)
+    return made_of(record, 0 if begun is False else keep, begun=begun)
 
 
 def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401

@@ -66,10 +66,7 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     if len(results) > 1:
         results.append(evaluation.success)
     seeds = [row.seed for row in evaluation.record if row.seed is not None]
-    yield terminal.cut(f"{evaluation.system} under {evaluation.policy}")
-    if evaluation.interrupted is not None:
-        planned = counted(evaluation.interrupted, "episode")
-        yield terminal.cut(f"interrupted after {len(evaluation.record)} of {planned}")
+    yield from map(terminal.cut, _heading(evaluation))
     yield terminal.cut(
         f"{counted(len(evaluation.record), 'episode')}"
         + (f", seeds {min(seeds)} to {max(seeds)}" if seeds else "")
@@ -120,6 +117,14 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     if lines := failures(evaluation.record):
         yield ""
         yield from (line for each in lines for line in terminal.wrapped(each, "red"))
+
+
+def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401
+    lines = [f"{evaluation.system} under {evaluation.policy}"]
+    if evaluation.interrupted is not None:
+        planned = counted(evaluation.interrupted, "episode")
+        lines.append(f"interrupted after {len(evaluation.record)} of {planned}")
+    return lines
 
 
 def _width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -> int:
