@@ -202,7 +202,7 @@ SHOWN: dict[str, Shown] = {
     "seeds do not repeat episodes": Shown(
         "evaluate blinking:Wild-v0 --policy zero --success --episodes 2"
     ),
-    "the environment of a sweep did": Shown(
+    "the environment of a sweep did so": Shown(
         f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
         "--vary env.gravity=9:10 --samples 2"
     ),
