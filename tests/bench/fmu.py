@@ -3,6 +3,7 @@
 A step sets two inputs, makes a step of the period, and reads robustness, bounds and verdict, all
 through the functions of C. ``python tests/bench/fmu.py`` prints nanoseconds; ``instructions``
 behind it counts instructions of the processor with valgrind instead, which is slow and exact.
+Over dense time a step is a tick, so that windows are as many steps long as the numbers say.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from rtamt.export.program_file import program_text
-from rtamt.export.programs import sampled_programs
+from rtamt.export.programs import dense_programs, sampled_programs
 from rtamt.language.parser import as_specification, traced
 
 C = Path(__file__).parent / "c"
@@ -27,6 +28,15 @@ FORMULAS = {
     "duration of 1000": "always(x >= 3 implies always[0:1000](y >= -9))",
     "nested": "always(x >= 3 implies eventually[0:100] always[0:50](y >= -9))",
     "and named": "near = once[0:20](x > y)\nalways(x >= 3 implies eventually[0:100](y >= 3))",
+}
+DENSE = {
+    "always": "always(x > 0 and y > -9)",
+    "response in 5": "always(x >= 3 implies eventually[0:5](y >= 3))",
+    "response in 1000": "always(x >= 3 implies eventually[0:1000](y >= 3))",
+    "duration of 100": "always(x >= 3 implies always[0:100](y >= -9))",
+    "past of 20": "always(x > 9 implies once[0:20](y > 3))",
+    "until in 20": "always((x > -9) until[0:20] (y >= 3))",
+    "nested": "always(x >= 3 implies eventually[0:100] always[0:50](y >= -9))",
 }
 
 
@@ -71,13 +81,21 @@ def main() -> None:
         driver, empty = compiled(folder)
         floor = measure([str(driver), str(empty), folder.as_uri(), TOKEN])
         print(f"{measure.__name__} a step")
-        print(f"{'nothing':20} {floor:8.1f}")
-        for label, text in FORMULAS.items():
-            programs = sampled_programs(main, traced(as_specification(text)), 1, {})
+        print(f"{'nothing':22} {floor:8.1f}")
+        for label, text, dense in (
+            *((label, text, False) for label, text in FORMULAS.items()),
+            *((f"dense {label}", text, True) for label, text in DENSE.items()),
+        ):
+            spec = traced(as_specification(text))
+            programs = (
+                dense_programs(main, spec, "1s", {})
+                if dense
+                else sampled_programs(main, spec, 1, {})
+            )
             file = folder / "program.rtamt"
             file.write_text(program_text(programs.file(token=TOKEN, stop=False)))
             cost = measure([str(driver), library, folder.as_uri(), TOKEN])
-            print(f"{label:20} {cost:8.1f}  {cost - floor:+8.1f}")
+            print(f"{label:22} {cost:8.1f}  {cost - floor:+8.1f}")
 
 
 if __name__ == "__main__":

@@ -88,23 +88,27 @@ std::size_t DenseEpisodeMachine::Columns::place(Time position) const {
         std::upper_bound(positions.begin(), positions.end(), position) - positions.begin());
 }
 
-std::uint64_t DenseEpisodeMachine::length() const {
+std::uint64_t DenseEpisodeMachine::length(Time known) const {
     const Time begin = sampler_.started() ? begin_ : sampler_.begin();
-    const Time known = sampler_.known();
     if (begin > known) return 0;
     return static_cast<std::uint64_t>(known - begin) + static_cast<std::uint64_t>(reach_);
 }
 
-// Adds the terms at the times that the sampler has read.
-void DenseEpisodeMachine::append(Columns& to) const {
+// Adds the positions of the times that the sampler has read.
+void DenseEpisodeMachine::append_positions(std::vector<Time>& to) const {
     const std::size_t n = sampler_.size();
     const Time* times = sampler_.times();
     for (std::size_t i = 0; i < n; ++i)  // too long a trace is found later
-        to.positions.push_back(static_cast<Time>(
+        to.push_back(static_cast<Time>(
             2 * (static_cast<std::uint64_t>(times[i]) - static_cast<std::uint64_t>(begin_))));
+}
+
+// Adds the terms there too.
+void DenseEpisodeMachine::append(Columns& to) const {
+    append_positions(to.positions);
     for (std::size_t r = 0; r < to.terms.size(); ++r) {
         const double* column = sampler_.column(r);
-        to.terms[r].insert(to.terms[r].end(), column, column + n);
+        to.terms[r].insert(to.terms[r].end(), column, column + sampler_.size());
     }
 }
 
@@ -112,12 +116,19 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
     for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
     const Time before = settled();
     sampler_.extend(events_.data());
-    const bool brief = sampler_.brief();
-    const bool fine = brief ? !sampler_.read() || sampler_.evaluate() : sampler_.rehearse();
-    if (!fine || length() >= static_cast<std::uint64_t>(kTicks)) {
-        too_long_ = length();
+    const Time known = sampler_.known();
+    const bool brief = sampler_.brief(known);
+    const bool fine =
+        brief ? !sampler_.read(known) || sampler_.evaluate() : sampler_.rehearse();
+    if (!fine || length(known) >= static_cast<std::uint64_t>(kTicks)) {
+        too_long_ = length(known);
         sampler_.retract(events_.data());
         return fine ? Taken::too_long : Taken::no_number;
+    }
+    const bool open = decides_ && decided_ < 0;
+    if (brief && !open) {
+        take_block(before, known);
+        return Taken::all;
     }
     new_.clear();
     while (brief ? sampler_.size() > 0 : sampler_.read() && sampler_.evaluate()) {
@@ -127,7 +138,6 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
         if (brief) break;
     }
     if (settled() == before) return Taken::all;
-    const bool open = decides_ && decided_ < 0;
     if (open) {
         const std::size_t size = journal_.positions.size() * (journal_.terms.size() + 1);
         constexpr std::size_t kLeast = 128;
@@ -139,6 +149,22 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
     if (open && verdict() != 0) decide();
     if (new_.positions.size() > kBlock) new_ = Columns(new_.terms.size());
     return Taken::all;
+}
+
+// Takes in the terms at the times that the sampler has evaluated, where they are.
+void DenseEpisodeMachine::take_block(Time before, Time known) {
+    new_.positions.clear();
+    append_positions(new_.positions);
+    sampler_.consume();
+    if (known == before) return;
+    std::size_t r = 0;
+    for (Regions& reading : readings_) {
+        sources_.clear();
+        for (std::size_t i = 0; i < reading.terms(); ++i) sources_.push_back(sampler_.column(r++));
+        reading.advance(new_.positions.data(), sources_.data(), new_.positions.size(),
+                        2 * (known - begin_));
+    }
+    conclude();
 }
 
 DenseEpisodeMachine::Taken DenseEpisodeMachine::run(const Events* events, bool decides) {
@@ -154,7 +180,7 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::run(const Events* events, bool d
         }
     }
     if (!sampler_.started()) return Taken::all;
-    too_long_ = length();
+    too_long_ = length(settled());
     if (too_long_ >= static_cast<std::uint64_t>(kTicks)) return Taken::too_long;
     advance(new_, settled() - begin_);
     conclude();
@@ -276,7 +302,7 @@ void DenseEpisodeMachine::fields(Snapshot& s) {
     const Time t = sampler_.started() ? settled() - begin_ : -1;
     if (s.reads()) {
         s.require(!sampler_.started() || (begin_ <= settled() &&
-                                          length() < static_cast<std::uint64_t>(kTicks)));
+                                          length(settled()) < static_cast<std::uint64_t>(kTicks)));
         for (const Regions& reading : readings_)
             s.require(reading.last() == (t < 0 ? -1 : 2 * t));
         s.require(decided_ <= t && !(finished_ && t < 0));

@@ -94,8 +94,10 @@ private:
     };
 
     // From the begin to the last time that is known, and how far formulas look away.
-    std::uint64_t length() const;
+    std::uint64_t length(dense::Time known) const;
+    void append_positions(std::vector<dense::Time>& to) const;
     void append(Columns& to) const;
+    void take_block(dense::Time before, dense::Time known);
     // Goes on to a tick with the columns behind the last position that was seen.
     void advance(const Columns& columns, dense::Time tick);
     void conclude();

@@ -19,6 +19,7 @@ public:
     Time push(Time start, double value) {
         if (first_ < steps_.size() && same(steps_.back().value, value)) return kEver;
         while (first_ < steps_.size() && same(fold_.upper(steps_.back().value, value), value)) {
+            if (same(steps_.back().value, value)) return start;  // its step lasts longer
             start = steps_.back().start;
             steps_.pop_back();
         }

@@ -72,8 +72,7 @@ Time Sampler::begin() const {
     return latest == kBefore ? earliest : latest;
 }
 
-bool Sampler::read() {
-    const Time known = this->known();
+bool Sampler::read(Time known) {
     if (started_) {
         upto_ = joint_.upto(known, kBlock);
         joint_.read([upto = upto_](Time time) { return time <= upto; });

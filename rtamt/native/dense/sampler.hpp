@@ -110,15 +110,16 @@ public:
     bool started() const { return started_; }
 
     // Finds the next times, a block at most. Returns false if there are none.
-    bool read();
+    bool read() { return read(known()); }
+    bool read(Time known);
     // Computes the registers at these times. Returns false if a term is nan.
     bool evaluate();
     void consume();
     // Evaluates all new events without consuming them. Returns false if a term is nan.
     bool rehearse();
     // Whether all new events are one block.
-    bool brief() const {
-        const Time known = this->known();
+    bool brief() const { return brief(known()); }
+    bool brief(Time known) const {
         return started_ && joint_.upto(known, kBlock) == known;
     }
 
