@@ -401,6 +401,7 @@ def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
         "undecided": 0,
         "failed": 1,
         "asked": None,
+        "progress": None,
     }
     found |= {"quantiles": shares, "first_violations": [], "saved": 0.0, "worst": []}
     return {**found, **numbers, **counts}
