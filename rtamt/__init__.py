@@ -16,6 +16,7 @@ from rtamt import limits, patterns
 from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
 from rtamt.checking.check import check
 from rtamt.checking.equivalence import equivalent
+from rtamt.checking.examples import Example, RequirementExamples, examples
 from rtamt.checking.search import ExampleTrace
 from rtamt.errors import (
     InputError,
@@ -84,6 +85,7 @@ __all__ = [
     "Equivalence",
     "Events",
     "Evidence",
+    "Example",
     "ExampleTrace",
     "Explanation",
     "Formula",
@@ -101,6 +103,7 @@ __all__ = [
     "ParseError",
     "Period",
     "Publication",
+    "RequirementExamples",
     "RequirementId",
     "RtamtError",
     "SemanticsName",
@@ -121,6 +124,7 @@ __all__ = [
     "evaluate",
     "evaluate_dense",
     "evaluate_many",
+    "examples",
     "explain",
     "explain_dense",
     "export_fmu",

@@ -99,7 +99,9 @@ class Solver:
     def __init__(self, graph: Graph, whole: Collection[str] = ()) -> None:
         self._graph = graph
         self._z3 = solver_library()
-        calls = _Calls(self._z3)
+        # Which model is found depends on what else was asked in a context.
+        self._context = self._z3.Context()
+        calls = _Calls(self._z3, self._context)
         self._written = {wide: _Written(graph, calls, whole, wide=wide) for wide in (False, True)}
 
     def solve(self, truths: Sequence[Truth], deadline: float, *, wide: bool) -> Solution:
@@ -118,9 +120,9 @@ class Solver:
         if left <= 0:
             return Solution(possible=None, loads={})
         written = self._written[wide]
-        solver = z3.SimpleSolver()
+        solver = z3.SimpleSolver(ctx=self._context)
         solver.set("timeout", max(1, int(1000 * left)))
-        names = [z3.Bool(f"part{place}") for place in range(len(truths))]
+        names = [z3.Bool(f"part{place}", self._context) for place in range(len(truths))]
         used = written.assert_in(solver, truths, names)
         answer = solver.check(*names)
         if answer == z3.sat:
@@ -141,11 +143,11 @@ class Solver:
 class _Calls:
     """Makes expressions of Z3 by its C interface: its Python objects take ten times as long."""
 
-    def __init__(self, z3: Any) -> None:  # noqa: ANN401 - z3 has no types
+    def __init__(self, z3: Any, own: Any) -> None:  # noqa: ANN401 - z3 has no types
         self._core, self._array = z3.z3core, z3.Ast
-        self.z3, self.context = z3, z3.main_ctx().ref()
-        self.real, self.integer = z3.RealSort().ast, z3.IntSort().ast
-        self.boolean = z3.BoolSort().ast
+        self.z3, self.own, self.context = z3, own, own.ref()
+        self.real, self.integer = z3.RealSort(own).ast, z3.IntSort(own).ast
+        self.boolean = z3.BoolSort(own).ast
         self._numbers: dict[Fraction, Any] = {}
 
     def __call__(self, name: str, *args: Any) -> Any:  # noqa: ANN401
@@ -262,7 +264,7 @@ class _Written:
             key = cast("tuple[str, int]", tuple(parts))
             whole = key[0] in self._whole
             made = call.constant(f"{key[0]}@{key[1]}", call.integer if whole else call.real)
-            self._loads[key] = call.z3.ArithRef(made)
+            self._loads[key] = call.z3.ArithRef(made, call.own)
             return _Number(call("int2real", made) if whole else made, loads=frozenset({key}))
         if function == "const":
             value = cast("float", parts[0])

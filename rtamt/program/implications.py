@@ -21,7 +21,16 @@ from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Bounds
 
-__all__ = ["Counted", "InstantRuns", "Reads", "Routes", "TraceSpan", "implications", "unanswered"]
+__all__ = [
+    "Counted",
+    "InstantRuns",
+    "Reads",
+    "Routes",
+    "TraceSpan",
+    "implications",
+    "signs",
+    "unanswered",
+]
 
 InstantRuns = tuple[tuple[int, float], ...]
 """First and last one of runs of instants, in order; no run touches the next; the last may be inf.
@@ -177,6 +186,27 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
         below = sorted(_operands(node).items(), reverse=True)
         stack += [(node.args[i], positive == same) for i, same in below]
     return tuple(found)
+
+
+def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
+    """Of each part whether the formula rises with it (True), falls with it (False), or both.
+
+    Example:
+        >>> from rtamt import parse
+        >>> found = signs(parse("(a > 0 implies b > 0) and (b > 0 iff c > 0)").formula)
+        >>> {str(part): sorted(both) for part, both in found.items() if not part.args[0].op}
+        {'a > 0': [False], 'b > 0': [False, True], 'c > 0': [False, True]}
+    """
+    found: dict[Formula, set[bool]] = {formula: {True}}
+    for node in reversed([*formula.nodes()]):
+        if not isinstance(node, Formula) or node.op is None or node not in found:
+            continue
+        same = _operands(node)
+        for i, arg in enumerate(node.args):
+            if isinstance(arg, Formula):
+                below = {True, False} if i not in same else {s == same[i] for s in found[node]}
+                found.setdefault(arg, set()).update(below)
+    return {node: frozenset(both) for node, both in found.items()}
 
 
 def _counts(node: Node) -> bool:

@@ -15,6 +15,7 @@ COMMANDS = {
     "monitor": "judge recorded traces",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
     "check": "say whether requirements can be satisfied, violated and asked, and agree",
+    "examples": "show traces that satisfy and violate requirements, as different as can be",
     "explain": "say which samples of recorded traces decided",
     "export": "write a monitor for Simulink and other tools, as an FMU",
 }

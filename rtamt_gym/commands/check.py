@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
@@ -12,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import rtamt
 from rtamt import Answer, Check, CheckedRequirement, InputError, Specification
-from rtamt_gym.commands.arguments import add_reading, positive, read_reading
+from rtamt_gym.commands.arguments import read_reading
 from rtamt_gym.commands.example_traces import (
+    add_search,
     answer_data,
     drawn,
     equivalence_data,
@@ -38,15 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "comes with a trace that the monitors have judged, every no says how far it reaches."
     )
     parser.epilog = "example: rtamt check requirements.stl --period 100ms --assume 'always(v >= 0)'"
-    parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
-    parser.add_argument(
-        "--constant",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the value of a constant, in place of that in the text; may be repeated",
-    )
-    parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
+    add_search(parser)
     parser.add_argument(
         "--same-as",
         action="append",
@@ -55,31 +47,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say only whether the same traces satisfy this formula or .stl file; of several "
         "requirements, those of the same names; may be repeated",
     )
-    parser.add_argument(
-        "--end",
-        choices=("complete", "cut", "open"),
-        default="cut",
-        help="how the end of a trace is read, as by rtamt monitor (default: cut)",
-    )
-    parser.add_argument(
-        "--horizon",
-        type=positive,
-        default=1000,
-        metavar="N",
-        help="the most samples of a trace (default: 1000)",
-    )
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        default=10.0,
-        metavar="SECONDS",
-        help="for each question (default: 10)",
-    )
-    parser.add_argument(
-        "--save", type=Path, metavar="FOLDER", help="write the traces as CSV for rtamt monitor"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
-    add_reading(parser, "period")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -102,7 +69,8 @@ def run(options: argparse.Namespace) -> int:
         timeout=options.timeout,
     )
     if options.save is not None:
-        _save(found, options.save)
+        named = (("-".join(filter(None, [n, what])), trace) for n, what, trace in found.traces())
+        write(named, options.save)
     if options.json:
         print(json.dumps(_data(found, specs, others), indent=2))
     elif others:
@@ -264,11 +232,3 @@ def _data(
             "unknown": [[*pair, why] for pair, why in found.unknown.items()],
         }
     return data
-
-
-def _save(found: Check, folder: Path) -> None:
-    """Writes each trace as a file of its samples, for `rtamt monitor` with the same period."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, what, trace in found.traces():
-        stem = re.sub(r"[^\w.-]", "_", "-".join(filter(None, [name, what])))
-        write(trace, folder / f"{stem}.csv")

@@ -2,16 +2,67 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import itertools
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rtamt import Answer, Equivalence, ExampleTrace, Specification
+from rtamt_gym.commands.arguments import add_reading, positive
 from rtamt_gym.tables import counted, number, table
 
-__all__ = ["answer_data", "drawn", "equivalence_data", "first_timed", "trace_data", "write"]
+__all__ = [
+    "add_search",
+    "answer_data",
+    "drawn",
+    "equivalence_data",
+    "first_timed",
+    "strict",
+    "trace_data",
+    "write",
+]
+
+
+def add_search(parser: argparse.ArgumentParser) -> None:
+    """Adds the specifications and how traces are searched for."""
+    parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
+    parser.add_argument(
+        "--constant",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the value of a constant, in place of that in the text; may be repeated",
+    )
+    parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
+    parser.add_argument(
+        "--end",
+        choices=("complete", "cut", "open"),
+        default="cut",
+        help="how the end of a trace is read, as by rtamt monitor (default: cut)",
+    )
+    parser.add_argument(
+        "--horizon",
+        type=positive,
+        default=1000,
+        metavar="N",
+        help="the most samples of a trace (default: 1000)",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="for each question (default: 10)",
+    )
+    parser.add_argument(
+        "--save", type=Path, metavar="FOLDER", help="write the traces as CSV for rtamt monitor"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    add_reading(parser, "period")
 
 
 def first_timed(specs: Mapping[str, Specification]) -> str:
@@ -72,16 +123,29 @@ def equivalence_data(same: Equivalence) -> dict[str, Any]:
 
 def trace_data(trace: ExampleTrace) -> dict[str, Any]:
     """A trace, infinities as texts."""
-    columns = {name: [*map(_strict, values)] for name, values in trace.columns.items()}
+    columns = {name: [*map(strict, values)] for name, values in trace.columns.items()}
     return {"samples": trace.samples, "repeats": trace.loop, "columns": columns}
 
 
-def _strict(value: float) -> float | str:
-    return value if abs(value) != float("inf") else ("inf" if value > 0 else "-inf")
+def strict(value: float | None) -> float | str | None:
+    """A number that strict JSON can say: infinities are texts."""
+    return str(value) if value is not None and math.isinf(value) else value
 
 
-def write(trace: ExampleTrace, path: Path) -> None:
-    """Writes a file of the samples, for `rtamt monitor` with the same period."""
-    columns = [trace.unrolled(variable) for variable in trace.columns]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([[*trace.columns], *zip(*columns, strict=True)])
+def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
+    """Writes files of samples, which `rtamt monitor` reads with the same period.
+
+    Args:
+        traces: Traces, each with the words that its file is named after.
+        folder: Where the files lie.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for words, trace in traces:
+        columns = [trace.unrolled(variable) for variable in trace.columns]
+        path = folder / f"{re.sub(_NO_NAME, '_', words)}.csv"
+        with path.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([[*trace.columns], *zip(*columns, strict=True)])
+
+
+_NO_NAME: Final = r"[^\w.-]"
+"""What is left out of names of files."""

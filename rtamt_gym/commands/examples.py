@@ -1,0 +1,142 @@
+"""`rtamt examples`: traces that satisfy and violate requirements, to read before any simulation."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Final
+
+import rtamt
+from rtamt import Example, ExampleTrace, InputError, RequirementExamples
+from rtamt_gym.commands.arguments import positive, read_reading
+from rtamt_gym.commands.example_traces import (
+    add_search,
+    answer_data,
+    drawn,
+    first_timed,
+    strict,
+    trace_data,
+    write,
+)
+from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.tables import number
+
+if TYPE_CHECKING:
+    from rtamt_gym.results.outcome import Word
+
+__all__ = ["add_arguments", "run"]
+
+_WORDS: Final[Mapping[str, Word]] = {"yes": "satisfied", "no": "violated", "unknown": "undecided"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Shows a few traces that satisfy each requirement and a few that violate it, as different "
+        "as they can be: answered at the last moment and one sample too late, never asked, exactly "
+        "at a threshold. Read them before a requirement is trusted. The monitors have judged each."
+    )
+    parser.epilog = "example: rtamt examples requirements.stl --period 100ms --save traces"
+    add_search(parser)
+    parser.add_argument(
+        "--count",
+        type=positive,
+        default=10,
+        metavar="N",
+        help="the most examples of a requirement (default: 10)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Prints the examples; 1 if a requirement is not satisfied, or not violated, by any trace."""
+    specs = read_requirements(options.specs, read_constants(options.constant))
+    period = read_reading(options).seconds
+    if period is None and (timed := first_timed(specs)):
+        raise InputError(
+            f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
+            "give --period 100ms, for instance"
+        )
+    found = rtamt.examples(
+        specs,
+        period,
+        count=options.count,
+        end=options.end,
+        assume=options.assume,
+        horizon=options.horizon,
+        timeout=options.timeout,
+    )
+    if options.save is not None:
+        write(_files(found), options.save)
+    print(json.dumps(_data(found), indent=2) if options.json else "\n".join(_lines(found)))
+    return exit_code([_WORDS[each.says] for each in found.values()])
+
+
+def _lines(found: Mapping[str, RequirementExamples]) -> Iterator[str]:
+    for place, (name, each) in enumerate(found.items()):
+        if place:
+            yield ""
+        yield from wrap(f"{name}: {each.text}", 80, subsequent_indent="    ")
+        for verb, answer in (("satisfies", each.satisfiable), ("violates", each.falsifiable)):
+            if answer.says == "no":
+                yield from _text(f"no trace {verb} it{str(answer)[2:]}: rtamt check says more")
+            elif answer.says == "unknown":
+                yield from _text(f"not known whether a trace {verb} it: {answer.why}")
+        for i, example in enumerate(each.examples):
+            yield ""
+            yield from _told(i + 1, example)
+        if each.missing or each.unknown:
+            yield ""
+        for why in each.missing:
+            yield from _text(f"no trace shows it: {why}")
+        for why, reason in each.unknown.items():
+            yield from _text(f"not known whether there is one: {why} ({reason})")
+
+
+def _told(place: int, example: Example) -> Iterator[str]:
+    verdict = example.verdict.name.lower()
+    if example.robustness is not None:
+        verdict += f", robustness {number(example.robustness)}"
+    yield from _text(f"{place} {verdict}: {example.why}")
+    yield from drawn(example.trace)
+
+
+def _text(text: str) -> list[str]:
+    return wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _data(found: Mapping[str, RequirementExamples]) -> dict[str, Any]:
+    requirements = {
+        name: {
+            "formula": each.text,
+            "says": each.says,
+            "satisfiable": answer_data(each.satisfiable),
+            "falsifiable": answer_data(each.falsifiable),
+            "examples": [
+                {
+                    "kinds": [*example.kinds],
+                    "why": example.why,
+                    "verdict": example.verdict.name.lower(),
+                    "robustness": None
+                    if example.robustness is None
+                    else strict(example.robustness),
+                    "trace": trace_data(example.trace),
+                }
+                for example in each.examples
+            ],
+            "missing": [*each.missing],
+            "unknown": dict(each.unknown),
+        }
+        for name, each in found.items()
+    }
+    said = {each.says for each in found.values()}
+    says = "no" if "no" in said else "unknown" if "unknown" in said else "yes"
+    return {"says": says, "requirements": requirements}
+
+
+def _files(found: Mapping[str, RequirementExamples]) -> Iterator[tuple[str, ExampleTrace]]:
+    for name, each in found.items():
+        for i, example in enumerate(each.examples):
+            words = f"{name}-{i + 1:02}-{example.verdict.name.lower()}-{example.kinds[0]}"
+            yield words, example.trace

@@ -1,0 +1,214 @@
+"""`examples`: judged as they say, near misses, and what there is none of by every trace."""
+
+import itertools
+import sys
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import Example, InputError, Verdict, judge
+
+RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
+
+VALUES = (-1.0, 0.0, 1.0, 2.0)
+
+_atoms = st.sampled_from(["x > 0", "x >= 1", "x < 1", "y > 0", "y <= 1"])
+_bounds = st.sampled_from(["[0:1]", "[1:1]", "[1:2]", "[0:2]"])
+
+
+def _above(below: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    one = st.sampled_from(["not", "rise", "prev", "next"])
+    timed = st.sampled_from(["always", "eventually", "once", "historically"])
+    two = st.sampled_from(["and", "or", "implies", "iff"])
+    return st.one_of(
+        st.builds("{}({})".format, one, below),
+        st.builds("{}{}({})".format, timed, _bounds, below),
+        st.builds("({}) {} ({})".format, below, two, below),
+        st.builds("({}) until{} ({})".format, below, _bounds, below),
+    )
+
+
+texts = st.recursive(_atoms, _above, max_leaves=3)
+
+
+def only(text: str, **options: object) -> rtamt.RequirementExamples:
+    (found,) = rtamt.examples(text, **options).values()  # type: ignore[arg-type]
+    return found
+
+
+def judged(text: str, example: Example) -> rtamt.Judgement:
+    variables = rtamt.parse(text).variables
+    columns = {name: [*example.trace.columns[name]] for name in variables}
+    return judge(text, columns, end="cut", n=None if columns else example.trace.samples)
+
+
+@given(text=texts)
+@settings(max_examples=200)
+def test_examples_are_judged_as_they_say(text: str) -> None:
+    found = only(text, count=30)
+    for each in found.examples:
+        if not each.trace.loop:
+            said = judged(text, each)
+            assert (said.verdict, said.robustness) == (each.verdict, each.robustness)
+    kept = [(e.trace.samples, e.trace.loop, *e.trace.columns.items()) for e in found.examples]
+    assert len({str(each) for each in kept}) == len(kept)
+    for answer, shown in (
+        (found.satisfiable, found.satisfied),
+        (found.falsifiable, found.violated),
+    ):
+        assert bool(shown) is (answer.says == "yes")
+        if answer.says == "no" and answer.samples == 0:
+            verdict = Verdict.SATISFIED if answer is found.satisfiable else Verdict.VIOLATED
+            assert verdict not in _possible(text)
+
+
+def _possible(text: str, most: int = 3) -> set[Verdict]:
+    """The verdicts on all traces over the values."""
+    variables = rtamt.parse(text).variables
+    found = set()
+    for n in range(1, most + 1):
+        for values in itertools.product(VALUES, repeat=n * len(variables)):
+            columns = {v: [*values[i * n : (i + 1) * n]] for i, v in enumerate(variables)}
+            found.add(judge(text, columns, end="cut", n=n).verdict)
+    return found
+
+
+@given(
+    p=st.sampled_from(["x > 0", "x >= 1", "y <= 1"]),
+    begin=st.integers(0, 2),
+    width=st.integers(0, 3),
+    endless=st.booleans(),
+)
+def test_windows_are_left_by_one_sample(p: str, begin: int, width: int, endless: bool) -> None:  # noqa: FBT001
+    """Of each window with an end: what satisfies it, and would not one sample later, and back."""
+    end = begin + width
+    request = "always(a > 2 implies {})" if endless else "{}"
+
+    def text(lo: int, hi: int) -> str:
+        return request.format(f"eventually[{lo}:{hi}]({p})")
+
+    found = {kind: each for each in only(text(begin, end)).examples for kind in each.kinds}
+    late = found["too late"]
+    assert late.verdict is Verdict.VIOLATED
+    assert judged(text(begin, end + 1), late).verdict is Verdict.SATISFIED
+    if width:
+        last = found["last moment"]
+        assert last.verdict is Verdict.SATISFIED
+        assert judged(text(begin, end - 1), last).verdict is Verdict.VIOLATED
+        first = found["first moment"]
+        assert judged(text(begin + 1, end), first).verdict is Verdict.VIOLATED
+    if begin:
+        assert judged(text(begin - 1, end), found["too early"]).verdict is Verdict.SATISFIED
+
+
+def test_a_response_has_its_kinds_of_examples() -> None:
+    found = only(RESPONSE)
+    assert found.says == "yes"
+    assert {kind for each in found.examples for kind in each.kinds} == {
+        "violated",
+        "answered",
+        "unanswered",
+        "never asked",
+        "last moment",
+        "too late",
+        "first moment",
+        "threshold",
+    }
+    assert [each.verdict.name[0] for each in found.examples] == list("SVSSVSVVSS")
+    assert not found.missing
+    assert not found.unknown
+
+
+def test_an_answer_at_the_last_moment_is_too_late_one_sample_later() -> None:
+    (last,) = (each for each in only(RESPONSE).examples if "last moment" in each.kinds)
+    req, gnt = last.trace.columns["req"], last.trace.columns["gnt"]
+    assert (req, gnt) == ((4, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 4))
+    later = judge(RESPONSE, {"req": [*req, 0.0], "gnt": [0.0, *gnt]}, end="cut")
+    assert (last.verdict, later.verdict) == (Verdict.SATISFIED, Verdict.VIOLATED)
+
+
+def test_thresholds_are_met_exactly_and_missed_by_a_unit() -> None:
+    found = {each.why: each for each in only("always[0:1](x >= 0.5)").examples}
+    exact = found["exactly at its threshold, x >= 0.5 holds"]
+    missed = found["x >= 0.5 just fails"]
+    assert (exact.robustness, min(exact.trace.columns["x"])) == (0.0, 0.5)
+    assert min(missed.trace.columns["x"]) == 0.4
+    strict = {each.why: each for each in only("always[0:1](x < 3)").examples}
+    assert strict["exactly at its threshold, x < 3 fails"].verdict is Verdict.VIOLATED
+
+
+def test_the_part_that_decides_is_alone() -> None:
+    found = {each.why: each for each in only("eventually[0:2](x > 5 or y > 5)").satisfied}
+    for part, alone in (("x > 5", "x"), ("y > 5", "y")):
+        (example,) = (each for why, each in found.items() if f"saved by {part} alone" in why)
+        above = {name for name, values in example.trace.columns.items() if max(values) > 5}
+        assert above == {alone}
+    broken = only("always[0:2](x > 5 and y > 5)").violated
+    assert any("broken by x > 5 alone" in each.why for each in broken)
+
+
+def test_the_shortest_violation_is_the_shortest() -> None:
+    shortest = only(RESPONSE).violated[0]
+    assert "the shortest violation" in shortest.why
+    assert shortest.trace.samples == 6
+
+
+def test_an_implication_that_nothing_asks_is_said() -> None:
+    found = only("always((x > 1 and x < 0) implies y > 0) and eventually(y < 0)")
+    assert found.missing == ("asked and answered", "asked and not answered")
+
+
+def test_what_the_solver_does_not_know_is_said() -> None:
+    found = only("x * y > 2 and x * y < 1 + y * y", count=30)
+    assert found.unknown
+    assert set(found.unknown.values()) == {"it is not linear (mul)"}
+
+
+def test_whole_numbers_and_ranges_are_kept() -> None:
+    text = "input int32 gear in [1, 5]; input float v in [0, 50]; always(gear >= 4 implies v > 30)"
+    for each in only(text, count=30).examples:
+        assert all(g in {1, 2, 3, 4, 5} for g in each.trace.columns["gear"])
+        assert all(0 <= v <= 50 for v in each.trace.columns["v"])
+
+
+def test_what_is_assumed_holds_of_every_example() -> None:
+    for each in only("always(x < 3)", assume="always(x >= 2)").examples:
+        assert min(each.trace.columns["x"]) >= 2
+
+
+def test_a_requirement_without_an_end_may_have_examples_that_repeat() -> None:
+    found = only("always(eventually[1:2](x > 0) and eventually[1:2](x <= 0))")
+    assert found.satisfied[0].trace.loop == 2
+    assert found.satisfied[0].robustness is None
+
+
+def test_bounds_in_time_are_left_by_one_sample() -> None:
+    found = only("eventually[0:1s](x > 3)", period="250ms").examples
+    (last,) = (each for each in found if "last moment" in each.kinds)
+    assert last.trace.columns["x"] == (0, 0, 0, 0, 4)
+
+
+def test_the_same_arguments_give_the_same_examples() -> None:
+    assert only(RESPONSE) == only(RESPONSE)
+    assert only(RESPONSE, count=3).examples == only(RESPONSE).examples[:3]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"count": 0}, "count: expected 1 example or more, got 0"),
+        ({"horizon": 0}, "horizon: expected 1 sample or more, got 0"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        only("x > 0", **options)
+    assert str(error.value) == message
+
+
+def test_without_the_solver_an_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "z3", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install '\.\[check\]'"):
+        rtamt.examples("x > 0")
