@@ -131,8 +131,13 @@ def examples(
     Example:
         >>> import rtamt
         >>> text = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
-        >>> for each in rtamt.examples(text, count=4)["spec"].examples:
-        ...     print(f"{each.robustness:g}, {each.why}: gnt {each.trace.columns['gnt']}")
+        >>> for each in rtamt.examples(text, count=5)["spec"].examples:
+        ...     print(f"{each.robustness:g}, {each.why}")
+        1, asked and answered
+        -1, the shortest violation; asked and not answered
+        3, never asked
+        1, gnt >= 3 comes at the last moment of eventually[0:5]
+        -1, gnt >= 3 comes one sample too late for eventually[0:5]
     """
     if count < 1:
         msg = f"count: expected 1 example or more, got {count}"
