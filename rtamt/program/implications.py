@@ -195,7 +195,7 @@ def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
         >>> from rtamt import parse
         >>> found = signs(parse("(a > 0 implies b > 0) and (b > 0 iff c > 0)").formula)
         >>> {str(part): sorted(both) for part, both in found.items() if not part.args[0].op}
-        {'a > 0': [False], 'b > 0': [False, True], 'c > 0': [False, True]}
+        {'b > 0': [False, True], 'c > 0': [False, True], 'a > 0': [False]}
     """
     found: dict[Formula, set[bool]] = {formula: {True}}
     for node in reversed([*formula.nodes()]):
