@@ -131,9 +131,15 @@ def _as_read(spec: Specification) -> Specification:
     """The specification as its text says it; one that was made in Python has a text of its own."""
     found = _read(spec, spec.text)
     if found == spec:
-        return found
+        return _alone(found)
     made = spec.with_result(spec.formula)
-    return _read(made, made.text) or made
+    return _alone(_read(made, made.text) or made)
+
+
+def _alone(spec: Specification) -> Specification:
+    """The result without other requirements of the text: what it no longer names is one."""
+    parts = spec.requirements.values()
+    return next((part for part in parts if part.formula is spec.formula), spec)
 
 
 def _read(
@@ -152,7 +158,8 @@ def _read(
 
 def _changed(spec: Specification, change: Change) -> Specification | None:
     text = spec.text[: change.begin] + change.new + spec.text[change.end :]
-    return _read(spec, text, change.given)
+    changed = _read(spec, text, change.given)
+    return None if changed is None else _alone(changed)
 
 
 def _in_turn(

@@ -41,7 +41,9 @@ __all__ = [
     "failure_lines",
     "judge_file",
     "judge_files",
+    "judge_read",
     "matrix_of",
+    "read_file",
     "row_of",
     "too_short",
     "unmet_of",
@@ -85,6 +87,22 @@ def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
                 judged.failures[name] = _failure(error)
             advance(1)
     return judged
+
+
+def read_file(asked: TracesAsked, path: str) -> Judged:
+    """Reads a trace, and judges nothing."""
+    judged = Judged(path)
+    _read(asked, judged)
+    return judged
+
+
+def judge_read(spec: rtamt.Specification, judged: Judged, reading: Reading) -> TraceJudgement:
+    """Judges a trace that was read by a requirement of its own.
+
+    Raises:
+        RtamtError: If it cannot be judged by it.
+    """
+    return _judge(spec, judged, reading, formulas=False)
 
 
 def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:

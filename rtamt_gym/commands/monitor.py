@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from textwrap import TextWrapper
 from typing import TYPE_CHECKING
@@ -13,6 +13,9 @@ from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.mutants import add_arguments as add_mutants
+from rtamt_gym.commands.mutants import check_arguments as check_mutants
+from rtamt_gym.commands.mutants import hollow_scores, scores_of, write_apart
 from rtamt_gym.commands.specs import files_of
 from rtamt_gym.commands.traces import (
     TracesAsked,
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
     from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.results.matrix import Matrix
+    from rtamt_gym.results.mutation import MutationScore
     from rtamt_gym.results.unmet import Unmet
 
 __all__ = ["add_arguments", "run"]
@@ -77,10 +81,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="draw all requirements, where --plot draws the worst of many",
     )
+    add_mutants(parser.add_argument_group("mutants"))
 
 
 def _given(options: argparse.Namespace, option: str) -> bool:
     return getattr(options, option.strip("-").replace("-", "_")) is not None
+
+
+def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
+    """Refuses names of files that cannot be written."""
+    inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
+    outputs = options.junit, options.markdown, options.out, options.write_mcap
+    check_outputs(*outputs, picture=options.plot, inputs=inputs)
+    if options.out:
+        from rtamt_gym.recorded.output import check_output
+
+        check_output(options.out)
+    if options.write_mcap and len(paths) == 1:
+        from rtamt_gym.recorded import bag_output
+
+        bag_output.check_output(options.write_mcap, paths[0])
 
 
 def run(options: argparse.Namespace) -> int:
@@ -99,17 +119,8 @@ def run(options: argparse.Namespace) -> int:
         if _given(options, option):
             refuse_unknown(options, option, "needs the robustness at every sample")
     asked, paths = read_arguments(options)
-    inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
-    outputs = options.junit, options.markdown, options.out, options.write_mcap
-    check_outputs(*outputs, picture=options.plot, inputs=inputs)
-    if options.out:
-        from rtamt_gym.recorded.output import check_output
-
-        check_output(options.out)
-    if options.write_mcap and len(paths) == 1:
-        from rtamt_gym.recorded import bag_output
-
-        bag_output.check_output(options.write_mcap, paths[0])
+    check_mutants(options, asked)
+    _check_files(options, paths)
     wanted = options.json or options.junit or options.markdown
     explain = (Verdict.VIOLATED,) if wanted else ()
     judged = None
@@ -123,17 +134,25 @@ def run(options: argparse.Namespace) -> int:
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
     hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
-    code = exit_code([matrix.word], hollow)
+    scores = scores_of(options, asked, matrix, judged) if options.mutants else {}
+    hollow += hollow_scores(options, scores)
+    # Traces that test a requirement violate it too: then their verdicts are no failure.
+    word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word
+    code = exit_code([word], hollow)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
         made_of = matrix.of_files([*files_of(options.specs), *paths])
         columns, least = _columns(asked, paths), asked.min_duration
-        print(to_json(made_of, _rules(asked), columns, code, least=least))
+        mutants = {"scores": scores, "least": options.min_noticed} if options.mutants else None
+        print(to_json(made_of, _rules(asked), columns, code, least=least, mutants=mutants))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
+        print(*_mutants(scores, matrix), sep="\n", end="")
     unmet = unmet_of(asked, matrix, options.required)
     said = _write(options, asked, matrix, judged, unmet)
+    if options.write_apart is not None:
+        said.append(write_apart(scores, asked, matrix, options.write_apart))
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     tell(hollow, stderr=options.json)
     print(end="", flush=True)
@@ -158,6 +177,15 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     head = extent_of(trace, judged.period).lines(trace.source)
     lines = report(judged.judgements, head, trace.notes)
     return [*lines, *ids_lines(matrix.provenance), ""]
+
+
+def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[str]:
+    """The lines about mutants, below an empty one."""
+    if not scores:
+        return []
+    from rtamt_gym.results.mutation import score_lines
+
+    return ["", *score_lines(scores, len(matrix.rows)), ""]
 
 
 def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:

@@ -22,6 +22,7 @@ def to_json(
     exit_code: int,
     *,
     least: Fraction | None = None,
+    mutants: Mapping[str, Any] | None = None,
 ) -> str:
     """The traces as a result of the kind ``"traces"``.
 
@@ -31,6 +32,8 @@ def to_json(
         columns: How their columns were read; what is not the default is said.
         exit_code: The exit code of the command.
         least: How long each trace is to last, in seconds; None: any time.
+        mutants: The `MutationScore` of each requirement as ``scores``, and as ``least`` the share
+            that was asked for; None if no mutants were made.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
@@ -48,8 +51,14 @@ def to_json(
             "counts": counts,
             "worst_requirement": requirement and requirement[0],
             "worst_trace": trace and trace[0],
+            **({} if mutants is None else {"mutants": _mutants(mutants)}),
             **plain_results(matrix, rates=False),
             "trials": trials,
             "traces": documented(trials),
         },
     )
+
+
+def _mutants(said: Mapping[str, Any]) -> dict[str, Any]:
+    scores = {name: score.written() for name, score in said["scores"].items()}
+    return {"least": said["least"], "requirements": scores}

@@ -1,0 +1,303 @@
+"""The mutants of requirements that traces notice, for `rtamt monitor --mutants`."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from functools import reduce
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+import rtamt
+from rtamt import InputError, Mutant, RtamtError, Verdict
+from rtamt_gym.commands.arguments import positive
+from rtamt_gym.commands.exit_codes import Hollow
+from rtamt_gym.recorded.progress import progress
+from rtamt_gym.tables import shorten
+
+if TYPE_CHECKING:
+    from rtamt_gym.commands.judging import Judged
+    from rtamt_gym.commands.traces import TracesAsked
+    from rtamt_gym.results.matrix import Matrix
+    from rtamt_gym.results.mutation import JudgedMutant, MutationScore
+
+__all__ = ["add_arguments", "check_arguments", "hollow_scores", "scores_of", "write_apart"]
+
+_MOST: Final = 50
+_SECONDS: Final = 2.0
+"""How long a solver may look for a trace that tells a mutant apart."""
+
+_DECIDED: Final = {Verdict.SATISFIED, Verdict.VIOLATED}
+
+
+def add_arguments(group: argparse._ArgumentGroup) -> None:
+    """Adds ``--mutants`` and what belongs to it."""
+    group.add_argument(
+        "--mutants",
+        action="store_true",
+        help="make mutants of each requirement, which is the requirement with one change, and say "
+        "which of them the traces notice; verdicts have no part in the exit code then",
+    )
+    group.add_argument(
+        "--max-mutants",
+        type=positive,
+        metavar="N",
+        help=f"the most mutants of each requirement (default: {_MOST})",
+    )
+    group.add_argument(
+        "--mutation",
+        action="append",
+        choices=tuple(rtamt.MUTATIONS),
+        metavar="KIND",
+        help=f"make mutants of this kind alone, {', '.join(rtamt.MUTATIONS)}; may be repeated",
+    )
+    group.add_argument(
+        "--min-noticed",
+        type=_share,
+        metavar="SHARE",
+        help="exit 3 if less than this share of a requirement's mutants is noticed, such as 80%%",
+    )
+    group.add_argument(
+        "--write-apart",
+        type=Path,
+        metavar="FOLDER",
+        help="write a trace for each mutant that is missed which would notice it, as CSV; needs "
+        "the extra check",
+    )
+
+
+def _share(text: str) -> float:
+    match = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)\s*(%?)", text.strip(), re.ASCII)
+    share = float(match[1]) / (100 if match[2] else 1) if match else math.nan
+    if not 0 <= share <= 1:
+        msg = f"expected a share from 0 to 1 or from 0% to 100%, such as 80%, got {text!r}"
+        raise argparse.ArgumentTypeError(msg)
+    return share
+
+
+def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
+    """Refuses what belongs to ``--mutants`` without it, and what does not belong to it.
+
+    Raises:
+        InputError: If such an option is given.
+    """
+    if not options.mutants:
+        for option in ("--max-mutants", "--mutation", "--min-noticed", "--write-apart"):
+            if getattr(options, option.strip("-").replace("-", "_")) is not None:
+                raise InputError(f"{option} says something of mutants; give --mutants with it")
+        return
+    for option in ("--junit", "--markdown"):
+        if getattr(options, option.strip("-")) is not None:
+            raise InputError(
+                f"expected --mutants, which judges the traces as tests, or {option}, which tells "
+                "of their verdicts; run the command twice"
+            )
+    if options.write_apart is not None and asked.reading.dense:
+        raise InputError(
+            "expected --write-apart or --dense: a solver finds traces of samples alone"
+        )
+
+
+def scores_of(
+    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, judged: Judged | None
+) -> dict[str, MutationScore]:
+    """What the traces notice of each requirement's mutants.
+
+    Args:
+        options: The arguments.
+        asked: The requirements, and how traces are judged.
+        matrix: The outcomes of the requirements.
+        judged: The trace, if it is one alone.
+    """
+    from rtamt_gym.results.mutation import MutationScore
+
+    most = options.max_mutants or _MOST
+    period = _period(asked, matrix)
+    made = {
+        name: [
+            mutant
+            for mutant in rtamt.mutants(spec, period, kinds=options.mutation, most=most)
+            if mutant.specification.looks_ahead or asked.reading.view == "step"
+        ]
+        for name, spec in asked.specs.items()
+    }
+    noticed = _noticed(asked, matrix, made, judged)
+    total = sum(len(each) for each in made.values()) - sum(map(len, noticed.values()))
+    scores = {}
+    with progress("comparing", total, " mutants") as advance:
+        for name, found in made.items():
+            judged_mutants = []
+            for number, mutant in enumerate(found):
+                trace = noticed[name].get(number, "")
+                judged_mutants.append(_judged(asked, mutant, period, trace))
+                advance(0 if trace else 1)
+            scores[name] = MutationScore(tuple(judged_mutants), len(found) >= most)
+    return scores
+
+
+def _period(asked: TracesAsked, matrix: Matrix) -> Fraction | None:
+    """The period by which bounds move: one that all traces have, or a multiple of each."""
+    if asked.reading.period is not None or asked.reading.dense:
+        return asked.reading.seconds
+    periods = [row.extent.period for row in matrix.rows if row.extent and row.extent.period]
+    if not any(spec.timed for spec in asked.specs.values()):
+        return None
+    return reduce(_multiple, periods) if periods else None
+
+
+def _multiple(one: Fraction, other: Fraction) -> Fraction:
+    """The least number of which both are parts."""
+    numerator = math.lcm(one.numerator * other.denominator, other.numerator * one.denominator)
+    return Fraction(numerator, one.denominator * other.denominator)
+
+
+def _noticed(
+    asked: TracesAsked,
+    matrix: Matrix,
+    made: Mapping[str, Sequence[Mutant]],
+    judged: Judged | None,
+) -> dict[str, dict[int, str]]:
+    """For each requirement its mutants that a trace notices, with the first such trace.
+
+    What one trace has noticed is not judged on others.
+    """
+    from rtamt_gym.commands.judging import judge_read, read_file
+
+    noticed: dict[str, dict[int, str]] = {name: {} for name in made}
+    with progress("judging mutants", len(matrix.rows), " traces") as advance:
+        for row in matrix.rows:
+            decided = {
+                name: outcome.verdict
+                for name, outcome in row.outcomes.items()
+                if outcome.verdict in _DECIDED and len(noticed[name]) < len(made[name])
+            }
+            if decided and (judged is None or judged.path != row.name):
+                judged = read_file(asked, row.name)
+            for name, verdict in decided.items():
+                for number, mutant in enumerate(made[name]):
+                    if judged is None or number in noticed[name]:
+                        continue
+                    try:
+                        found = judge_read(mutant.specification, judged, asked.reading)
+                    except RtamtError:  # its bounds, for instance, fit the other traces alone
+                        continue
+                    if {found.verdict, verdict} == _DECIDED:
+                        noticed[name][number] = row.name
+            advance(1)
+    return noticed
+
+
+def _judged(
+    asked: TracesAsked, mutant: Mutant, period: Fraction | None, trace: str
+) -> JudgedMutant:
+    """What became of a mutant that a trace notices, or none."""
+    from rtamt_gym.results.mutation import JudgedMutant
+
+    where = (mutant.kind, mutant.line, mutant.column, mutant.before, mutant.after)
+    formula = str(mutant.specification.standalone())
+    if trace:
+        return JudgedMutant(*where, formula, "noticed", trace)
+    found, why = _compared(asked, mutant, period)
+    if found is None:
+        return JudgedMutant(*where, formula, "unknown", why=why)
+    if found.says == "yes":
+        return JudgedMutant(*where, formula, "same", samples=found.samples)
+    if found.trace is None:
+        return JudgedMutant(*where, formula, "unknown", why=found.why)
+    satisfies: dict[str, Literal["", "requirement", "mutant"]] = {
+        "one": "requirement",
+        "other": "mutant",
+    }
+    columns: Mapping[str, tuple[float, ...]]
+    columns = {name: (*found.trace.unrolled(name),) for name in found.trace.columns}
+    twice = {name: (*values, *values) for name, values in columns.items() if len(values) == 1}
+    if twice and _differ(asked, mutant, period, twice):
+        columns = twice  # a file of one sample has no period
+    said = satisfies.get(found.satisfied, "")
+    return JudgedMutant(*where, formula, "missed", apart=columns, satisfies=said)
+
+
+def _compared(
+    asked: TracesAsked, mutant: Mutant, period: Fraction | None
+) -> tuple[rtamt.Equivalence | None, str]:
+    """Whether a mutant is the same requirement; None if it cannot be asked, and why."""
+    reading = asked.reading
+    if reading.dense:
+        return None, "a solver compares samples, not dense time"
+    if reading.semantics != "standard" or reading.align is not None:
+        given = "--align" if reading.align is not None else "--semantics"
+        return None, f"a solver does not know {given}"
+    try:
+        return rtamt.equivalent(
+            *_both(asked, mutant), period, end=reading.end, timeout=_SECONDS
+        ), ""
+    except ModuleNotFoundError as error:
+        return None, str(error)
+    except RtamtError as error:
+        return None, str(error).partition("\n")[0]
+
+
+def _differ(
+    asked: TracesAsked,
+    mutant: Mutant,
+    period: Fraction | None,
+    columns: Mapping[str, Sequence[float]],
+) -> bool:
+    """Whether requirement and mutant have different verdicts on a trace."""
+    found = [
+        rtamt.judge(each, columns, period, asked.reading.end).verdict
+        for each in _both(asked, mutant)
+    ]
+    return {*found} == _DECIDED
+
+
+def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtamt.Specification]:
+    """Requirement and mutant, as the traces are judged by them."""
+    one, other = mutant.requirement, mutant.specification
+    return (one.always(), other.always()) if asked.reading.view == "step" else (one, other)
+
+
+def hollow_scores(
+    options: argparse.Namespace, scores: Mapping[str, MutationScore]
+) -> Iterator[Hollow]:
+    """What the traces do not notice; it fails below ``--min-noticed``."""
+    from rtamt_gym.results.mutation import percent, score_text
+
+    least = options.min_noticed
+    for name, score in scores.items():
+        if score.share is not None and score.share < 1:
+            fails = least is not None and score.share < least
+            below = f", which is {percent(score.share)}" if fails else ""
+            yield Hollow(f"{score_text(name, score)}{below}", fails)
+    reasons = {m.why for score in scores.values() for m in score.mutants if m.says == "unknown"}
+    for why in sorted(reasons):
+        yield Hollow(f"not known whether mutants differ: {shorten(why, 200)}")
+
+
+def write_apart(
+    scores: Mapping[str, MutationScore], asked: TracesAsked, matrix: Matrix, folder: Path
+) -> str:
+    """Writes the traces that would notice what is missed; returns a line about them.
+
+    They have a column of times where the traces have one, and the columns of their requirement.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    period = None if asked.reading.period is not None else _period(asked, matrix)
+    written = 0
+    for name, score in scores.items():
+        stem = re.sub(r"[^\w.-]", "_", name)
+        for number, mutant in enumerate(score.mutants, 1):
+            if not mutant.apart:
+                continue
+            columns = {asked.columns.signals.get(v, v): each for v, each in mutant.apart.items()}
+            if period is not None:
+                count = len(next(iter(columns.values())))
+                columns = {"time": tuple(float(i * period) for i in range(count)), **columns}
+            with (folder / f"{stem}-{number}.csv").open("w", newline="", encoding="utf-8") as file:
+                csv.writer(file).writerows([[*columns], *zip(*columns.values(), strict=True)])
+            written += 1
+    return f"traces that notice what is missed: {written} in {folder}\n"

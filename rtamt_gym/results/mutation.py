@@ -1,0 +1,175 @@
+"""`MutationScore`: how many mutants of a requirement a suite of traces notices.
+
+The share of mutants that tests tell from the original, of those that differ from it at all, is the
+mutation score of DeMillo, Lipton and Sayward, "Hints on test data selection", Computer 1978.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final, Literal
+
+from rtamt_gym.tables import counted, shorten, table, wrapped
+
+__all__ = ["JudgedMutant", "MutantSays", "MutationScore", "percent", "score_lines", "score_text"]
+
+MutantSays = Literal["noticed", "missed", "same", "unknown"]
+"""What became of a mutant: a trace notices it; none does, and one that would is known; it is the
+same requirement; or none does, and nobody knows whether one would."""
+
+_CHANGE: Final = 44
+"""The most characters of a change in a table."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedMutant:
+    """A mutant of a requirement, and what became of it.
+
+    Attributes:
+        kind: The kind of the change, a name in `rtamt.MUTATIONS`.
+        line: The line of the requirement's text, from 1.
+        column: The column, from 1.
+        before: What stands there.
+        after: What stands there in the mutant; empty if nothing does.
+        formula: The formula of the mutant.
+        says: What became of it.
+        noticed_by: The first trace that notices it; empty if none does.
+        samples: Of one that is the same, 0 if that is proved for all traces; else it is the same
+            on traces of up to that many samples whose end repeats.
+        why: Why nobody knows whether a trace would notice it.
+        apart: A trace that would notice it, a list of values for each variable; empty if none is
+            known.
+        satisfies: Which of ``"requirement"`` and ``"mutant"`` that trace satisfies; else empty.
+    """
+
+    kind: str
+    line: int
+    column: int
+    before: str
+    after: str
+    formula: str
+    says: MutantSays
+    noticed_by: str = ""
+    samples: int = 0
+    why: str = ""
+    apart: Mapping[str, tuple[float, ...]] | None = None
+    satisfies: Literal["", "requirement", "mutant"] = ""
+
+    @property
+    def change(self) -> str:
+        """The change, such as ``[0:5] -> [0:50]``."""
+        return f"{self.before} -> {self.after or 'nothing'}"
+
+    @property
+    def place(self) -> str:
+        """Line and column, such as ``1:8``."""
+        return f"{self.line}:{self.column}"
+
+    @property
+    def remark(self) -> str:
+        """What is to say of it beside the change."""
+        if self.says == "same":
+            return f"up to {counted(self.samples, 'sample')}" if self.samples else "for all traces"
+        return "unknown whether it differs" if self.says == "unknown" else ""
+
+
+@dataclass(frozen=True, slots=True)
+class MutationScore:
+    """The mutants of a requirement under a suite of traces.
+
+    Attributes:
+        mutants: All that were made, in the order of the text.
+        capped: Whether there may be more.
+    """
+
+    mutants: tuple[JudgedMutant, ...]
+    capped: bool = False
+
+    def count(self, says: MutantSays) -> int:
+        """How many became so."""
+        return sum(each.says == says for each in self.mutants)
+
+    @property
+    def made(self) -> int:
+        """How many were made."""
+        return len(self.mutants)
+
+    @property
+    def different(self) -> int:
+        """How many are not known to be the same requirement."""
+        return self.made - self.count("same")
+
+    @property
+    def share(self) -> float | None:
+        """The share noticed of those that are not the same; None if there are none."""
+        return self.count("noticed") / self.different if self.different else None
+
+    def written(self) -> dict[str, Any]:
+        """It as JSON holds it."""
+        counts = {says: self.count(says) for says in ("noticed", "missed", "same", "unknown")}
+        return {
+            "made": self.made,
+            **counts,
+            "share": self.share,
+            "capped": self.capped,
+            "list": [_written(each) for each in self.mutants],
+        }
+
+    @classmethod
+    def read(cls, kept: Mapping[str, Any]) -> MutationScore:
+        """Reads what `written` has made."""
+        return cls(tuple(JudgedMutant(**each) for each in kept["list"]), kept["capped"])
+
+
+def _written(mutant: JudgedMutant) -> dict[str, Any]:
+    kept = {each.name: getattr(mutant, each.name) for each in fields(mutant)}
+    left_out = {"noticed_by": "", "samples": 0, "why": "", "apart": None, "satisfies": ""}
+    return {name: value for name, value in kept.items() if left_out.get(name, ...) != value}
+
+
+def percent(share: float | None) -> str:
+    """A share in whole per cent, towards 0 unless it is all; a dash if there is none.
+
+    Example:
+        >>> percent(0.999), percent(1.0), percent(None)
+        ('99 %', '100 %', '-')
+    """
+    return "-" if share is None else f"{int(100 * share)} %"
+
+
+def score_text(name: str, score: MutationScore) -> str:
+    """How many mutants of a requirement are noticed, in words."""
+    text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} noticed"
+    unknown = score.count("unknown")
+    return f"{text}; of {unknown} nobody knows whether they differ" if unknown else text
+
+
+def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[str]:
+    """A table with a row for each requirement, and the mutants that no trace notices."""
+    rows = [["mutants", "made", "noticed", "missed", "unknown", "same", "share"]]
+    for name, score in scores.items():
+        counts = (score.count(each) for each in ("noticed", "missed", "unknown", "same"))
+        numbers = [str(score.made), *map(str, counts), percent(score.share)]
+        rows.append([shorten(name, 30), *numbers])
+    yield from table(rows, "<" + ">" * 6)
+    for name, score in scores.items():
+        missed = [each for each in score.mutants if each.says in ("missed", "unknown")]
+        same = [each for each in score.mutants if each.says == "same"]
+        of = f"none of {counted(traces, 'trace')} notices" if traces > 1 else "the trace misses"
+        for head, part in ((f"{name}: {of}", missed), (f"{name}: the same, left out", same)):
+            if part:
+                yield from ("", head)
+                cells = [[m.place, shorten(m.change, _CHANGE), _kind(m)] for m in part]
+                yield from (f"  {line}"[:80].rstrip() for line in table(cells, "<<<"))
+    for name, score in scores.items():
+        if score.capped:
+            yield ""
+            yield from wrapped(
+                f"{name}: the first {score.made} mutants, of each kind in turn; --max-mutants "
+                "makes more"
+            )
+
+
+def _kind(mutant: JudgedMutant) -> str:
+    return f"{mutant.kind}, {mutant.remark}" if mutant.remark else mutant.kind

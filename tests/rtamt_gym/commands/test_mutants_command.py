@@ -1,0 +1,261 @@
+"""Which mutants of requirements traces notice: `rtamt monitor --mutants`."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import run_without
+
+import rtamt
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+
+SPECS = (
+    "always(x < 1 and x < 2)",
+    "always(x > 1 implies eventually[0:2](y > 1))",
+    "eventually[1:2](x >= 1) or always[0:1](not (y < 1))",
+    "x > 0 until[0:3] y > 1",
+)
+
+
+def write_trace(path: Path, columns: dict[str, list[float]]) -> None:
+    rows = [[*columns], *zip(*columns.values(), strict=True)]
+    path.write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+
+
+def traces_in(folder: Path, count: int, seed: int, samples: int = 5) -> list[str]:
+    """Traces of x and y that are written into a folder."""
+    chance = random.Random(seed)
+    folder.mkdir(exist_ok=True)
+    for i in range(count):
+        values = {name: [chance.choice([0, 1, 1.1, 2, 3]) for _ in range(samples)] for name in "xy"}
+        write_trace(folder / f"{i}.csv", values)
+    return sorted(str(path) for path in folder.iterdir())
+
+
+def code_of(arguments: list[str]) -> object:
+    """The exit code, also where the parser of arguments ends the program."""
+    try:
+        return main(arguments)
+    except SystemExit as ended:
+        return ended.code
+
+
+def read_trace(path: str) -> dict[str, list[float]]:
+    names, *rows = (line.split(",") for line in Path(path).read_text().split())
+    return {name: [float(row[i]) for row in rows] for i, name in enumerate(names)}
+
+
+def answer(capsys: Output, *arguments: str) -> dict[str, Any]:
+    main(["monitor", "--mutants", "--json", *arguments])
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return told
+
+
+def verdict(spec: str, trace: dict[str, list[float]], end: str = "cut") -> str:
+    return rtamt.judge(spec, trace, end=end).verdict.name  # type: ignore[arg-type]
+
+
+def differ(one: str, other: str, trace: dict[str, list[float]], end: str = "cut") -> bool:
+    return {verdict(one, trace, end), verdict(other, trace, end)} == {"SATISFIED", "VIOLATED"}
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_noticed_is_what_a_loop_of_judge_notices(tmp_path: Path, capsys: Output, spec: str) -> None:
+    paths = traces_in(tmp_path, 6, seed=len(spec))
+    (found,) = answer(capsys, spec, "--", *paths)["mutants"]["requirements"].values()
+    assert found["made"] == len(found["list"]) == len(rtamt.mutants(spec, most=50))
+    for mutant in found["list"]:
+        by = [path for path in paths if differ(spec, mutant["formula"], read_trace(path))]
+        assert (mutant["says"] == "noticed") == bool(by)
+        assert mutant.get("noticed_by", "") == (by[0] if by else "")
+    counts = {says: found[says] for says in ("noticed", "missed", "same", "unknown")}
+    assert counts == {says: sum(each["says"] == says for each in found["list"]) for says in counts}
+    assert found["share"] == found["noticed"] / (found["made"] - found["same"])
+
+
+@pytest.mark.parametrize("end", ["cut", "complete"])
+@pytest.mark.parametrize("spec", SPECS)
+def test_what_is_the_same_is_told_apart_by_no_trace_of_a_grid(
+    tmp_path: Path, capsys: Output, spec: str, end: str
+) -> None:
+    (path,) = traces_in(tmp_path, 1, seed=3)
+    told = answer(capsys, spec, path, "--end", end)
+    (found,) = told["mutants"]["requirements"].values()
+    grid = [
+        {"x": [*values[:n]], "y": [*values[n:]]}
+        for n in (1, 2, 3)
+        for values in itertools.product([0.0, 1.0, 2.5], repeat=2 * n)
+    ]
+    verdicts = [verdict(spec, trace, end) for trace in grid]
+    for mutant in found["list"]:
+        if mutant["says"] == "missed":
+            apart = {name: [float(v) for v in values] for name, values in mutant["apart"].items()}
+            assert differ(spec, mutant["formula"], apart, end)
+            satisfied = spec if mutant["satisfies"] == "requirement" else mutant["formula"]
+            assert verdict(satisfied, apart, end) == "SATISFIED"
+        if mutant["says"] == "same":
+            assert not any(
+                {its, verdict(mutant["formula"], trace, end)} == {"SATISFIED", "VIOLATED"}
+                for its, trace in zip(verdicts, grid, strict=True)
+            )
+    assert found["unknown"] == 0
+    if spec == SPECS[0]:
+        assert "and x < 2" in [m["before"] for m in found["list"] if m["says"] == "same"]
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_traces_that_are_written_notice_what_was_missed(
+    tmp_path: Path, capsys: Output, spec: str
+) -> None:
+    (path,) = traces_in(tmp_path / "suite", 1, seed=3)
+    apart = tmp_path / "apart"
+    told = answer(capsys, spec, path, "--write-apart", str(apart))
+    (found,) = told["mutants"]["requirements"].values()
+    assert len([*apart.iterdir()]) == found["missed"] > 0
+    (found,) = answer(capsys, spec, "--", path, str(apart))["mutants"]["requirements"].values()
+    assert (found["missed"], found["share"]) == (0, 1.0)
+
+
+def test_traces_that_are_written_have_times_and_columns_as_the_suite_has(
+    tmp_path: Path, capsys: Output
+) -> None:
+    trace = tmp_path / "trace.csv"
+    trace.write_text("time,Speed\n0,1\n0.5,2\n1,1\n")
+    arguments = ["always[0:0.5s](v < 3)", "--signal", "v=Speed"]
+    folder = tmp_path / "apart"
+    assert main(["monitor", "--mutants", *arguments, str(trace), "--write-apart", str(folder)]) == 0
+    assert f"traces that notice what is missed: 9 in {folder}" in capsys.readouterr().out
+    for path in folder.iterdir():
+        assert path.read_text().startswith("time,Speed\n0.0,")
+    command = ["monitor", "--mutants", "--min-noticed", "100%", *arguments[1:], arguments[0]]
+    assert main([*command, "--", str(trace), str(folder)]) == 0
+
+
+TRACE = "req,gnt\n0,0\n4,0\n0,5\n4,0\n0,0\n0,0\n"
+ANSWERED = "always(req >= 3 implies eventually[0:1](gnt >= 3))"
+
+
+@pytest.fixture
+def trace(tmp_path: Path) -> str:
+    path = tmp_path / "trace.csv"
+    path.write_text(TRACE)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "line"),
+    [
+        ([], 0, "spec: 2 of 22 mutants noticed\n"),
+        (["--min-noticed", "0.05"], 0, "spec: 2 of 22 mutants noticed\n"),
+        (["--min-noticed", "80%"], 3, "spec: 2 of 22 mutants noticed, which is 9 %\n"),
+        (["--mutation", "window", "--min-noticed", "1"], 3, "spec: 0 of 3 mutants noticed"),
+        (["--mutation", "constant", "--min-noticed", "1"], 0, "constant"),
+    ],
+)
+def test_the_exit_code_speaks_of_the_suite(
+    trace: str, capsys: Output, arguments: list[str], code: int, line: str
+) -> None:
+    assert main(["monitor", ANSWERED, trace]) == 1
+    capsys.readouterr()
+    assert main(["monitor", "--mutants", *arguments, ANSWERED, trace]) == code
+    told = capsys.readouterr().out
+    assert "VIOLATED" in told
+    if line != "constant":
+        assert line in told
+    else:
+        assert told.splitlines()[-1].split() == ["spec", "0", "0", "0", "0", "0", "-"]
+
+
+def test_a_trace_that_cannot_be_judged_fails_as_ever(trace: str, capsys: Output) -> None:
+    other = Path(trace).with_name("other.csv")
+    other.write_text("req\n1\n2\n")
+    assert main(["monitor", "--mutants", ANSWERED, "--", trace, str(other)]) == 2
+    told = capsys.readouterr()
+    assert "spec: 2 of 22 mutants noticed" in told.out
+    assert "no column 'gnt'" in told.err
+
+
+def test_lines_have_80_columns_and_say_the_change_and_its_place(trace: str, capsys: Output) -> None:
+    long = ANSWERED.replace("gnt >= 3", "gnt >= 3 and abs(gnt + req - 12) < 100 and req < 1000")
+    main(["monitor", "--mutants", "--mutation", "part", long, trace])
+    main(["monitor", "--mutants", ANSWERED, trace])
+    told = capsys.readouterr().out
+    assert max(len(line) for line in told.splitlines() if trace not in line) <= 80
+    assert "\nspec: the trace misses\n" in told
+    assert "  1:12  req >= 3 -> req > 3 " in told
+    assert "  1:38  [0:1] -> [0:2] " in told
+
+
+def test_without_a_solver_what_is_missed_is_not_known_to_differ(trace: str) -> None:
+    arguments = ["monitor", "--mutants", "--min-noticed", "80%", ANSWERED, trace]
+    told = run_without(["z3"], arguments)
+    assert told.returncode == 3
+    assert "spec       22        2       0       20     0    9 %" in told.stdout
+    words = " ".join(told.stdout.split())
+    assert "20 nobody knows whether they differ, which is 9 %" in words
+    assert "not known whether mutants differ: " in words
+    assert "'rtamt[check]'" in words or "[check]" in words
+
+
+def test_dense_time_and_other_semantics_are_not_compared(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "events.csv"
+    path.write_text("time,x\n0,0\n1.5,2\n4,0\n")
+    for more in (["--dense"], ["--semantics", "boolean"]):
+        (found,) = answer(capsys, "always[0:2](x < 3)", str(path), *more)["mutants"][
+            "requirements"
+        ].values()
+        assert found["unknown"] + found["noticed"] == found["made"] > 0
+        assert all(mutant["why"] for mutant in found["list"] if mutant["says"] == "unknown")
+
+
+def test_bounds_move_by_a_period_that_fits_all_traces(tmp_path: Path, capsys: Output) -> None:
+    for name, step in (("a", 0.2), ("b", 0.3)):
+        rows = "".join(f"{i * step:g},{i}\n" for i in range(5))
+        (tmp_path / f"{name}.csv").write_text("time,x\n" + rows)
+    spec = "always[0:1.2s](x < 30)"
+    told = answer(capsys, spec, "--mutation", "bound", "--", str(tmp_path))
+    (found,) = told["mutants"]["requirements"].values()
+    assert [mutant["after"] for mutant in found["list"]] == ["[0.6:1.2s]", "[0:0.6s]", "[0:1.8s]"]
+
+
+def test_a_past_requirement_is_changed_at_every_sample(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "trace.csv"
+    write_trace(path, {"x": [0.0, 1.0, 2.0, 0.0]})
+    spec = "once[0:1](x < 1.5)"
+    (found,) = answer(capsys, spec, str(path), "--view", "step")["mutants"]["requirements"].values()
+    for mutant in found["list"]:
+        noticed = differ(f"always({spec})", f"always({mutant['formula']})", read_trace(str(path)))
+        assert (mutant["says"] == "noticed") == noticed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--min-noticed", "80%"], "--min-noticed says something of mutants; give --mutants"),
+        (["--mutation", "bound"], "--mutation says something of mutants"),
+        (["--max-mutants", "5"], "--max-mutants says something of mutants"),
+        (["--write-apart", "x"], "--write-apart says something of mutants"),
+        (["--mutants", "--junit", "x.xml"], "or --junit, which tells of their verdicts"),
+        (["--mutants", "--min-noticed", "80"], "such as 80%, got '80'"),
+        (["--mutants", "--mutation", "bond"], "invalid choice: 'bond'"),
+        (["--mutants", "--dense", "--write-apart", "x"], "expected --write-apart or --dense"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    trace: str, capsys: Output, arguments: list[str], words: str
+) -> None:
+    assert code_of(["monitor", ANSWERED, trace, *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_most_mutants_are_said_to_be_some(trace: str, capsys: Output) -> None:
+    main(["monitor", "--mutants", "--max-mutants", "5", ANSWERED, trace])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "spec: the first 5 mutants, of each kind in turn; --max-mutants makes more" in told
