@@ -31,7 +31,7 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import INTERRUPTED, Hollow, exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import files_of, requirements_of
+from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
@@ -78,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=SELECTOR",
         help="what a variable reads, as for rtamt run; variables of a scenario read what they name",
     )
+    add_apart(parser)
     add_varied(parser)
     parser.add_argument(
         "--budget",
@@ -169,7 +170,9 @@ def run(options: argparse.Namespace) -> int:
             try:
                 found = falsify(
                     system,
-                    requirements_of(options.requirements, own, options.env_id),
+                    told_apart(
+                        requirements_of(options.requirements, own, options.env_id), options.apart
+                    ),
                     entries,
                     fixed=numbers,
                     budget=options.budget,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,11 +15,13 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
+    "add_apart",
     "chosen",
     "files_of",
     "read_constants",
     "read_requirements",
     "requirements_of",
+    "told_apart",
     "variables_of",
 ]
 
@@ -117,6 +120,42 @@ def requirements_of(
                 f"{nearest(argument, own)}"
             )
     return read_requirements(arguments or list(own), own=own)
+
+
+def told_apart(
+    specs: Mapping[str, rtamt.Specification], text: str | None
+) -> Mapping[str, rtamt.Specification]:
+    """``requirement iff other`` in place of a requirement, which is violated where they differ.
+
+    Args:
+        specs: The requirements.
+        text: The other, which ``--apart`` gives; None: the requirements stay as they are.
+
+    Raises:
+        InputError: If there are several requirements, or several others.
+    """
+    if text is None:
+        return specs
+    others = read_requirements([text])
+    if len(specs) != 1 or len(others) != 1:
+        several = specs if len(specs) != 1 else others
+        raise InputError(
+            f"--apart: expected one requirement and another one, got {listing(several)}"
+        )
+    ((name, spec),), (other,) = specs.items(), others.values()
+    both = spec.standalone().iff(other.standalone())
+    return {f"{name}_apart": spec.with_result(both)}
+
+
+def add_apart(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--apart``."""
+    parser.add_argument(
+        "--apart",
+        metavar="OTHER",
+        help="judge 'REQUIREMENT iff OTHER' in place of the requirement, which is violated where "
+        "one of the two holds and the other does not: OTHER is a mutant, for instance, that "
+        "'rtamt monitor --mutants' has not noticed",
+    )
 
 
 def read_constants(arguments: Sequence[str]) -> dict[str, str]:

@@ -29,7 +29,7 @@ from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import files_of, requirements_of
+from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import counted, shorten
 
@@ -67,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=SELECTOR",
         help="what a variable reads, as for rtamt run; variables of a scenario read what they name",
     )
+    add_apart(parser)
     add_varied(parser)
     parser.add_argument(
         "--samples",
@@ -145,7 +146,8 @@ def run(options: argparse.Namespace) -> int:
             options.vary, options.set, getattr(simulation, "scenario", None)
         )
         own = getattr(simulation, "requirements", {})
-        requirements = requirements_of(options.requirement, own, options.env_id, "--requirement")
+        named = requirements_of(options.requirement, own, options.env_id, "--requirement")
+        requirements = told_apart(named, options.apart)
         inputs = getattr(getattr(simulation, "scenario", None), "inputs", ())
         if options.heat_map:
             columns = [c for each in (entries or inputs) for c in each.columns]

@@ -206,6 +206,9 @@ SHOWN: dict[str, Shown] = {
         f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
         "--vary env.gravity=9:10 --samples 2"
     ),
+    "a suite of traces does not test what a requirement says": Shown(
+        f"monitor --mutants '{RESPONSE}' busy.csv", "--min-noticed 80%"
+    ),
     "few episodes": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),

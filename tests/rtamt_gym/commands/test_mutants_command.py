@@ -259,3 +259,28 @@ def test_the_most_mutants_are_said_to_be_some(trace: str, capsys: Output) -> Non
     main(["monitor", "--mutants", "--max-mutants", "5", ANSWERED, trace])
     told = " ".join(capsys.readouterr().out.split())
     assert "spec: the first 5 mutants, of each kind in turn; --max-mutants makes more" in told
+
+
+SYSTEM = """\
+def server(load=0.5):
+    for i in range(12):
+        yield {"req": 4.0 * (i == 2), "gnt": 5.0 * (i == 2 + round(6 * load))}
+"""
+
+
+def test_a_search_tells_a_requirement_from_another_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    (tmp_path / "apart_server.py").write_text(SYSTEM)
+    monkeypatch.syspath_prepend(tmp_path)
+    window = "always(req >= 3 implies eventually[0:{}](gnt >= 3))"
+    command = ["falsify", "apart_server:server", f"answered = {window.format(2)}", "--json"]
+    command += ["--vary", "load=0:1", "--period", "1", "--budget", "30", "--apart"]
+    assert main([*command, window.format(3)]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["requirement"] == "answered_apart"
+    late = round(6 * found["input"]["load"])
+    assert late == 3  # it is answered within 3, and not within 2
+    assert main([*command, window.format(2)]) == 0
+    assert main([*command, "a = gnt > 1; b = gnt > 2"]) == 2
+    assert "--apart: expected one requirement and another one" in capsys.readouterr().err
