@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import itertools
 import json
 import random
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 from command_line import run_without
+from paths import EXAMPLES
 
 import rtamt
 from rtamt_gym.__main__ import main
@@ -284,3 +286,22 @@ def test_a_search_tells_a_requirement_from_another_one(
     assert main([*command, window.format(2)]) == 0
     assert main([*command, "a = gnt > 1; b = gnt > 2"]) == 2
     assert "--apart: expected one requirement and another one" in capsys.readouterr().err
+
+
+def test_the_page_says_what_is_noticed_and_what_is_missed(
+    tmp_path: Path, trace: str, capsys: Output
+) -> None:
+    main(["monitor", "--mutants", "--mutation", "window", "--json", ANSWERED, trace])
+    kept = tmp_path / "outcomes.json"
+    kept.write_text(capsys.readouterr().out)
+    assert main(["report", str(kept), "-o", str(tmp_path / "page.html")]) == 0
+    page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "mutants of spec" in page
+    assert "0 of 3 noticed (0 %); missed: 1:38 [0:1] -> [0:0]; 1:38 [0:1] -> [0:2]" in page
+
+
+def test_the_edges_of_the_example_notice_every_mutant(capsys: Output) -> None:
+    traces = [str(EXAMPLES / "recordings"), str(EXAMPLES / "edges")]
+    told = answer(capsys, str(EXAMPLES / "response.stl"), "--min-noticed", "100%", "--", *traces)
+    assert told["exit_code"] == 0
+    assert told["mutants"]["requirements"]["out"]["noticed"] == 32
