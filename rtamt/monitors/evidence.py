@@ -70,13 +70,14 @@ class Implications:
         False
     """
 
-    __slots__ = ("_options", "_period", "_spec", "texts", "variables")
+    __slots__ = ("_compiled", "_options", "_period", "_spec", "texts", "variables")
 
     @listed_in_signature(SampleOptions)
     def __init__(
         self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
-        self._spec, *_, program = compiled(Implications, spec, period, options, online=False)
+        self._compiled = compiled(Implications, spec, period, options, online=False)
+        self._spec, *_, program = self._compiled
         self._period, self._options = period, options
         self.texts = texts_of(self._spec.formula)
         self.variables = program.variables
@@ -113,9 +114,7 @@ class Implications:
         _check_verdict(verdict)
         if not self.texts:
             return _NOTHING
-        specification, interface, backend, nan, seconds, program = compiled(
-            Implications, self._spec, self._period, self._options, online=False
-        )
+        specification, interface, backend, nan, seconds, program = self._compiled
         reader = SampleReader(program, nan, bounds=True)
         least, greatest, length = trace_between(reader, signals, n, self._period)
         columns = dict(zip(program.variables, zip(least, greatest, strict=True), strict=True))
