@@ -32,7 +32,7 @@ from rtamt.program.program import Program
 __all__ = ["PartSigns"]
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+_Flags = NDArray[np.bool_]
 
 
 class _Pass(NamedTuple):
@@ -93,9 +93,9 @@ class PartSigns:
 
     def __init__(self, foresight: Foresight, program: Program, end: End) -> None:
         self._foresight, self._program, self._end = foresight, program, end
-        self._fails: Flags | None = None
+        self._fails: _Flags | None = None
 
-    def fails(self) -> Flags:
+    def fails(self) -> _Flags:
         """Whether it fails for certain, at every sample."""
         if self._fails is None:
             found = self._values(best=True)
@@ -105,7 +105,7 @@ class PartSigns:
                 self._fails = np.signbit(found)
         return self._fails
 
-    def holds(self) -> Flags:
+    def holds(self) -> _Flags:
         """Whether it holds for certain, at every sample."""
         found = self._values(best=False)
         if found is None:
