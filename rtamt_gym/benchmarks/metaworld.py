@@ -177,8 +177,9 @@ def signals_of(name: str) -> dict[str, SignalLike]:
         {'success': ("info['success']", 0.0)}
     """
     task = task_named(name)
-    found: dict[str, SignalLike] = {"success": ("info['success']", 0.0)}
-    return found if task.quantity == "flag" else {**found, "past": Past(task)}
+    return (
+        {"success": ("info['success']", 0.0)} if task.quantity == "flag" else {"past": Past(task)}
+    )
 
 
 @dataclass(frozen=True)
