@@ -196,8 +196,9 @@ protected:
                 if (t - lo_ < t)
                     found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
             } else if (begin <= t) {
-                known_.clear();
-                known_.append(elements.clipped(begin + lo_, t));
+                known_.clear();  // runs of elements, of which the first numbers differ too
+                const RunsView seen = elements.clipped(begin + lo_, t);
+                for (std::size_t i = 0; i < seen.size(); ++i) known_.add(seen.start(i), seen.at(i));
                 known_.add(std::max(t + 1, begin + lo_), operands_.fold.identity());
                 slide(operands_.fold, known_.view(), lo_, hi_, begin, t, trace_.memory, found);
             }

@@ -139,6 +139,13 @@ def test_a_window_of_the_past_may_be_empty_at_the_first_instant(backend: Backend
     assert (monitor.robustness, monitor.lower) == (math.inf, math.inf)
 
 
+def test_until_over_a_late_operand_reads_its_left_side_at_every_step(backend: Backend) -> None:
+    late = "(y == -1) until[0.25:1] (eventually[0.75:0.75] always[0.25:1.75] (x < -1))"
+    monitor = DenseEpisodeMonitor(late, backend=backend)
+    monitor.update(x=[(0, -2), (1.75, 2)], y=[(0, -1), (0.5, 2), (1, -2), (1.75, -1)])
+    assert (monitor.robustness, monitor.verdict) == (-3, Verdict.VIOLATED)
+
+
 def test_two_invariants_are_one_formula(backend: Backend) -> None:
     monitor = DenseEpisodeMonitor("always(a > 0) and always(b > 0)", backend=backend)
     assert monitor.update(a=[(0, 2), (5, 2)], b=[(0, 1), (3, -1), (4, 1)]) == -1
