@@ -184,11 +184,11 @@ class _Shower:
             first = answers[sought.holds]
             if first.trace is None:
                 continue
-            trace: ExampleTrace | None
             if sought.kind == "violated":
-                trace, why = self._shortest(goals[False], first.trace, deadline), ""
-            else:
-                trace, why = self._sought(sought, first.trace, deadline)
+                short, as_shown = self._shortest(sought, goals[False], first.trace, deadline)
+                self._keep(found, as_shown, short)
+                continue
+            trace, why = self._sought(sought, first.trace, deadline)
             if trace is None and why:
                 unknown[sought.why] = why
             elif trace is None and sought.kind in {"answered", "unanswered"}:
@@ -258,15 +258,17 @@ class _Shower:
         yield from (each for each in dict.fromkeys(tried) if least <= each <= self._horizon)
 
     def _shortest(
-        self, goals: Sequence[Goal], known: ExampleTrace, deadline: float
-    ) -> ExampleTrace:
-        """The shortest violation, or one that is known if it repeats or is long."""
-        if not known.loop and known.samples <= _PROVED:
-            for samples in range(1, known.samples):
-                trace, _ = self._search.of_length(goals, samples, deadline)
-                if trace is not None:
-                    return self._plain(trace, goals)
-        return self._plain(known, goals)
+        self, sought: Sought, goals: Sequence[Goal], known: ExampleTrace, deadline: float
+    ) -> tuple[ExampleTrace, Sought]:
+        """The shortest violation, or one of which that is not proved; and what it is."""
+        proved = not known.loop and known.samples <= _PROVED
+        for samples in range(1, known.samples) if proved else ():
+            trace, why = self._search.of_length(goals, samples, deadline)
+            proved = proved and not why
+            if trace is not None:
+                known = trace
+                break
+        return self._plain(known, goals), sought if proved else replace(sought, why="a violation")
 
     def _plain(self, trace: ExampleTrace, goals: Sequence[Goal]) -> ExampleTrace:
         """A plainer trace that the monitors judge alike, else the trace itself."""

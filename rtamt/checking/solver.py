@@ -37,7 +37,7 @@ def solver_library() -> Any:  # noqa: ANN401 - z3 has no types
         return importlib.import_module("z3")
     except ModuleNotFoundError as error:
         msg = (
-            "rtamt.check needs z3, which is not installed; "
+            "a check or an example of a requirement needs z3, which is not installed; "
             "from the checkout: pip install '.[check]'"
         )
         raise ModuleNotFoundError(msg, name="z3") from error

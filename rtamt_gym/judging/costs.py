@@ -30,7 +30,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,10 @@ import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.reading import Reading, SampleReading
-from rtamt_gym.signals.columns import Floats, Lanes
 from rtamt_gym.tables import shorten
+
+if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
+    from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Cost", "CostMeter", "Demand", "VectorCostMeter", "demands_of"]
 

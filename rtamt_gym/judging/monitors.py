@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from rtamt import InputError, RtamtError
 from rtamt.errors import Argument
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.reading import Reading, SampleReading
-from rtamt_gym.signals.columns import Floats, Lanes
+
+if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
+    from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = [
     "InstantMonitor",

@@ -21,12 +21,12 @@ from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judging.interface import described
 from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.picking import picked, split, together
+from rtamt_gym.judging.picking import picked, together
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.signals import Read
+from rtamt_gym.signals.signals import ElementRead, Read
 
 __all__ = ["Assessment", "Feed", "Monitors", "Panel"]
 
@@ -213,7 +213,7 @@ class Panel:
             keep: Called with the values of every sample that all monitors have taken in.
         """
         note = decide or self.note
-        elements, others = split(reads or ())
+        elements, others = _split(reads or ())
         measure = together(
             None if self._owing is None else self._owing.feeder(names),
             together(
@@ -461,3 +461,12 @@ def _open_if_cut(judge: EpisodeMonitor) -> bool:
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
+
+
+def _split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
+    """The places of what reads an element of the observation, and of all else."""
+    numbered = list(enumerate(reads))
+    elements = [(place, read.index) for place, read in numbered if isinstance(read, ElementRead)]
+    return elements, [
+        (place, read) for place, read in numbered if not isinstance(read, ElementRead)
+    ]

@@ -4,23 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-from typing import Any
 
-from rtamt_gym.signals.signals import ElementRead, Read
-
-__all__ = ["pick", "picked", "split", "together"]
+__all__ = ["pick", "picked", "together"]
 
 _See = Callable[[Sequence[float]], None]
 """Sees the values of a sample."""
-
-
-def split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
-    """The places of what reads an element of the observation, and of all else."""
-    numbered = list(enumerate(reads))
-    elements = [(place, read.index) for place, read in numbered if isinstance(read, ElementRead)]
-    return elements, [
-        (place, read) for place, read in numbered if not isinstance(read, ElementRead)
-    ]
 
 
 def picked(

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,7 +32,9 @@ from rtamt_gym.judging.monitors import machine_state
 from rtamt_gym.judging.obligations import bare
 from rtamt_gym.judging.picking import pick, picked
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.signals.columns import Floats, Lanes
+
+if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
+    from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["StageProgress", "VectorStageProgress", "progress_of"]
 

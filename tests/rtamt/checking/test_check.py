@@ -208,7 +208,8 @@ def test_without_the_solver_an_error_names_the_extra(monkeypatch: pytest.MonkeyP
     with pytest.raises(ModuleNotFoundError) as error:
         rtamt.check("x > 0")
     assert str(error.value) == (
-        "rtamt.check needs z3, which is not installed; from the checkout: pip install '.[check]'"
+        "a check or an example of a requirement needs z3, which is not installed; "
+        "from the checkout: pip install '.[check]'"
     )
     assert importlib.import_module("rtamt").check is rtamt.check
 

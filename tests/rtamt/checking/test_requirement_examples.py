@@ -155,6 +155,13 @@ def test_the_shortest_violation_is_the_shortest() -> None:
     assert shortest.trace.samples == 6
 
 
+def test_what_was_not_proved_to_be_the_shortest_is_not_called_so() -> None:
+    long = only("eventually[0:80](x > 0)").violated[0]
+    assert long.trace.samples == 81
+    assert "a violation" in long.why
+    assert "shortest" not in long.why
+
+
 def test_an_implication_that_nothing_asks_is_said() -> None:
     found = only("always((x > 1 and x < 0) implies y > 0) and eventually(y < 0)")
     assert found.missing == ("asked and answered", "asked and not answered")
