@@ -94,7 +94,7 @@ def test_what_gymnasium_makes_is_not_repeated_and_so_not_paired() -> None:
 
 def test_an_end_at_the_first_success_holds_nothing_and_a_cut_window_is_said() -> None:
     name = "button-press-topdown-v3"
-    made = {"env_name": name, "seed": 0, "terminate_on_success": True}
+    made: Any = {"env_name": name, "seed": 0, "terminate_on_success": True}
     env = gym.make("Meta-World/MT1", disable_env_checker=True, **made)
     specs: Any = {**readings("success"), "ahead": "eventually(always[0:0.5](success >= 0.5))"}
     simulation: Any = make(name).unwrapped

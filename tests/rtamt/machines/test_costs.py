@@ -164,6 +164,31 @@ def test_an_event_costs_the_same_in_any_window(count: StepCounter, backend: Back
     assert spent(500) <= 1.1 * spent(20)
 
 
+@pytest.mark.parametrize("backend", NATIVE, scope="module")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always(a > 1 implies eventually[0:{w}](b > 1))",
+        "always(a > 1 implies always[0:{w}](b > -9))",
+        "always(a > 1 implies once[0:{w}](b > 1))",
+    ],
+)
+def test_an_event_of_an_episode_changes_few_open_values(
+    text: str, count: StepCounter, backend: Backend
+) -> None:
+    trace = events(800)
+    a, b = pairs(trace["a"]), pairs(trace["b"])
+
+    def spent(window: int) -> int:
+        monitor = rtamt.DenseEpisodeMonitor(text.format(w=window), backend=backend)
+        monitor.update({"a": a[:700], "b": b[:700]})
+        later = zip(a[700:], b[700:], strict=True)
+        return sum(count(monitor.update, {"a": [x], "b": [y]}) for x, y in later)
+
+    # What is folded anew at each event costs 25 times as much in the wider window.
+    assert spent(500) <= 2.5 * spent(20)
+
+
 def test_an_event_costs_the_same_while_a_variable_runs_ahead(
     count: StepCounter, backend: Backend
 ) -> None:
