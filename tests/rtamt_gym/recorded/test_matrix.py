@@ -307,6 +307,11 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
         "  0 s   -0.5  near = always(gap > 2)\n"
         "0.5 s   -0.5  gap > 2\n"
         "0.5 s    1.5  gap\n"
+        "\n"
+        "runs/a.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
+        "  1.5 s long, longest gap 0.5 s\n"
+        "runs/b.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
+        "  1.5 s long, longest gap 0.5 s\n"
     )
     assert err == ("rtamt: error: cannot open no.csv: No such file or directory\n")
     assert main(["explain", *words[:-1]]) == 1
@@ -318,6 +323,9 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
         "UNDECIDED, robustness -1\n"
         "    eventually[0:1](gnt >= 3) at 1.5 s: not recorded: 2 s to 2.5 s\n"
         "    if the trace is all there is, --end complete says VIOLATED\n"
+        "\n"
+        "runs/d.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
+        "  1.5 s long, longest gap 0.5 s\n"
     )
 
 

@@ -66,7 +66,10 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
         (
             LATE,
             [[1, 0.5], [3, 0.75]],
-            ["'limit' is 0.5, its default: its first event comes at 3 s"],
+            [
+                "empty cells are no events: the value before holds (limit: 2)",
+                "'limit' is 0.5, its default: its first event comes at 3 s",
+            ],
         ),
         (
             "time,variable,value\n1,x,0.25\n2,x,0.125\n3,x,0\n",
@@ -78,8 +81,19 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
             [[1, 0.5], [2, 0.75]],
             ["'limit' is 0.5, its default: its first event comes at 2 s"],
         ),
-        ("time,x,limit\n1,0.25,0.75\n3,0,\n", [[1, 0.75]], []),
-        ("time,x,limit\n1,0.25,\n", [[1, 0.5]], ["'limit' is 0.5, its default: no event is there"]),
+        (
+            "time,x,limit\n1,0.25,0.75\n3,0,\n",
+            [[1, 0.75]],
+            ["empty cells are no events: the value before holds (limit: 1)"],
+        ),
+        (
+            "time,x,limit\n1,0.25,\n",
+            [[1, 0.5]],
+            [
+                "empty cells are no events: the value before holds (limit: 1)",
+                "'limit' is 0.5, its default: no event is there",
+            ],
+        ),
     ],
 )
 def test_a_default_is_an_event_at_the_first_row(
