@@ -8,12 +8,27 @@ from typing import Literal
 
 from rtamt.checking.search import ExampleTrace, SearchAnswer
 
-__all__ = ["Answer", "Check", "CheckedRequirement", "Clashing", "Equivalence", "Idle", "Says"]
+__all__ = [
+    "Answer",
+    "Check",
+    "CheckedRequirement",
+    "Clashing",
+    "Equivalence",
+    "Idle",
+    "Says",
+    "worst",
+]
 
 Says = Literal["yes", "no", "unknown"]
 
 Clashing = tuple[str, tuple[int, int] | None]
 """A part that clashes: its text, and its line and column if it has any."""
+
+
+def worst(said: Iterable[Says]) -> Says:
+    """What several answers say together: ``"no"`` if one does, else ``"unknown"`` if one does."""
+    several = {*said}
+    return "no" if "no" in several else "unknown" if "unknown" in several else "yes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +151,9 @@ class CheckedRequirement:
     @property
     def says(self) -> Says:
         """``"no"`` if something is wrong with it, ``"yes"`` if nothing is, or ``"unknown"``."""
-        answers = [self.satisfiable, self.falsifiable, *self.asked.values()]
-        if self.idle or any(answer.says == "no" for answer in answers):
-            return "no"
-        doubt = self.unknown or any(answer.says == "unknown" for answer in answers)
-        return "unknown" if doubt else "yes"
+        said: set[Says] = {"no"} if self.idle else {"unknown"} if self.unknown else set()
+        answers = (self.satisfiable, self.falsifiable, *self.asked.values())
+        return worst({*said, *(each.says for each in answers)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,14 +189,15 @@ class Check:
 
         That one requirement implies another is told, and is not wrong.
         """
-        said = {each.says for each in self.requirements.values()}
+        parts: list[CheckedRequirement | Answer | Equivalence] = [
+            *self.requirements.values(),
+            *self.asked.values(),
+            *self.same.values(),
+        ]
         if self.together is not None:
-            said.add(self.together.says)
-        said |= {answer.says for answer in self.asked.values()}
-        said |= {each.says for each in self.same.values()}
-        if self.equal or "no" in said:
-            return "no"
-        return "unknown" if self.unknown or "unknown" in said else "yes"
+            parts.append(self.together)
+        said: set[Says] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
+        return worst({*said, *(each.says for each in parts)})
 
     def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:
         """Every trace that was found, with the name of its requirement and what it shows."""

@@ -11,7 +11,7 @@ from rtamt.checking.answers import Answer, Check, CheckedRequirement, Clashing, 
 from rtamt.checking.equivalence import paired, same
 from rtamt.checking.questions import impossible, prepared
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
-from rtamt.language.formula import Formula, make
+from rtamt.language.formula import Formula, make, replaced
 from rtamt.language.node import Node
 from rtamt.language.ranges import range_text
 from rtamt.language.specification import Specification
@@ -154,7 +154,7 @@ class _Checker:
         """The part if it decides nothing; else why nobody knows, which is empty if it does."""
         why = ""
         for instead in _CONSTANTS:
-            other = self._with(_replaced(self.spec.formula, node, instead))
+            other = self._with(replaced(self.spec.formula, {node: make(instead, ())}))
             bound = 0
             for holds in (True, False):
                 found = self._find((other, holds), (self.program, not holds), first=self._first)
@@ -227,20 +227,6 @@ def _conjuncts(formula: Formula) -> Iterator[tuple[Formula, Formula]]:
             yield whole, formula if len(below) == 1 else last
     else:
         yield formula, formula
-
-
-def _replaced(formula: Formula, part: Formula, constant: str) -> Formula:
-    """The formula with a constant in place of a part, wherever that stands."""
-    made: dict[Node, Node] = {}
-    for node in formula.nodes():
-        args = tuple(made[each] for each in node.args)
-        if node is part:
-            made[node] = make(constant, ())
-        elif node.op is None or all(a is b for a, b in zip(args, node.args, strict=True)):
-            made[node] = node
-        else:
-            made[node] = make(node.op.name, args, node.interval)
-    return cast("Formula", made[formula])
 
 
 def _set(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final
 
-from rtamt.checking.answers import Answer, Says
+from rtamt.checking.answers import Answer, Says, worst
 from rtamt.checking.kinds import ExampleKind, Sought, kinds_of
 from rtamt.checking.plain import Plainness, made_plain
 from rtamt.checking.questions import prepared
@@ -86,8 +86,7 @@ class RequirementExamples:
     @property
     def says(self) -> Says:
         """``"yes"`` if traces satisfy and violate it, ``"no"`` if not, or ``"unknown"``."""
-        said = {self.satisfiable.says, self.falsifiable.says}
-        return "no" if "no" in said else "unknown" if "unknown" in said else "yes"
+        return worst([self.satisfiable.says, self.falsifiable.says])
 
 
 def examples(

@@ -10,14 +10,14 @@ descriptions from examples", 1970).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from typing import Final, Literal, cast
 
 from rtamt.errors import SpecificationError
-from rtamt.language.formula import Formula, Term, make, number
+from rtamt.language.formula import Formula, Term, make, number, replaced
 from rtamt.language.interval import UNITS, Interval
 from rtamt.language.node import Node
 from rtamt.program.implications import implications, signs, unanswered
@@ -86,7 +86,7 @@ def kinds_of(formula: Formula, step: Fraction | None, unit: str) -> list[Sought]
         for change in _changes(node, step, unit)
     ]
     for _, _, change in sorted(changes, key=lambda each: each[:2]):
-        other = replaced(formula, change.node, change.instead)
+        other = replaced(formula, {change.node: change.instead})
         if other is formula:
             continue
         for positive in sorted(both[change.node], reverse=True):
@@ -136,12 +136,12 @@ def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iter
         of = f": {each}" if len(every) > 1 else ""
         other = unanswered(formula, [each])
         late = _inside(each, step, unit)
-        wished = () if late is each else ((replaced(formula, each, late), True),)
+        wished = () if late is each else ((replaced(formula, {each: late}), True),)
         true = cast("Formula", make("true", ()))
         yield Sought(
             "answered", f"asked and answered{of}", holds=True, also=((other, False),), wished=wished
         )
-        without = replaced(formula, each, true)
+        without = replaced(formula, {each: true})
         yield Sought(
             "unanswered", f"asked and not answered{of}", holds=False, also=((without, True),)
         )
@@ -160,7 +160,7 @@ def _inside(implication: Formula, step: Fraction | None, unit: str) -> Formula:
             room = one * max(1, math.floor((end - begin) / one / 4))
             narrow = Interval(begin + room, end - room, interval.unit)
             inner = cast("Formula", make("eventually", node.args, narrow))
-            answer = replaced(cast("Formula", answer), node, inner)
+            answer = replaced(cast("Formula", answer), {node: inner})
     return cast("Formula", make("implies", (request, answer)))
 
 
@@ -312,20 +312,6 @@ def last_digit(value: float) -> float:
     """
     exponent = Decimal(repr(value)).normalize().as_tuple().exponent
     return 10.0 ** min(0, cast("int", exponent))
-
-
-def replaced(formula: Formula, part: Node, instead: Formula) -> Formula:
-    """The formula with another one in place of a part, wherever that stands."""
-    made: dict[Node, Node] = {}
-    for node in formula.nodes():
-        args: Sequence[Node] = [made[each] for each in node.args]
-        if node is part:
-            made[node] = instead
-        elif node.op is None or all(a is b for a, b in zip(args, node.args, strict=True)):
-            made[node] = node
-        else:
-            made[node] = make(node.op.name, tuple(args), node.interval)
-    return cast("Formula", made[formula])
 
 
 def _row(node: Node) -> str:

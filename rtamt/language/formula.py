@@ -7,7 +7,7 @@ Equal formulas are one object. ``str`` prints with the fewest brackets that the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief
@@ -25,6 +25,7 @@ __all__ = [
     "disjunction",
     "make",
     "number",
+    "replaced",
     "variable",
 ]
 
@@ -298,6 +299,23 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
         raise SpecificationError(msg)
     result: type[Term | Formula] = Term if op.result == "term" else Formula
     return interned(result, op, args, interval)
+
+
+def replaced(formula: Formula, instead: Mapping[Node, Node]) -> Formula:
+    """The formula with other nodes in place of some of its own, wherever these stand.
+
+    Example:
+        >>> x = variable("x")
+        >>> print(replaced((x > 3).always() & (x > 3), {x > 3: x > 4}))
+        always(x > 4) and x > 4
+    """
+    made = {**instead}
+    for node in formula.nodes():
+        if node not in made:
+            args = tuple(made[each] for each in node.args)
+            same = all(a is b for a, b in zip(args, node.args, strict=True))
+            made[node] = make(node.op.name, args, node.interval) if node.op and not same else node
+    return cast("Formula", made[formula])
 
 
 def _junction(name: str, several: Iterable[Formula]) -> Formula:

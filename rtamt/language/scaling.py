@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from rtamt.errors import SpecificationError, brief
-from rtamt.language.formula import Formula, Term, make, number
+from rtamt.language.formula import Formula, Term, make, number, replaced
 from rtamt.language.node import Node
 
 __all__ = ["predicates", "scaled"]
@@ -57,11 +57,7 @@ def scaled(formula: Formula, scales: Mapping[Formula, float]) -> Formula:
                 f"expected a positive scale of {predicate}, got {brief(scale)}"
             )
         made[predicate] = _divided(predicate, scale)
-    for node in formula.nodes():
-        if node not in made:
-            args = tuple(made[each] for each in node.args)
-            made[node] = make(node.op.name, args, node.interval) if node.op else node
-    return cast("Formula", made[formula])
+    return replaced(formula, made)
 
 
 def _divided(predicate: Formula, scale: float) -> Formula:

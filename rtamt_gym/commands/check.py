@@ -7,28 +7,22 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 import rtamt
-from rtamt import Answer, Check, CheckedRequirement, InputError, Specification
-from rtamt_gym.commands.arguments import read_reading
+from rtamt import Answer, Check, CheckedRequirement, Specification
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
+    code_of,
     drawn,
     equivalence_data,
-    first_timed,
+    read_period,
     write,
 )
-from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.commands.specs import files_of, read_constants, read_requirements
 
-if TYPE_CHECKING:
-    from rtamt_gym.results.outcome import Word
-
 __all__ = ["add_arguments", "run"]
-
-_WORDS: Final[Mapping[str, Word]] = {"yes": "satisfied", "no": "violated", "unknown": "undecided"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,12 +47,7 @@ def run(options: argparse.Namespace) -> int:
     """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
     specs = read_requirements(options.specs, read_constants(options.constant))
     others = read_requirements(options.same_as)
-    period = read_reading(options).seconds
-    if period is None and (timed := first_timed(specs) or first_timed(others)):
-        raise InputError(
-            f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
-            "give --period 100ms, for instance"
-        )
+    period = read_period(options, specs, others)
     found = rtamt.check(
         specs,
         period,
@@ -77,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         print(*_compared(found, specs, others), sep="\n")
     else:
         print(*_lines(found, specs, _files(options.specs)), sep="\n")
-    return exit_code([_WORDS[found.says]])
+    return code_of([found.says])
 
 
 def _files(arguments: Sequence[str]) -> dict[str, str]:

@@ -7,36 +7,44 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from rtamt import Answer, Equivalence, ExampleTrace, Specification
-from rtamt_gym.commands.arguments import add_reading, positive
+from rtamt import Answer, Equivalence, ExampleTrace, InputError, Specification
+from rtamt_gym.commands.arguments import add_reading, positive, read_reading
+from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.commands.specs import add_constant
 from rtamt_gym.tables import counted, number, table
+
+if TYPE_CHECKING:
+    from rtamt_gym.results.outcome import Word
 
 __all__ = [
     "add_search",
     "answer_data",
+    "code_of",
     "drawn",
     "equivalence_data",
-    "first_timed",
+    "read_period",
     "strict",
     "trace_data",
     "write",
+    "write_samples",
 ]
+
+_WORDS: Final[Mapping[str, Word]] = {
+    "yes": "satisfied",
+    "no": "violated",
+    "unknown": "undecided",
+}
 
 
 def add_search(parser: argparse.ArgumentParser) -> None:
     """Adds the specifications and how traces are searched for."""
     parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
-    parser.add_argument(
-        "--constant",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the value of a constant, in place of that in the text; may be repeated",
-    )
+    add_constant(parser)
     parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
     parser.add_argument(
         "--end",
@@ -65,13 +73,28 @@ def add_search(parser: argparse.ArgumentParser) -> None:
     add_reading(parser, "period")
 
 
-def first_timed(specs: Mapping[str, Specification]) -> str:
-    """The first requirement with a unit in a bound; empty if there is none."""
-    for name, spec in specs.items():
+def read_period(
+    options: argparse.Namespace, *requirements: Mapping[str, Specification]
+) -> Fraction | None:
+    """Reads ``--period``.
+
+    Raises:
+        InputError: If there is none, and a requirement has a unit in a bound.
+    """
+    period = read_reading(options).seconds
+    for name, spec in itertools.chain(*(each.items() for each in requirements)):
         bounds = (node.interval for node in spec.formula.nodes())
-        if any(interval is not None and interval.unit is not None for interval in bounds):
-            return name
-    return ""
+        if period is None and any(bound is not None and bound.unit for bound in bounds):
+            raise InputError(
+                f"--period: {name} has bounds with units, and nobody said how long a sample is; "
+                "give --period 100ms, for instance"
+            )
+    return period
+
+
+def code_of(answers: Iterable[str]) -> int:
+    """The code with which a command ends: 0 of yes, 1 of a no, 3 of unknown."""
+    return exit_code([_WORDS[says] for says in answers])
 
 
 def drawn(trace: ExampleTrace) -> list[str]:
@@ -139,13 +162,13 @@ def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
         traces: Traces, each with the words that its file is named after.
         folder: Where the files lie.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     for words, trace in traces:
-        columns = [trace.unrolled(variable) for variable in trace.columns]
-        path = folder / f"{re.sub(_NO_NAME, '_', words)}.csv"
-        with path.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([[*trace.columns], *zip(*columns, strict=True)])
+        write_samples(folder, words, {name: trace.unrolled(name) for name in trace.columns})
 
 
-_NO_NAME: Final = r"[^\w.-]"
-"""What is left out of names of files."""
+def write_samples(folder: Path, words: str, columns: Mapping[str, Sequence[float]]) -> None:
+    """Writes a file of samples, named after words, into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = re.sub(r"[^\w.-]", "_", words)
+    with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([[*columns], *zip(*columns.values(), strict=True)])

@@ -6,30 +6,25 @@ import argparse
 import json
 from collections.abc import Iterator, Mapping
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 import rtamt
-from rtamt import Example, ExampleTrace, InputError, RequirementExamples
-from rtamt_gym.commands.arguments import positive, read_reading
+from rtamt import Example, ExampleTrace, RequirementExamples
+from rtamt_gym.commands.arguments import positive
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
+    code_of,
     drawn,
-    first_timed,
+    read_period,
     strict,
     trace_data,
     write,
 )
-from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.commands.specs import read_constants, read_requirements
 from rtamt_gym.tables import number
 
-if TYPE_CHECKING:
-    from rtamt_gym.results.outcome import Word
-
 __all__ = ["add_arguments", "run"]
-
-_WORDS: Final[Mapping[str, Word]] = {"yes": "satisfied", "no": "violated", "unknown": "undecided"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,12 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Prints the examples; 1 if a requirement is not satisfied, or not violated, by any trace."""
     specs = read_requirements(options.specs, read_constants(options.constant))
-    period = read_reading(options).seconds
-    if period is None and (timed := first_timed(specs)):
-        raise InputError(
-            f"--period: {timed} has bounds with units, and nobody said how long a sample is; "
-            "give --period 100ms, for instance"
-        )
+    period = read_period(options, specs)
     found = rtamt.examples(
         specs,
         period,
@@ -70,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     if options.save is not None:
         write(_files(found), options.save)
     print(json.dumps(_data(found), indent=2) if options.json else "\n".join(_lines(found)))
-    return exit_code([_WORDS[each.says] for each in found.values()])
+    return code_of(each.says for each in found.values())
 
 
 def _lines(found: Mapping[str, RequirementExamples]) -> Iterator[str]:

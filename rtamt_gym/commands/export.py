@@ -9,7 +9,7 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import add_reading, check_outputs, read_reading
-from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
+from rtamt_gym.commands.specs import add_constant, chosen, read_constants, read_requirements
 from rtamt_gym.tables import shorten
 
 __all__ = ["add_arguments", "run"]
@@ -48,13 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="the requirement that is monitored, of a text with several",
     )
-    parser.add_argument(
-        "--constant",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the value of a constant, in place of that in the text; may be repeated",
-    )
+    add_constant(parser)
     add_reading(parser, "period", "semantics", "align")
 
 

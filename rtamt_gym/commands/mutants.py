@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import rtamt
 from rtamt import InputError, Mutant, RtamtError, Verdict
 from rtamt_gym.commands.arguments import positive
+from rtamt_gym.commands.example_traces import write_samples
 from rtamt_gym.commands.exit_codes import Hollow
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.tables import shorten
@@ -285,11 +285,9 @@ def write_apart(
 
     They have a column of times where the traces have one, and the columns of their requirement.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     period = None if asked.reading.period is not None else _period(asked, matrix)
     written = 0
     for name, score in scores.items():
-        stem = re.sub(r"[^\w.-]", "_", name)
         for number, mutant in enumerate(score.mutants, 1):
             if not mutant.apart:
                 continue
@@ -297,7 +295,6 @@ def write_apart(
             if period is not None:
                 count = len(next(iter(columns.values())))
                 columns = {"time": tuple(float(i * period) for i in range(count)), **columns}
-            with (folder / f"{stem}-{number}.csv").open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file).writerows([[*columns], *zip(*columns.values(), strict=True)])
+            write_samples(folder, f"{name}-{number}", columns)
             written += 1
     return f"traces that notice what is missed: {written} in {folder}\n"

@@ -16,6 +16,7 @@ from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
     "add_apart",
+    "add_constant",
     "chosen",
     "files_of",
     "read_constants",
@@ -155,6 +156,17 @@ def add_apart(parser: argparse.ArgumentParser) -> None:
         help="judge 'REQUIREMENT iff OTHER' in place of the requirement, which is violated where "
         "one of the two holds and the other does not: OTHER is a mutant, for instance, that "
         "'rtamt monitor --mutants' has not noticed",
+    )
+
+
+def add_constant(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--constant``, which `read_constants` reads."""
+    parser.add_argument(
+        "--constant",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the value of a constant, in place of that in the text; may be repeated",
     )
 
 

@@ -13,6 +13,7 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.exit_codes import Hollow
+from rtamt_gym.judging.reading import seconds_of
 from rtamt_gym.success import readings
 from rtamt_gym.tables import counted
 
@@ -90,7 +91,7 @@ def success_requirements(
 
 def _hold(period: rtamt.Period | None) -> str:
     """The time where none is given, as a text with its unit."""
-    step = None if period is None else rtamt.Monitor("true", period=period).period
+    step = seconds_of(period)
     length = _HOLD if step is None else math.ceil(_HOLD / step) * step
     return f"{float(length * 1000):.12g}ms"
 

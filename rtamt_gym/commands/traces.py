@@ -18,7 +18,13 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_reading, read_reading
-from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
+from rtamt_gym.commands.specs import (
+    add_constant,
+    chosen,
+    read_constants,
+    read_requirements,
+    variables_of,
+)
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns, read_seconds
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten
@@ -92,13 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         metavar="NAME",
         help="judge this requirement alone; may be repeated",
     )
-    parser.add_argument(
-        "--constant",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the value of a constant, in place of that in the text; may be repeated",
-    )
+    add_constant(parser)
     add_reading(
         parser,
         *("end", "period", "view", "semantics", "align", "dense"),

@@ -11,7 +11,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 
-import rtamt
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count
@@ -24,7 +23,7 @@ from rtamt_gym.evaluation.repeating import refuse_unrepeated, repeats, tell_unre
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading, seconds_of
 from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
@@ -220,7 +219,7 @@ def evaluate_policy(
     def made_of(
         record: Record, keep: int, planned: int | None = None, *, begun: bool | None = None
     ) -> Evaluation:
-        period = rtamt.Monitor("true", period=runner.period).period
+        period = seconds_of(runner.period)
         runs, frames = _worst_runs(Filming(runner, period), record, keep)
         return Evaluation(
             record,

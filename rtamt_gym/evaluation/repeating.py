@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Mapping
 from typing import Any, Final, NoReturn
@@ -40,7 +41,7 @@ def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environmen
     seeds: Any = [seed] * env.num_envs if isinstance(env, VectorEnv) else seed
     try:
         first, _ = env.reset(seed=seeds)
-        kept = _copied(first)  # which an environment may write the next one into
+        kept = copy.deepcopy(first)  # which an environment may write the next one into
         second, _ = env.reset(seed=seeds)
     except (Exception, SystemExit):  # noqa: BLE001 - the episodes will say it
         return None
@@ -82,12 +83,3 @@ def alike(a: Any, b: Any) -> bool:  # noqa: ANN401 - observations of any space
     one, two = np.asarray(a), np.asarray(b)
     numbers = one.dtype.kind in "fc" and two.dtype.kind in "fc"
     return bool(np.array_equal(one, two, equal_nan=numbers))
-
-
-def _copied(value: Any) -> Any:  # noqa: ANN401 - an observation of any space
-    """A copy of the arrays of an observation."""
-    if isinstance(value, Mapping):
-        return {name: _copied(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_copied(each) for each in value]
-    return value.copy() if isinstance(value, np.ndarray) else value

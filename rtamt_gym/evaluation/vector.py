@@ -12,7 +12,6 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-import rtamt
 from rtamt import InputError, StateError
 from rtamt_gym.evaluation.lanes import Lane, Task
 from rtamt_gym.evaluation.places import Place, VectorTap
@@ -20,7 +19,7 @@ from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading
+from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, seconds_of
 from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
@@ -94,7 +93,7 @@ class VectorEpisodes(Runner):
         self.period = reading.period or read_period(self._env) or ask_another(self._env)
         self.inputs = ()
         limit = spec.max_episode_steps if spec else None
-        step = rtamt.Monitor("true", period=self.period).period
+        step = seconds_of(self.period)
         self.duration = duration or (None if limit is None or step is None else float(step * limit))
         self.unasked = reading.at_termination is None
         self.reading = reading.having(

@@ -35,6 +35,7 @@ __all__ = [
     "checked_reading",
     "lists_reading",
     "refuse_other",
+    "seconds_of",
 ]
 
 View = Literal["episode", "step"]
@@ -227,7 +228,7 @@ class Reading:
     @property
     def seconds(self) -> Fraction | None:
         """The period in seconds; None where it is not given."""
-        return _seconds(self.period)
+        return seconds_of(self.period)
 
     def options(self) -> dict[str, Any]:
         """What was given, as keywords."""
@@ -382,11 +383,16 @@ def _listed(text: str | None, rows: Iterable[Field[Any]]) -> str | None:
 def _meant(name: str, value: Any) -> object:  # noqa: ANN401 - of any option
     """What the value of an option means, however it is written."""
     if name == "period":
-        return _seconds(value)
+        return seconds_of(value)
     return frozenset(value) if isinstance(value, tuple) else value
 
 
-def _seconds(period: Period | None) -> Fraction | None:
+def seconds_of(period: Period | None) -> Fraction | None:
+    """A period in seconds, exactly; None stays None.
+
+    Raises:
+        SpecificationError: If it is no period.
+    """
     return None if period is None else rtamt.Monitor("true", period).period
 
 

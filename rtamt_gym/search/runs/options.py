@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from gymnasium.vector import VectorEnv
 
-import rtamt
 from rtamt import InputTypeError, Period
+from rtamt_gym.judging.reading import seconds_of
 from rtamt_gym.simulation.systems import Environment, System
 
 __all__ = ["check_system", "duration_of"]
@@ -38,5 +38,5 @@ def duration_of(ran: System, duration: float | None, period: Period | None) -> f
         return None if duration == math.inf else duration
     if not isinstance(ran, Environment) or ran.limit is None:
         return None
-    step = rtamt.Monitor("true", period=ran.period if period is None else period).period
+    step = seconds_of(ran.period if period is None else period)
     return None if step is None else float(step * ran.limit)

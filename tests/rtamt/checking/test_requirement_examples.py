@@ -6,6 +6,7 @@ import sys
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_texts import texts_of
 
 import rtamt
 from rtamt import Example, InputError, Verdict, judge
@@ -14,23 +15,7 @@ RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
 VALUES = (-1.0, 0.0, 1.0, 2.0)
 
-_atoms = st.sampled_from(["x > 0", "x >= 1", "x < 1", "y > 0", "y <= 1"])
-_bounds = st.sampled_from(["[0:1]", "[1:1]", "[1:2]", "[0:2]"])
-
-
-def _above(below: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    one = st.sampled_from(["not", "rise", "prev", "next"])
-    timed = st.sampled_from(["always", "eventually", "once", "historically"])
-    two = st.sampled_from(["and", "or", "implies", "iff"])
-    return st.one_of(
-        st.builds("{}({})".format, one, below),
-        st.builds("{}{}({})".format, timed, _bounds, below),
-        st.builds("({}) {} ({})".format, below, two, below),
-        st.builds("({}) until{} ({})".format, below, _bounds, below),
-    )
-
-
-texts = st.recursive(_atoms, _above, max_leaves=3)
+texts = texts_of("x > 0", "x >= 1", "x < 1", "y > 0", "y <= 1")
 
 
 def only(text: str, **options: object) -> rtamt.RequirementExamples:
