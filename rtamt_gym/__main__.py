@@ -46,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
-        message = refusal(error, options_of(_command(given)))
+        command = _command(given)
+        message = refusal(error, options_of(command), command)
         if message is None:
             return _refuse(unexpected(error), "".join(traceback.format_exception(error)))
         return _refuse(message)

@@ -5,32 +5,46 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["EXTRAS", "missing", "naming_extra"]
+__all__ = ["EXTRAS", "advice", "missing", "naming_extra"]
 
-EXTRAS: Final[Mapping[str, str]] = {
-    "gymnasium": "gym",
-    "mujoco": "gym",
-    "PIL": "gym",
-    "moviepy": "video",
-    "highway_env": "highway",
-    "matplotlib": "plot",
-    "pyarrow": "files",
-    "scipy": "files",
-    "asammdf": "mdf",
-    "rosbags": "bags",
-    "pandas": "pandas",
-    "fmpy": "fmi",
-    "SALib": "search",
-    "cma": "search",
-    "optuna": "optuna",
-    "joblib": "search",
-    "staliro": "taliro",
-    "jinja2": "report",
-    "plotly": "report",
-    "minari": "minari",
-    "z3": "check",
+_GYM: Final = (
+    "gym",
+    "cases",
+    "fmi",
+    "minari",
+    "video",
+    "search",
+    "report",
+    "optuna",
+    "taliro",
+)
+_SEARCH: Final = ("search", "report", "optuna", "taliro")
+
+EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
+    "gymnasium": _GYM,
+    "mujoco": _GYM,
+    "PIL": _GYM,
+    "numba": ("cases",),
+    "moviepy": ("video",),
+    "highway_env": ("highway",),
+    "matplotlib": ("plot",),
+    "pyarrow": ("files", *_SEARCH),
+    "scipy": ("files", *_SEARCH),
+    "asammdf": ("mdf",),
+    "rosbags": ("bags",),
+    "pandas": ("pandas", *_SEARCH),
+    "fmpy": ("fmi",),
+    "SALib": _SEARCH,
+    "cma": _SEARCH,
+    "optuna": ("optuna",),
+    "joblib": _SEARCH,
+    "staliro": ("taliro",),
+    "jinja2": ("report",),
+    "plotly": ("report",),
+    "minari": ("minari",),
+    "z3": ("check",),
 }
-"""The extra that installs each optional package."""
+"""The extras that install each optional package, the smallest first; ``all`` installs each."""
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
@@ -39,18 +53,32 @@ def missing(error: ModuleNotFoundError) -> str | None:
     return package if package in EXTRAS else None
 
 
-def naming_extra(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
+def advice(package: str, wanted: str = "") -> str:
+    """How an optional package is installed.
+
+    Args:
+        package: It.
+        wanted: The extra of what needs it, which may need more than this one package.
+
+    Example:
+        >>> advice("scipy", "search")
+        "from the checkout: pip install '.[search]'"
+    """
+    extra = wanted if wanted in EXTRAS[package] else EXTRAS[package][0]
+    return f"from the checkout: pip install '.[{extra}]'"
+
+
+def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> ModuleNotFoundError:
     """The same error in words that name the extra; an error of another package stays as it is.
 
     Args:
         error: Why an import has failed.
         what: What needs the package.
+        extra: The extra that installs all that it needs.
     """
     package = missing(error)
     if package is None:
         return error
     return ModuleNotFoundError(
-        f"{what} needs {package}, which is not installed; "
-        f"from the checkout: pip install '.[{EXTRAS[package]}]'",
-        name=error.name,
+        f"{what} needs {package}, which is not installed; {advice(package, extra)}", name=error.name
     )

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import Final
 
 from rtamt.errors import Argument, RtamtError
-from rtamt_gym.checks.extras import EXTRAS, missing
+from rtamt_gym.checks.extras import advice, missing
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
 
@@ -38,12 +38,20 @@ _WRITTEN: Final[Mapping[str, str]] = {
 """What a user writes where a Python caller writes code or calls another function."""
 
 
-def refusal(error: Exception, options: Mapping[str, str]) -> str | None:
+_NEEDS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("compare", "evaluate", "falsify", "replay", "sweep"), "search"),
+    "report": "report",
+}
+"""The extra that installs all that a command needs."""
+
+
+def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> str | None:
     """The message for an error that a user can cause; None for one that nobody expected.
 
     Args:
         error: The error.
         options: The options of the command by the names of arguments, as `options_of` gives them.
+        command: The command; empty if it is none of `rtamt`.
     """
     match error:
         case RtamtError():
@@ -55,8 +63,7 @@ def refusal(error: Exception, options: Mapping[str, str]) -> str | None:
             package = missing(error)
             if package is None:
                 return None
-            extra = EXTRAS[package]
-            return f"{package} is not installed; from the checkout: pip install '.[{extra}]'"
+            return f"{package} is not installed; {advice(package, _NEEDS.get(command, ''))}"
         case OSError():
             name = "" if error.filename is None else f" {error.filename}"
             return f"cannot open{name}: {error.strerror or error}"

@@ -115,7 +115,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
     try:
         from scipy.optimize import brentq
     except ModuleNotFoundError as error:
-        raise naming_extra(error, "tango") from error
+        raise naming_extra(error, "tango", "search") from error
     z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)
 
     def score(gap: float) -> float:

@@ -341,5 +341,5 @@ def scipy_stats(what: str) -> Any:  # noqa: ANN401 - a module without types
     try:
         from scipy import stats
     except ModuleNotFoundError as error:
-        raise naming_extra(error, what) from error
+        raise naming_extra(error, what, "search") from error
     return stats

@@ -57,7 +57,7 @@ def make(
             elif missing:
                 hint = "".join(
                     f"; the environments of {each.replace('_', '-')} need "
-                    f"pip install '.[{EXTRAS[each]}]'"
+                    f"pip install '.[{EXTRAS[each][0]}]'"
                     for each in missing
                 )
         raise InputError(f"cannot make {env_id}: {error}{hint}") from error

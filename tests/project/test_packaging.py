@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from paths import ROOT
 
 import rtamt
+from rtamt_gym.checks.extras import EXTRAS
 
 
 @pytest.fixture(scope="module")
@@ -130,8 +132,40 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "bags",
         "fmi",
     }
-    promised |= {"pytest", "test", "dev"}
+    assert installed_by(distribution, "all") == {"all", *promised}
+    promised |= {"all", "pytest", "test", "dev"}
     assert set(extras) == promised
+
+
+def test_an_error_names_extras_that_install_the_package(
+    distribution: importlib.metadata.Distribution,
+) -> None:
+    providers = importlib.metadata.packages_distributions()
+    for package, extras in EXTRAS.items():
+        names = {name.lower() for name in providers[package]}
+        for extra in extras:
+            assert names & needed_by(distribution, extra), (package, extra)
+
+
+def needed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:
+    """The distributions that an extra names, by itself or by others that it names."""
+    names = {f'extra == "{each}"' for each in installed_by(distribution, extra)}
+    needs = [need.replace("'", '"') for need in distribution.requires or ()]
+    wanted = {need for need in needs if any(need.endswith(name) for name in names)}
+    return {re.split(r"[^A-Za-z0-9_-]", need)[0].lower() for need in wanted} | (
+        {"mujoco"} if any(need.startswith("gymnasium[mujoco]") for need in wanted) else set()
+    )
+
+
+def installed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:
+    """An extra, and those that it names."""
+    found = {extra}
+    for need in distribution.requires or ():
+        text = need.replace("'", '"')
+        if text.startswith("rtamt[") and text.endswith(f'extra == "{extra}"'):
+            for other in text[len("rtamt[") : text.index("]")].split(","):
+                found |= installed_by(distribution, other)
+    return found
 
 
 def test_the_version_is_one_number(distribution: importlib.metadata.Distribution) -> None:

@@ -318,7 +318,7 @@ def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Ge
     try:
         optimizer(search, search.dimension, rng)
     except ModuleNotFoundError as error:
-        raise naming_extra(error, f"optimizer={name!r}") from error
+        raise naming_extra(error, f"optimizer={name!r}", "search") from error
 
 
 def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:

@@ -260,7 +260,7 @@ def storage(what: str) -> Any:  # noqa: ANN401 - a module
     try:
         from rtamt_gym.search.runs import storage as found
     except ModuleNotFoundError as error:
-        raise naming_extra(error, what) from error
+        raise naming_extra(error, what, "search") from error
     return found
 
 

@@ -106,7 +106,7 @@ def indices(
     try:
         found = _analyzed(space, sampler, seed, heights)
     except ModuleNotFoundError as error:
-        raise naming_extra(error, "indices") from error
+        raise naming_extra(error, "indices", "search") from error
     measured = _MEASURES[sampler]
     order = np.argsort(-np.asarray(found[next(iter(measured.values()))], np.float64), kind="stable")
     return Indices(

@@ -95,7 +95,7 @@ many points |
     try:
         return _SAMPLERS[sampler](space, count, seed)
     except ModuleNotFoundError as error:
-        raise naming_extra(error, f"sampler={sampler!r}") from error
+        raise naming_extra(error, f"sampler={sampler!r}", "search") from error
 
 
 def problem_of(space: Space) -> dict[str, Any]:

@@ -260,6 +260,9 @@ def test_monitor_needs_no_extra() -> None:
         ("gymnasium", "gym", ["run", "CartPole-v1", "--spec", "always(x > 0)"]),
         ("highway_env", "highway", ["demo"]),
         ("matplotlib", "plot", ["demo"]),
+        ("scipy", "search", ["falsify", "rtamt/RequestGrant-v0", "--budget", "2"]),
+        ("scipy", "files", ["monitor", "spec.stl", "trace.mat"]),
+        ("scipy", "search", ["sweep", "rtamt/RequestGrant-v0", "--samples", "2"]),
     ],
 )
 def test_a_missing_extra_is_named(module: str, extra: str, arguments: list[str]) -> None:

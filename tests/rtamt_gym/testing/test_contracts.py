@@ -19,10 +19,8 @@ from rtamt_gym.search.falsification.search import SearchOver
 from rtamt_gym.simulation.systems import SampleSource, System
 from rtamt_gym.testing import check_optimizer, check_system, check_trace_format
 
-INSTALLED = [name for name in OPTIMIZERS if name != "tpe"]  # Optuna is an extra of its own
 
-
-@pytest.mark.parametrize("optimizer", INSTALLED)
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
 def test_every_optimizer_keeps_the_contract(optimizer: str) -> None:
     check_optimizer(optimizer, budget=60)
 
