@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         0 after SIGINT, SIGTERM or the like; 2 on bad arguments and specifications, with one message
-        on standard error.
+        on standard error; else what `Middleware.spin` says.
     """
     try:
         return _run(sys.argv[1:] if argv is None else argv)
@@ -51,7 +51,7 @@ def _run(argv: Sequence[str]) -> int:
     # Everything that can be wrong without ROS is found before a node waits for a master.
     defaults = {name: default for name, (default, _) in PARAMETERS.items()}
     specifications, settings = read({**defaults, **given})
-    if not specifications:
+    if not specifications and not of_ros.has_parameters:
         raise InputError("nothing to monitor: write --stl FILE or --spec TEXT")
     generation = chosen(asked)
     arguments = of_ros.of(generation)
@@ -64,11 +64,11 @@ def _run(argv: Sequence[str]) -> int:
         node = MonitorNode(ros, specifications, settings)
         shorten_pauses()
         node.start()
-        ros.spin()
+        code = ros.spin()
         node.stop()
     finally:
         ros.close()
-    return 0
+    return code
 
 
 def _in_options(message: str) -> str:

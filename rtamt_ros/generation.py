@@ -82,6 +82,11 @@ class RosArguments(NamedTuple):
     remappings: list[str]
     arguments: list[str]
 
+    @property
+    def has_parameters(self) -> bool:
+        """Whether the arguments of ROS 2 may set parameters."""
+        return not {"-p", "--param", "--params-file"}.isdisjoint(self.arguments)
+
     def of(self, generation: Generation) -> list[str]:
         """The arguments that a generation of ROS understands.
 
@@ -89,10 +94,10 @@ class RosArguments(NamedTuple):
             InputError: If there are arguments for the other one, which this one would ignore.
         """
         if generation == 1 and self.arguments:
-            raise InputError(
-                f"ROS 1 does not know {' '.join(self.arguments)}: write remappings as they are, "
-                "odom:=robot1/odom"
-            )
+            instead = "remappings as they are, odom:=robot1/odom"
+            if self.has_parameters:
+                instead = f"parameters as options, which --help lists, and {instead}"
+            raise InputError(f"ROS 1 does not know {' '.join(self.arguments)}: write {instead}")
         if generation == 2 and self.remappings:
             raise InputError(
                 f"ROS 2 does not know {' '.join(self.remappings)}: write --ros-args -r "

@@ -102,12 +102,20 @@ class Middleware(Protocol):
         """
         ...
 
+    def around(self) -> tuple[Level, str] | None:
+        """How the node stands among others; None if there was never anything to say of it.
+
+        It is asked again and again, in a thread of its own: it may wait for answers, and may mend
+        what it finds.
+        """
+        ...
+
     def log(self, level: Level, text: str) -> None:
         """Writes a line to the log of the node."""
         ...
 
-    def spin(self) -> None:
-        """Lets callbacks run until the node is told to end."""
+    def spin(self) -> int:
+        """Lets callbacks run until the node ends; the exit code, 0 if it was told to."""
         ...
 
     def close(self) -> None:

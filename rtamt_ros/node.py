@@ -23,6 +23,8 @@ __all__ = ["MonitorNode", "RequirementReport", "Settings"]
 
 SOON = 3.0
 """Seconds of the wall clock after which a publisher that runs was found."""
+AROUND = 2.0
+"""Seconds of the wall clock between looks at how the node stands among others."""
 STANDS = 2.0
 """Seconds of the wall clock between looks at a simulated clock: one that is where it was stands."""
 
@@ -262,11 +264,16 @@ class _Running:
     def _name_silent(self) -> None:
         """Log which topics nobody publishes, and which may be meant."""
         published = self._middleware.published_topics()
+        if published is None:
+            return
+        own = {each.topic for each in self._plan.outputs} | {"/diagnostics", "/rosout"}
+        own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
+        others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for topic, sources in self.judges.topics.items():
             whole = self._middleware.resolve(topic)
             needed = any(each.default is None for each in sources)
-            if published is not None and needed and whole not in published:
-                hint = nearest(whole, published)
+            if needed and whole not in published:
+                hint = nearest(whole, others)
                 self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
@@ -293,7 +300,7 @@ class _Running:
         self._say(lambda now: self.judges.look(due, now))
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True
-            self._in_thread(self._name_silent)
+            self._in_thread(self._watch_others)
         if not self._watching and self._middleware.is_simulated() and not self._closed:
             self._watching = True
             self._in_thread(self._watch_clock)
@@ -319,3 +326,12 @@ class _Running:
         while not self._ended.wait(STANDS):
             self._say(standing)
             before = self._middleware.now()
+
+    def _watch_others(self) -> None:
+        """Name silent topics; then say how the node stands among others, when that is new."""
+        self._name_silent()
+        while not self._ended.wait(AROUND):
+            found = self._middleware.around()
+            if found != self._diagnostics.around:
+                self._diagnostics.around = found
+                self._say(lambda _now: [])

@@ -1,14 +1,13 @@
 """The middleware of ROS 1, on rospy.
 
-It is the only module that imports rospy and messages of ROS 1. rospy makes one node in a process,
-once: there is one `Ros1` in the life of a process.
+It and `rtamt_ros.ros1_master` are the only modules that import rospy and messages of ROS 1. rospy
+makes one node in a process, once: there is one `Ros1` in the life of a process.
 """
 
 from __future__ import annotations
 
 import logging
 import re
-import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -24,10 +23,12 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.callback import Callback
 from rtamt_ros.ending import Ending
+from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
 
-__all__ = ["Ros1", "legal_name"]
+__all__ = ["DISPLACED", "REFUSED", "Ros1", "legal_name"]
 
 # The messages of the package rtamt_msgs, which few have installed: they are made at run time.
 _STAMPED = ("FloatStamped", "FloatMessage")
@@ -37,6 +38,13 @@ _LOGS = {
     Level.ERROR: rospy.logerr,
     Level.STALE: rospy.logwarn,
 }
+DISPLACED = 4
+"""The exit code of a node that ends as another one of its name came: to begin it anew would end
+that one."""
+REFUSED = 5
+"""The exit code of a node that a master does not register."""
+_SAME_NAME = "new node registered with same name"  # the master's words
+_NAME_IT = "give each its own: __name:=NAME"
 # What rospy sends to a subscriber that is slower than its topic waits in a queue this long.
 _QUEUE = 100
 
@@ -44,8 +52,9 @@ _QUEUE = 100
 class Ros1:
     """A node of ROS 1, as `rtamt_ros.middleware.Middleware` describes it.
 
-    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns. Without a master it waits for one
-    and says so, as every node of ROS 1 does.
+    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns 0. It also ends when another node
+    of its name comes, with `DISPLACED`, and when a master that came back refuses it, with
+    `REFUSED`. Without a master it waits for one and says so, as every node of ROS 1 does.
 
     Args:
         name: The name of the node. What is illegal in names of ROS becomes ``_``, and a number is
@@ -68,9 +77,11 @@ class Ros1:
         except rospy.ROSException as error:
             raise InputError(f"no node of ROS: {error}") from error
         self.name: str = rospy.get_name()
-        self._timers: list[_Timer] = []
+        self._timers: list[GridTimer] = []
         self._ending = Ending()
-        rospy.on_shutdown(self._ending.ask)
+        self._code = 0
+        rospy.core.add_preshutdown_hook(self._end)  # the public one does not say why
+        self._master = MasterLink(self.name)
         self._refusals = _Refusals()
         logging.getLogger("rospy.internal").addHandler(self._refusals)
 
@@ -95,6 +106,13 @@ class Ros1:
     def is_simulated(self) -> bool:
         return not rospy.rostime.is_wallclock()
 
+    def wait_for_another(self, now: int) -> None:
+        """Waits as `rtamt_ros.grid_timer.Clock` says."""
+        ticked = rospy.rostime.get_rostime_cond()
+        with ticked:
+            if _now() == now:
+                ticked.wait(0.5)
+
     def resolve(self, topic: str) -> str:
         whole = str(rospy.resolve_name(topic))
         for name in (topic, whole):
@@ -117,8 +135,9 @@ class Ros1:
         return (stamp and int(stamp.to_nsec())) or None
 
     def set_stamp(self, message: Any, time: int) -> None:
-        if hasattr(message, "header"):
-            message.header.stamp = rospy.Time(*divmod(time, 1_000_000_000))
+        if hasattr(message, "header"):  # a Time of its own takes longer to make than all the rest
+            stamp = message.header.stamp
+            stamp.secs, stamp.nsecs = divmod(time, 1_000_000_000)
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
         self.resolve(topic)
@@ -129,21 +148,43 @@ class Ros1:
         return _Publisher(topic, message, latched=latched)
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
-        timer = _Timer(period, callback)
+        timer = GridTimer(self, period, Callback(callback, rospy.logerr))
         self._timers.append(timer)
         return timer
 
     def log(self, level: Level, text: str) -> None:
         _LOGS[level](text)
 
-    def spin(self) -> None:
+    def around(self) -> tuple[Level, str] | None:
+        try:
+            self._master.look()
+        except Displaced as displaced:
+            self._fail(DISPLACED, f"{displaced}; {_NAME_IT}")
+        except Refused as refused:
+            self._fail(REFUSED, f"the master refuses this node: {refused}")
+        return self._master.said
+
+    def spin(self) -> int:
         self._ending.wait()
+        return self._code
 
     def close(self) -> None:
         for timer in self._timers:
             timer.close()
         logging.getLogger("rospy.internal").removeHandler(self._refusals)
         rospy.signal_shutdown("closed")
+
+    def _end(self, why: str) -> None:
+        """Takes what rospy says when it ends the node."""
+        if _SAME_NAME in why:
+            self._fail(DISPLACED, f"another node has the name {self.name}; {_NAME_IT}")
+        self._ending.ask()
+
+    def _fail(self, code: int, why: str) -> None:
+        """Ends the node with a code."""
+        self.log(Level.ERROR, why)
+        self._code = self._code or code
+        self._ending.ask()
 
 
 def legal_name(name: str) -> str:
@@ -197,51 +238,6 @@ class _Publisher:
 
     def close(self) -> None:
         self._publisher.unregister()
-
-
-class _Timer(threading.Thread):
-    """Calls back on a grid of the clock of ROS, which stays where it is when the clock jumps.
-
-    A call that comes late is one call, however many points of the grid have passed. `rospy.Timer`
-    moves its grid by every delay, rounds its period, and ends with the first exception.
-    """
-
-    def __init__(self, period: int, callback: Callable[[int], None]) -> None:
-        super().__init__(daemon=True)
-        self._period = period
-        self._callback = Callback(callback, rospy.logerr)
-        self._closed = threading.Event()
-        self._begin = _now()
-        self.start()
-
-    def run(self) -> None:
-        while not self._begin and not self._closed.is_set():  # a simulated clock has not begun
-            self._wait(0, 0)
-            self._begin = _now()
-        due = self._begin + self._period
-        while not self._closed.is_set():
-            now = _now()
-            if due - self._period <= now < due:
-                self._wait(now, due - now)
-                continue
-            late = now >= due  # else the clock has jumped back
-            due = now + self._period - (now - self._begin) % self._period
-            if late:
-                self._callback(due - self._period)
-
-    def _wait(self, now: int, duration: int) -> None:
-        """Waits for a duration of the wall clock, or for another time of the simulated one."""
-        if rospy.rostime.is_wallclock():
-            self._closed.wait(duration / 1e9)
-            return
-        ticked = rospy.rostime.get_rostime_cond()
-        with ticked:
-            if _now() == now:
-                ticked.wait(0.5)  # then sees whether it is closed
-
-    def close(self) -> None:
-        self._callback.close()
-        self._closed.set()
 
 
 class _Refusals(logging.Handler):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ from rclpy.utilities import remove_ros_args
 from rtamt import InputError
 from rtamt_ros.callback import Callback
 from rtamt_ros.ending import Ending
+from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.parameters import DEPTH, Qos
@@ -43,7 +45,8 @@ _SECOND = 1_000_000_000
 class Ros2:
     """A node of ROS 2, as `rtamt_ros.middleware.Middleware` describes it.
 
-    Callbacks run in one thread. What is published is reliable, which every subscription may ask
+    Callbacks of messages run in one thread, those of a timer on the wall clock in another. What is
+    published is reliable, which every subscription may ask
     for.
 
     Args:
@@ -90,6 +93,8 @@ class Ros2:
         self._runner: threading.Thread | None = None
         self._ending = Ending()
         self._closing = False
+        self._timers: list[GridTimer] = []
+        self._around: tuple[Level, str] | None = None
 
     def message_class(self, package: str, name: str) -> type:
         distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
@@ -106,11 +111,15 @@ class Ros2:
         return installed(package, name, generation=2, is_its_own=_is_message, how=how)
 
     def now(self) -> int:
-        time: int = self._clock.now().nanoseconds
-        return time
+        nanoseconds: int = self._clock.now().nanoseconds
+        return nanoseconds
 
     def is_simulated(self) -> bool:
         return bool(self._clock.ros_time_is_active)
+
+    def wait_for_another(self, now: int) -> None:  # noqa: ARG002
+        """Waits for a clock that was set to be simulated after the timer was made."""
+        time.sleep(0.005)
 
     def resolve(self, topic: str) -> str:
         with _refusals(f"topic {topic!r}"):
@@ -119,6 +128,16 @@ class Ros2:
     def published_topics(self) -> set[str]:
         topics = (name for name, _ in self.node.get_topic_names_and_types())
         return {name for name in topics if self.node.count_publishers(name)}
+
+    def around(self) -> tuple[Level, str] | None:
+        nodes = self.node.get_node_names_and_namespaces()
+        count = nodes.count((self.node.get_name(), self.node.get_namespace()))
+        if count > 1:
+            text = f"{count} nodes have the name {self.name}, and may get what is asked of another"
+            self._around = Level.WARN, f"{text}; give each its own: --ros-args -r __node:=NAME"
+        elif self._around is not None:
+            self._around = Level.OK, f"no other node has the name {self.name} any more"
+        return self._around
 
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -147,7 +166,12 @@ class Ros2:
         return _Publisher(self.node, entity, message)
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
-        return _Timer(self, period, callback)
+        called = Callback(callback, partial(self.log, Level.ERROR))
+        if self.is_simulated():  # in the thread of the callbacks of messages that came before
+            return _Timer(self, period, called)
+        timer = GridTimer(self, period, called)
+        self._timers.append(timer)
+        return timer
 
     def log(self, level: Level, text: str) -> None:
         logger = self.node.get_logger()
@@ -159,7 +183,7 @@ class Ros2:
         else:
             logger.warning(text)
 
-    def spin(self) -> None:
+    def spin(self) -> int:
         """Lets callbacks run until `close`, SIGINT or SIGTERM; no callback runs when it returns."""
         with self._spinning:
             executor = SingleThreadedExecutor(context=self.node.context)
@@ -181,16 +205,21 @@ class Ros2:
             self._ending.wait()
             executor.shutdown()
             self._runner.join()  # a callback that runs while ROS ends aborts the process
+            for timer in self._timers:
+                timer.close()
         if self._closing:
             self.close()
+        return 0
 
     def close(self) -> None:
         """Ends the node. In a callback it returns at once, and `spin` does the rest."""
         self._closing = True
         self._ending.ask()
-        if threading.current_thread() is self._runner:
+        if threading.current_thread() in (self._runner, *self._timers):
             return
         with self._spinning:
+            for timer in self._timers:
+                timer.close()
             if self.node.context.ok():
                 self.node.destroy_node()
                 self.node.context.shutdown()
@@ -199,9 +228,9 @@ class Ros2:
 class _Timer:
     """Calls back with points of a grid of its own, which lies just before that of the timer."""
 
-    def __init__(self, ros: Ros2, period: int, callback: Callable[[int], None]) -> None:
+    def __init__(self, ros: Ros2, period: int, callback: Callback) -> None:
         self._node = ros.node
-        self._callback = Callback(callback, partial(ros.log, Level.ERROR))
+        self._callback = callback
         begin, now = ros.now(), ros.now
 
         def call() -> None:

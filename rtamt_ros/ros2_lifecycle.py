@@ -191,11 +191,11 @@ def run(
         if monitor.node.get_parameter("autostart").value and not monitor.autostart():
             return 2
         shorten_pauses()
-        monitor.ros.spin()
+        code = monitor.ros.spin()
         monitor.clean_up()
     finally:
         monitor.ros.close()
-    return 0
+    return code
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

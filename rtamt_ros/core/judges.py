@@ -34,7 +34,7 @@ class Judges:
             messages or two.
 
     Attributes:
-        inputs: What the requirements read, each its own.
+        inputs: What the requirements read.
         topics: The topics that are read, and the inputs of each.
         requirements: What is judged.
         settings: How.
@@ -46,7 +46,8 @@ class Judges:
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
         self.settings = settings
         self.requirements = requirements_of(specifications, settings)
-        self.inputs = [source for each in self.requirements for source in each.inputs]
+        read = (source for each in self.requirements for source in each.inputs)
+        self.inputs = list(dict.fromkeys(read))
         self.topics: dict[str, list[Input]] = {}
         for source in self.inputs:
             self.topics.setdefault(source.topic, []).append(source)

@@ -87,12 +87,14 @@ class _Bound:
     def __init__(self, what: str, publisher: Publisher) -> None:
         self._of = attrgetter(what)
         self._publisher = publisher
+        self._value: float | None = None
         self._last = ""
 
     def publish(self, report: RequirementReport) -> None:
         value = self._of(report)
-        if value is None:
+        if value is self._value or value is None or (value and value == self._value):
             return
+        self._value = value
         written = float(value).hex()  # tells -0.0 from 0.0, and nan is nan
         if written != self._last:
             self._last = written
@@ -120,17 +122,24 @@ class _Outgoing:
         self._formulas = output.formulas
         self._late = {key: lateness[key] for key in output.formulas}
         self._longest = max(self._late.values())
+        self._only = next(iter(output.formulas)) if len(output.formulas) == 1 else None
+        self._writers = {key: _Writer(path) for key, path in output.formulas.items()}
         self._waiting: dict[int, dict[tuple[str, str], float]] = {}
         self._last: int | None = None  # what was said last, unless something was not known
 
     def publish(self, report: RequirementReport) -> None:
         gone = report.robustness is not None and math.isnan(report.robustness)
+        if self._only is not None:  # it waits for nothing
+            found = (report.time, math.nan) if gone else self._found(self._only, report)
+            if found is not None:
+                self._send(found[0], {self._only: found[1]})
+            return
         for key in self._formulas:
             if key[0] == report.name:
                 self._add_nan(key, report.time) if gone else self._add(key, report)
         for time in sorted(self._waiting):
             if len(self._waiting[time]) == len(self._formulas):
-                self._send(time)
+                self._send(time, self._waiting[time])
                 self._waiting = {at: its for at, its in self._waiting.items() if at > time}
         if self._waiting:  # what is older comes no more, and what is newer came before a jump back
             oldest = report.time - self._longest
@@ -138,13 +147,19 @@ class _Outgoing:
                 at: its for at, its in self._waiting.items() if oldest <= at <= report.time
             }
 
-    def _add(self, key: tuple[str, str], report: RequirementReport) -> None:
+    def _found(self, key: tuple[str, str], report: RequirementReport) -> tuple[int, float] | None:
+        """What a report says of a formula, and the time that it is about; None: nothing new."""
         name = key[1]
         value = report.values.get(name) if name else report.robustness
         about = report.time - self._late[key] if name else report.about
         if value is None or about is None or math.isnan(value) or about == self._last:
-            return
-        self._waiting.setdefault(about, {})[key] = value
+            return None
+        return about, value
+
+    def _add(self, key: tuple[str, str], report: RequirementReport) -> None:
+        found = self._found(key, report)
+        if found is not None:
+            self._waiting.setdefault(found[0], {})[key] = found[1]
 
     def _add_nan(self, key: tuple[str, str], time: int) -> None:
         self._waiting.setdefault(time, {})
@@ -153,17 +168,26 @@ class _Outgoing:
                 values.setdefault(key, math.nan)
         self._waiting[time][key] = math.nan
 
-    def _send(self, time: int) -> None:
+    def _send(self, time: int, values: Mapping[tuple[str, str], float]) -> None:
         message = self._publisher.message()
-        for key, value in self._waiting[time].items():
-            *outer, last = self._formulas[key]
-            holder: Any = message
-            for step in outer:
-                holder = getattr(holder, step)
-            setattr(holder, last, value)
+        known = True
+        for key, value in values.items():
+            self._writers[key](message, value)
+            known = known and not math.isnan(value)
         self._middleware.set_stamp(message, time)
         self._publisher.publish(message)
-        self._last = None if any(map(math.isnan, self._waiting[time].values())) else time
+        self._last = time if known else None
+
+
+class _Writer:
+    """Writes a field of a message."""
+
+    def __init__(self, path: Sequence[str]) -> None:
+        *outer, self._last = path
+        self._holder = attrgetter(".".join(outer)) if outer else None
+
+    def __call__(self, message: Any, value: float) -> None:  # noqa: ANN401
+        setattr(message if self._holder is None else self._holder(message), self._last, value)
 
 
 class Diagnostics:
@@ -176,10 +200,16 @@ class Diagnostics:
     Args:
         middleware: The node of ROS.
         formulas: The formula of every requirement.
+
+    Attributes:
+        around: How the node stands among others, as `Middleware.around` says; what is new is told
+            too, and from then on it is a state of its own.
     """
 
     def __init__(self, middleware: Middleware, formulas: Mapping[str, str]) -> None:
         self._middleware = middleware
+        self.around: tuple[Level, str] | None = None
+        self._told_around: tuple[Level, str] | None = None
         self._formulas = formulas
         self._states: dict[str, tuple[Level, str]] = {}
         self._told = 0
@@ -196,17 +226,25 @@ class Diagnostics:
 
     def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
         """Publish and log what is new; whether it was time to."""
-        states = {each.name: (each.level, each.unrecorded) for each in reports}
-        changed = [each for each in reports if self._states.get(each.name) != states[each.name]]
-        if not changed and 0 <= now - self._told < _SECOND:
+        states = self._states
+        changed = [each for each in reports if states.get(each.name) != _state_of(each)]
+        around = self.around
+        news = around is not None and around != self._told_around
+        if not changed and not news and 0 <= now - self._told < _SECOND:
             return False
-        self._told, self._states = now, states
+        self._told = now
+        self._states = {each.name: _state_of(each) for each in reports}
         for report in changed:
             self._middleware.log(report.level, f"{report.name}: {report.text}")
+        if around is not None and news:
+            self._told_around = around
+            self._middleware.log(*around)
         if self._publisher is not None:
             array = self._publisher.message()
             self._middleware.set_stamp(array, now)
             array.status = [self._status_of(each) for each in reports]
+            if around is not None:
+                array.status.append(self._state(*around, "ROS"))
             self._publisher.publish(array)
         return True
 
@@ -215,19 +253,27 @@ class Diagnostics:
         if self._publisher is not None:
             self._publisher.close()
 
-    def _status_of(self, report: RequirementReport) -> object:
-        status = self._status()
-        level = int(report.level)
-        # A byte is a number in ROS 1, and bytes in ROS 2.
-        status.level = bytes([level]) if self._middleware.generation == 2 else level
-        status.name = f"{self._middleware.name.strip('/')}: {report.name}"
-        status.message = report.text
-        status.hardware_id = ""
+    def _status_of(self, report: RequirementReport) -> Any:  # noqa: ANN401
+        status = self._state(report.level, report.text, report.name)
         for key, value in _told(report, self._formulas[report.name]).items():
             pair = self._pair()
             pair.key, pair.value = key, value
             status.values.append(pair)
         return status
+
+    def _state(self, level: Level, text: str, name: str) -> Any:  # noqa: ANN401
+        status = self._status()
+        # A byte is a number in ROS 1, and bytes in ROS 2.
+        status.level = bytes([level]) if self._middleware.generation == 2 else int(level)
+        status.name = f"{self._middleware.name.strip('/')}: {name}"
+        status.message = text
+        status.hardware_id = ""
+        return status
+
+
+def _state_of(report: RequirementReport) -> tuple[Level, str]:
+    """What makes a state another."""
+    return report.level, report.unrecorded
 
 
 def _told(report: RequirementReport, formula: str) -> dict[str, str]:

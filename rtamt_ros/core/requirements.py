@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rtamt import InputError, Specification, SpecificationError, Subscription, subscriptions
 from rtamt.errors import nearest
@@ -38,8 +38,9 @@ def requirements_of(
 ) -> tuple[SubscribedRequirement, ...]:
     """The requirements of specifications, with the inputs that they read.
 
-    Each requirement has inputs of its own: a field that one cannot read concerns no other.
-    Requirements of one name are told apart by a number: ``out``, ``out_2``.
+    Requirements that read the same of a topic share its input, which is read once then; a field
+    that one cannot read concerns no other. Requirements of one name are told apart by a number:
+    ``out``, ``out_2``.
 
     Raises:
         SpecificationError: If a topic is read as messages of two classes, or of none.
@@ -55,7 +56,25 @@ def requirements_of(
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
             requirements[name] = SubscribedRequirement(name, part, cells, read, origin)
     _check([source for each in requirements.values() for source in each.inputs], settings)
-    return tuple(requirements.values())
+    return _sharing(requirements.values())
+
+
+def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedRequirement, ...]:
+    """The requirements with one input for all that read the same of a topic."""
+    known: dict[object, Input] = {}
+
+    def shared(source: Input) -> Input:
+        fields = tuple((each.variable, each.path) for each in source.fields)
+        return known.setdefault((source.name, source.topic, source.default, fields), source)
+
+    return tuple(
+        replace(
+            each,
+            cells={name: (shared(of), place) for name, (of, place) in each.cells.items()},
+            inputs=tuple(map(shared, each.inputs)),
+        )
+        for each in requirements
+    )
 
 
 def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[Input, int]]:

@@ -266,8 +266,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs the robot, the controller or both until the node is told to end.
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the robot, the controller or both until the node ends; returns the exit code.
 
     Args:
         arguments: The words of a command line; None: the program's own.
@@ -285,5 +285,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             RobotController(node, options.name, surge=options.surge)
     except InputError as error:
         parser.error(str(error))
-    node.spin()
+    code = node.spin()
     node.close()
+    return code

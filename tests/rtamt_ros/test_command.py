@@ -213,11 +213,14 @@ class Played(MemoryMiddleware):
 
     closed = False
 
-    def spin(self) -> None:
+    code = 0
+
+    def spin(self) -> int:
         self.opened = [each.topic for each in self.subscriptions], self.timers[0].period
         for value in (2.0, 1.25):
             self.send("rtamt/x", message("std_msgs", "Float64", data=value))
             self.tick(self.time + self.timers[0].period)
+        return self.code
 
     def close(self) -> None:
         assert not [*self.subscriptions, *self.publishers, *self.timers], "the node runs on"

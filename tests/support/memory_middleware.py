@@ -116,6 +116,7 @@ class MemoryMiddleware:
         refused: Topics that it refuses.
         simulated: Whether its clock is a simulated one.
         known: What `published_topics` gives.
+        standing: What `around` gives.
         remapped: Whole names of topics, instead of those that they would have.
     """
 
@@ -128,6 +129,7 @@ class MemoryMiddleware:
     refused: set[str] = field(default_factory=set)
     simulated: bool = False
     known: set[str] | None = None
+    standing: tuple[Level, str] | None = None
     remapped: dict[str, str] = field(default_factory=dict)
     subscriptions: list[_Open] = field(default_factory=list)
     publishers: list[_Publisher] = field(default_factory=list)
@@ -173,10 +175,13 @@ class MemoryMiddleware:
         self.timers.append(_Open(self.timers, callback, period=period, begin=self.time))
         return self.timers[-1]
 
+    def around(self) -> tuple[Level, str] | None:
+        return self.standing
+
     def log(self, level: Level, text: str) -> None:
         self.lines.append((level, text))
 
-    def spin(self) -> None:
+    def spin(self) -> int:
         raise NotImplementedError
 
     def close(self) -> None:

@@ -48,7 +48,7 @@ def measure(
             worker.ask_to_end()
             worker.ended()
         rows, late = running.load("sink"), running.load("told")
-    return Late(round(seconds * rate) * count, int(late.sum()), rows[:, 2], used / seconds)
+    return Late(round(seconds * rate) * count, int(late[:, 0].sum()), rows[:, 2], used / seconds)
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Measures the node beside the bare middleware, and beside the public node of 2020 if it is there.
 
-    python tests/bench/ros/run.py [latency drift memory late] [--quick] [--json FILE]
+    python tests/bench/ros/run.py [latency drift memory late agree restarts] [--quick] [--json FILE]
 
 The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
 figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
@@ -18,10 +18,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import agree
 import drift
 import late
 import latency
 import memory
+import restarts
 from bench import HOP, Subject, of_2020, ours, relay
 
 Row = dict[str, Any]
@@ -93,10 +95,28 @@ def lates(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Ro
             yield row | {"CPU %": 100 * found.load}
 
 
+def agreements(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of the comparison with an evaluator of its own, processors free and taken."""
+    for busy in (0, os.cpu_count() or 1):
+        seconds = 20.0 if quick else 600.0
+        found = agree.measure(generation, seconds, busy=busy)
+        yield {"what": "sampled", "s": seconds, "busy": busy} | vars(found)
+
+
+def beginnings(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of restarts in dense time at 300 Hz, processors free and taken."""
+    for busy in (0, os.cpu_count() or 1):
+        seconds = 20.0 if quick else 600.0
+        found = restarts.measure(generation, seconds, busy=busy)
+        yield {"what": "dense", "s": seconds, "busy": busy} | vars(found)
+
+
 SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
     "latency": (latencies, "publish of the input to arrival of the robustness [us]"),
     "drift": (drifts, "drift at 100 Hz, and times of arrival off a regular course [us]"),
     "late": (lates, "late samples at 200 Hz, and stamp to arrival [us]"),
+    "agree": (agreements, "a node at 100 Hz and an evaluator of its own"),
+    "restarts": (beginnings, "a node in dense time at 300 Hz, violated from message 1,000 on"),
     "memory": (memories, "memory over an hour of messages at full speed"),
 }
 

@@ -1,4 +1,4 @@
-"""A process around the node that is measured: a source, a sink, a relay or an hour at full speed.
+"""A process around the node that is measured: a source, a sink, an evaluator, a relay, an hour.
 
 Arguments come as JSON, and figures go to a file of NumPy. A line "ready" says that it has begun;
 SIGTERM ends a sink or a relay.
@@ -6,9 +6,11 @@ SIGTERM ends a sink or a relay.
 
 from __future__ import annotations
 
+import functools
 import json
 import operator
 import signal
+import struct
 import sys
 import threading
 import time
@@ -78,21 +80,74 @@ def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
     node.close()
 
 
+def noise(ros: int, topic: str, rate: float, count: int, file: str) -> None:
+    """Publishes Twists of random numbers at random times, the same in every run; saves how many."""
+    node = bare.node(ros, "noise")
+    twist = bare.message_class("geometry_msgs", "Twist")()
+    publisher = node.publisher(topic, type(twist))
+    wait(lambda: node.readers(publisher) > 1, f"two readers of {topic}")
+    time.sleep(1.0)
+    print("ready", flush=True)
+    random = np.random.default_rng(0)
+    dues = np.cumsum(random.uniform(0.2, 1.8, count) * 1e9 / rate).astype(np.int64).tolist()
+    values = random.random((count, 2)).tolist()
+    start = time.monotonic_ns()
+    for due, (x, z) in zip(dues, values, strict=True):
+        while (rest := start + due - time.monotonic_ns()) > 0:
+            time.sleep(rest * 1e-9)
+        twist.linear.x, twist.angular.z = x, z
+        publisher.publish(twist)
+    time.sleep(0.3)  # less than an input takes to be stale
+    np.save(file, count)
+    node.close()
+
+
+def evaluator(ros: int, topic: str, outputs: dict[str, str], file: str) -> None:
+    """Saves messages of the input and of outputs, and when they came; see `agree.compare`."""
+    node = bare.node(ros, "evaluator")
+    wall, bits = time.time_ns, struct.Struct("<d")
+    of_number = struct.Struct("<q")
+
+    def as_bits(number: float) -> int:
+        return int(of_number.unpack(bits.pack(number))[0])
+
+    messages: list[tuple[int, int, int]] = []
+    rows: dict[str, list[tuple[int, int, int]]] = {name: [] for name in outputs}
+
+    def receive(twist: object) -> None:
+        messages.append((wall(), as_bits(twist.linear.x), as_bits(twist.angular.z)))
+
+    def hear(name: str, point: object) -> None:
+        rows[name].append((bare.stamp(point), wall(), as_bits(point.point.x)))
+
+    for name, output in outputs.items():
+        kind = bare.message_class("geometry_msgs", "PointStamped")
+        node.subscribe(output, kind, functools.partial(hear, name))
+    node.subscribe(topic, bare.message_class("geometry_msgs", "Twist"), receive)
+    until_told()
+    tables = {"messages": messages, **rows}
+    arrays = {name: np.array(each, np.int64).reshape(-1, 3) for name, each in tables.items()}
+    np.savez(file.replace(".npy", ".npz"), **arrays)
+    node.close()
+
+
 def told(ros: int, file: str) -> None:
-    """Saves how many late samples every requirement has, by the last diagnostics."""
+    """Saves late samples, restarts and violations of every requirement, by the last diagnostics."""
     node = bare.node(ros, "told")
-    late: dict[str, int] = {}
+    late: dict[str, tuple[int, ...]] = {}
+    counts = ("late samples", "restarts", "violations")
 
     def receive(array: object) -> None:
         for status in array.status:
             pairs = {pair.key: pair.value for pair in status.values}
-            late[status.name] = int(pairs["late samples"])
+            if counts[0] in pairs:  # a requirement
+                late[status.name] = tuple(int(pairs[name]) for name in counts)
 
     node.subscribe(
         "/diagnostics", bare.message_class("diagnostic_msgs", "DiagnosticArray"), receive
     )
     until_told()
-    np.save(file, np.array(list(late.values()), np.int64))
+    np.save(file, np.array(list(late.values()), np.int64).reshape(-1, len(counts)))
     node.close()
 
 
@@ -160,5 +215,5 @@ def hour(
 
 
 if __name__ == "__main__":
-    roles = {"source": source, "sink": sink, "told": told, "relay": relay, "hour": hour}
-    roles[sys.argv[1]](**json.loads(sys.argv[2]))
+    roles = (source, noise, sink, told, evaluator, relay, hour)
+    {role.__name__: role for role in roles}[sys.argv[1]](**json.loads(sys.argv[2]))

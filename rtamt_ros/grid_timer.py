@@ -1,0 +1,81 @@
+"""A timer on a grid of a clock, in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from rtamt_ros.callback import Callback
+
+__all__ = ["Clock", "GridTimer"]
+
+
+class Clock(Protocol):
+    """The clock of a node of ROS."""
+
+    def now(self) -> int:
+        """Its time in nanoseconds; 0 before a simulated one has begun."""
+        ...
+
+    def is_simulated(self) -> bool:
+        """Whether somebody moves it."""
+        ...
+
+    def wait_for_another(self, now: int) -> None:
+        """Waits until a simulated clock shows another time than now, for half a second at most."""
+        ...
+
+
+class GridTimer(threading.Thread):
+    """Calls back on a grid of a clock, which stays where it is when the clock jumps.
+
+    A call that comes late is one call, however many points of the grid have passed. The timers of
+    rospy and rclpy do not do: that of rospy moves its grid by every delay, rounds its period, and
+    ends with the first exception; that of rclpy waits for its turn in an executor, which takes half
+    a millisecond to see whether anything else is to be done.
+
+    Args:
+        clock: The clock.
+        period: Nanoseconds between points.
+        callback: Takes the last point that has come.
+    """
+
+    def __init__(self, clock: Clock, period: int, callback: Callback) -> None:
+        super().__init__(daemon=True)
+        self._clock = clock
+        self._period = period
+        self._callback: Callable[[int], None] = callback
+        self._close = callback.close
+        self._closed = threading.Event()
+        self._begin = clock.now()
+        self.start()
+
+    def run(self) -> None:
+        """Calls until it is closed."""
+        clock, closed = self._clock, self._closed
+        while not self._begin and not closed.is_set():  # a simulated clock has not begun
+            self._wait(0, 0)
+            self._begin = clock.now()
+        due = self._begin + self._period
+        while not closed.is_set():
+            now = clock.now()
+            if due - self._period <= now < due:
+                self._wait(now, due - now)
+                continue
+            late = now >= due  # else the clock has jumped back
+            due = now + self._period - (now - self._begin) % self._period
+            if late:
+                self._callback(due - self._period)
+
+    def _wait(self, now: int, duration: int) -> None:
+        """Waits for a duration of the wall clock, or for another time of the simulated one."""
+        if self._clock.is_simulated():
+            self._clock.wait_for_another(now)
+        else:
+            self._closed.wait(duration / 1e9)
+
+    def close(self) -> None:
+        """Calls no more; waits for a call in another thread."""
+        self._close()
+        self._closed.set()

@@ -1,0 +1,160 @@
+"""The node beside an evaluator that hears the same messages and shares no code with it.
+
+The evaluator keeps when each message came to it. It says of every sample that the node publishes
+
+- whether its stamp is on the grid, and not later than its arrival;
+- which message it holds, by the values of `x` and `z`, and whether that is the newest that had come
+  to the evaluator by the stamp; two processes hear a message at times of their own, so a sample
+  whose message is another one counts as explained if one came within `SLACK` of the stamp;
+- whether the robustness of each other requirement has the bits that its definition gives on the
+  messages that were held, and on those that the evaluator would have held.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from bench import INPUT, PATIENCE, Subject, bench
+from definitions import REQUIREMENTS, Course
+from late import others
+
+RATE = 100.0
+PERIOD = 10_000_000
+SLACK = 20_000_000
+"""Nanoseconds by which two processes may hear a message apart while other programs run."""
+
+
+@dataclass
+class Agreement:
+    """What was found.
+
+    Attributes:
+        samples: Samples that the node said it has judged, of all requirements.
+        compared: Values that have a definition: all on which the evaluator missed no sample.
+        equal: Those with the same bits.
+        own: Values that have the same bits on the messages that the evaluator would have held.
+        off_grid: Stamps that are no whole number of periods after the first.
+        early: Messages that came before their stamp.
+        other: Samples that hold another message than the evaluator.
+        unexplained: Those without a message within `SLACK` of the stamp.
+        apart: The greatest distance in nanoseconds from a stamp of such a message.
+        restarts: How often the node began anew, as it says.
+    """
+
+    samples: int = 0
+    compared: int = 0
+    equal: int = 0
+    own: int = 0
+    off_grid: int = 0
+    early: int = 0
+    other: int = 0
+    unexplained: int = 0
+    apart: int = 0
+    restarts: int = 0
+
+
+def subject() -> Subject:
+    """A node that samples with a requirement in each of its files."""
+
+    def command(folder: Path, period: float) -> list[str]:
+        options = []
+        for name, requirement in REQUIREMENTS.items():
+            file = folder / f"{name}.stl"
+            file.write_text(
+                f"""from geometry_msgs.msg import Twist
+                from geometry_msgs.msg import PointStamped
+                input Twist cmd
+                output PointStamped out
+                @ topic(cmd, {INPUT})
+                @ topic(out, bench/{name})
+                out.point.x = {requirement.text}
+                """
+            )
+            options += ["--stl", str(file)]
+        return [sys.executable, "-m", "rtamt_ros", *options, "--period", f"{period:g}"]
+
+    return Subject("sampled", "bench/x", "geometry_msgs/PointStamped", "point.x", command)
+
+
+def measure(generation: int, seconds: float, *, busy: int) -> Agreement:
+    """What agrees in so many seconds, beside so many busy processes."""
+    with bench(generation) as running:
+        running.start(subject(), 1e3 / RATE)
+        topics = {name: f"bench/{name}" for name in REQUIREMENTS}
+        evaluator = running.worker("evaluator", topic=INPUT, outputs=topics)
+        told = running.worker("told")
+        count = round(seconds * RATE * 1.3)
+        noise = running.worker("noise", topic=INPUT, rate=RATE * 1.3, count=count)
+        with others(busy):
+            running.wait(lambda: not noise.runs(), noise, seconds + PATIENCE)
+        for worker in (evaluator, told):
+            worker.ask_to_end()
+            worker.ended()
+        with np.load(running.ros.folder / "evaluator.npz") as file:
+            heard = {name: file[name] for name in file.files}
+        restarts = int(running.load("told")[:, 1].max())
+    found = compare(heard)
+    found.restarts = restarts
+    return found
+
+
+def compare(heard: dict[str, np.ndarray]) -> Agreement:
+    """Compares what was heard.
+
+    Args:
+        heard: ``messages``: rows of arrival in nanoseconds, and of `x` and `z` as the bits of
+            floats; of each requirement rows of stamp, arrival, and robustness as bits.
+    """
+    found = Agreement()
+    arrivals, x, z = heard["messages"][:, 0], *heard["messages"][:, 1:].T.copy().view(np.float64)
+    for name in REQUIREMENTS:
+        stamps, came, _ = heard[name].T
+        found.samples += len(stamps)
+        found.early += int(np.count_nonzero(came < stamps))
+        found.off_grid += int(np.count_nonzero((stamps - heard["x"][0, 0]) % PERIOD))
+    for begin, end in runs(heard["x"]):
+        grid = np.arange(begin, end + 1, PERIOD)
+        held = course(heard["x"], grid), course(heard["z"], grid)
+        own = arrivals.searchsorted(grid, side="right") - 1
+        known = ~np.isnan(held[0]) & ~np.isnan(held[1])
+        other = known & (own >= 0) & ((x[own] - 0.0 != held[0]) | (z[own] - 0.0 != held[1]))
+        found.other += int(np.count_nonzero(other))
+        for at in np.flatnonzero(other):
+            distance = abs(arrivals - grid[at]).min()
+            found.apart = max(found.apart, int(distance))
+            found.unexplained += int(distance > SLACK)
+        for name, requirement in REQUIREMENTS.items():
+            said = course(heard[name], grid)
+            last = len(grid) - requirement.late
+            expected = requirement.means(*held)[:last]
+            there = ~np.isnan(said[:last]) & ~np.isnan(expected)
+            found.compared += int(np.count_nonzero(there))
+            found.equal += same(said[:last][there], expected[there])
+            expected = requirement.means(x[own], z[own])[:last]
+            found.own += same(said[:last][there], expected[there])
+    return found
+
+
+def runs(rows: np.ndarray) -> list[tuple[int, int]]:
+    """The first and the last stamp of each run: it ends at nan, or before half a second of none."""
+    stamps = rows[:, 0]
+    known = ~np.isnan(rows[:, 2].copy().view(np.float64))
+    ends = np.flatnonzero((np.diff(stamps) > 50 * PERIOD) | ~known[:-1] | ~known[1:]) + 1
+    parts = np.split(np.arange(len(rows)), ends)
+    return [(stamps[each[0]], stamps[each[-1]]) for each in parts if len(each) and known[each[0]]]
+
+
+def course(rows: np.ndarray, grid: np.ndarray) -> Course:
+    """The robustness at each time of a grid; nan where no message came."""
+    found = np.full(len(grid), np.nan)
+    on = (rows[:, 0] >= grid[0]) & (rows[:, 0] <= grid[-1]) & ((rows[:, 0] - grid[0]) % PERIOD == 0)
+    found[(rows[on, 0] - grid[0]) // PERIOD] = rows[on, 2].copy().view(np.float64)
+    return found
+
+
+def same(some: Course, others: Course) -> int:
+    """How many have the same bits."""
+    return int(np.count_nonzero(some.copy().view(np.int64) == others.copy().view(np.int64)))
