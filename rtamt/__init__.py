@@ -58,6 +58,7 @@ from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
 from rtamt.mutation.mutants import Mutant, mutants
 from rtamt.mutation.mutations import MUTATIONS, Mutation
+from rtamt.mutation.noticing import noticed
 from rtamt.program.interface import Names, SemanticsName
 from rtamt.program.timing import Align, Period
 
@@ -135,6 +136,7 @@ __all__ = [
     "limits",
     "load",
     "mutants",
+    "noticed",
     "number",
     "parse",
     "patterns",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Literal
+from typing import Literal, cast
 
 from rtamt.checking.answers import Equivalence
 from rtamt.checking.questions import impossible, named_requirements, prepared
 from rtamt.checking.search import Goal, WitnessSearch
 from rtamt.errors import Argument, InputError
+from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
@@ -67,8 +68,7 @@ def equivalent(
             msg = f"{name}: expected one requirement, got {names}; give spec.requirements[NAME]"
             raise InputError(msg)
     _, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
-    programs = [compile_program(spec, seconds) for spec in specs.values()]
-    return _compared(programs[0], programs[1], search, given)
+    return _answer(specs["one"], specs["other"], seconds, search, given)
 
 
 def paired(
@@ -101,9 +101,56 @@ def same(
 ) -> dict[str, Equivalence]:
     """Whether the two of each pair are satisfied by the same traces."""
     return {
-        name: _compared(compile_program(one, period), compile_program(other, period), search, given)
-        for name, (one, other) in pairs.items()
+        name: _answer(one, other, period, search, given) for name, (one, other) in pairs.items()
     }
+
+
+def _answer(
+    one: Specification,
+    other: Specification,
+    period: Fraction | None,
+    search: WitnessSearch,
+    given: Sequence[Goal],
+) -> Equivalence:
+    """Whether two are satisfied by the same traces; of wholes without end by what differs in them.
+
+    A suffix of a trace is a trace. So what is the same on all traces is the same at each instant,
+    if it does not look back, and wholes that differ in it alone are the same too.
+    """
+    found = _compared(compile_program(one, period), compile_program(other, period), search, given)
+    if found.says != "yes" or not found.samples:
+        return found
+    for pair in _differing(one.formula, other.formula):
+        if any(map(_looks_back, pair)):
+            continue
+        first, second = (
+            compile_program(spec.with_result(part), period)
+            for spec, part in zip((one, other), pair, strict=True)
+        )
+        parts = _compared(first, second, search, ())
+        if parts.says == "yes" and not parts.samples:
+            return parts
+        if parts.says == "no":  # then parts of them differ too
+            break
+    return found
+
+
+def _differing(one: Formula, other: Formula) -> Iterator[tuple[Formula, Formula]]:
+    """The parts in which alone two formulas differ, the greatest first, without the wholes."""
+    while one.op is other.op and one.interval == other.interval:
+        if len(one.args) != len(other.args):
+            return
+        sides = [(a, b) for a, b in zip(one.args, other.args, strict=True) if a != b]
+        if len(sides) != 1 or not all(isinstance(each, Formula) for each in sides[0]):
+            return
+        one, other = cast("tuple[Formula, Formula]", sides[0])
+        yield one, other
+
+
+def _looks_back(formula: Formula) -> bool:
+    """Whether a formula has an operator of the past."""
+    operators = (node.op for node in formula.nodes())
+    return any(op is not None and (op.timed or op.sampled) and not op.future for op in operators)
 
 
 def _compared(

@@ -18,7 +18,8 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
     if value not in choices:
         first, *others = choices
         options = "".join(f" or {choice!r}" for choice in others)
-        raise InputError("expected ", Argument(name, first), f"{options}, got {value!r}")
+        near = nearest(value, choices)
+        raise InputError("expected ", Argument(name, first), f"{options}, got {value!r}{near}")
 
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:

@@ -9,8 +9,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
 from multiprocessing import get_context
+from typing import Protocol, TypeVar
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -38,16 +38,19 @@ from rtamt_gym.tables import number
 
 __all__ = [
     "Judged",
+    "Watch",
     "failure_lines",
     "judge_file",
     "judge_files",
-    "judge_read",
     "matrix_of",
     "read_file",
     "row_of",
     "too_short",
     "unmet_of",
 ]
+
+
+_T = TypeVar("_T")
 
 
 @dataclass(slots=True)
@@ -67,6 +70,24 @@ class Judged:
     period: Fraction | None = None
     judgements: dict[str, TraceJudgement] = field(default_factory=dict)
     failures: dict[str, Failure] = field(default_factory=dict)
+
+
+Seen = Mapping[str, Sequence[int]]
+"""What was seen in a trace: numbers for requirements."""
+
+
+class Watch(Protocol):
+    """Looks at traces while they are read, in each process by a copy of its own."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether copies know all they need; until then it is to see traces itself."""
+
+    def see(self, judged: Judged, row: Trial) -> Seen:
+        """What is there to see in a trace; copies see traces in their order, and not all."""
+
+    def take(self, row: Trial, found: Seen) -> None:
+        """Takes in what was seen in a trace, in the order of the traces."""
 
 
 def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
@@ -94,15 +115,6 @@ def read_file(asked: TracesAsked, path: str) -> Judged:
     judged = Judged(path)
     _read(asked, judged)
     return judged
-
-
-def judge_read(spec: rtamt.Specification, judged: Judged, reading: Reading) -> TraceJudgement:
-    """Judges a trace that was read by a requirement of its own.
-
-    Raises:
-        RtamtError: If it cannot be judged by it.
-    """
-    return _judge(spec, judged, reading, formulas=False)
 
 
 def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
@@ -145,7 +157,12 @@ def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
 
 
 def judge_files(
-    asked: TracesAsked, paths: Sequence[str], *, workers: int, explain: Sequence[Verdict]
+    asked: TracesAsked,
+    paths: Sequence[str],
+    *,
+    workers: int,
+    explain: Sequence[Verdict],
+    watch: Watch | None = None,
 ) -> list[Trial]:
     """Judges traces, in the order of their names whatever the number of workers.
 
@@ -155,56 +172,59 @@ def judge_files(
         workers: The number of processes.
         explain: The verdicts that are explained. If there are any, the outcomes say too from when
             on they were certain, which costs as much as the verdict.
+        watch: What sees each trace while it is read; None: nothing.
     """
-    task = partial(_row_of_file, asked, explain)
+    job, rows = _Job(asked, explain, watch), list[Trial]()
+
+    def done(row: Trial, found: Seen) -> None:
+        rows.append(row)
+        if watch is not None:
+            watch.take(row, found)
+
     with progress("judging", len(paths), " traces") as advance:
-        if workers > 1 and len(paths) > 1:
-            return _in_processes(task, asked, paths, workers, advance)
-        rows = []
-        for path in paths:
-            rows.append(task(path))
+        while len(rows) < len(paths):
+            left = paths[len(rows) :]
+            if workers > 1 and len(left) > 1 and (watch is None or watch.ready):
+                for row, found in _in_processes(job, left, workers, advance):
+                    done(row, found)
+                break
+            done(*job.done(left[0]))
             advance(1)
     return rows
 
 
 def _in_processes(
-    task: Callable[[str], Trial],
-    asked: TracesAsked,
-    paths: Sequence[str],
-    workers: int,
-    advance: Callable[[int], None],
-) -> list[Trial]:
-    """Does a task for each trace in processes.
+    job: _Job, paths: Sequence[str], workers: int, advance: Callable[[int], None]
+) -> list[tuple[Trial, Seen]]:
+    """Does a job for each trace in processes.
 
     If a process dies, as for lack of memory, nobody knows at which trace: the first that has no
     row yet is judged alone, and only if its process dies too it is a failure.
     """
-    rows: list[Trial] = []
+    rows: list[tuple[Trial, Seen]] = []
     alone = False
     while len(rows) < len(paths):
         left = paths[len(rows) :][: 1 if alone else None]
+        many = min(workers, len(left))
         try:
             # A fork would take locks along that other threads hold.
             context = get_context("spawn")
-            with ProcessPoolExecutor(min(workers, len(left)), context, _begin_worker) as pool:
-                for row in _begin(pool, task, left):
+            with ProcessPoolExecutor(many, context, _begin_worker, (job,)) as pool:
+                for row in _begin(pool, _row_of_file, left):
                     rows.append(row)
                     advance(1)
             alone = False
         except BrokenProcessPool:
             if alone:
-                message = f"{left[0]}: the process that judged it died, perhaps for lack of memory"
-                rows.append(
-                    Trial.of_trace(left[0], "", dict.fromkeys(asked.specs, Failure(message)))
-                )
+                rows.append((job.lost(left[0]), {}))
                 advance(1)
             alone = not alone
     return rows
 
 
 def _begin(
-    pool: ProcessPoolExecutor, task: Callable[[str], Trial], paths: Sequence[str]
-) -> Iterator[Trial]:
+    pool: ProcessPoolExecutor, task: Callable[[str], _T], paths: Sequence[str]
+) -> Iterator[_T]:
     """Starts the processes, which ignore interrupts from their first moment on."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -213,14 +233,39 @@ def _begin(
         signal.signal(signal.SIGINT, before)
 
 
-def _begin_worker() -> None:
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """What is to be done with each trace; `judge_files` documents the arguments."""
+
+    asked: TracesAsked
+    explain: Sequence[Verdict]
+    watch: Watch | None
+
+    def done(self, path: str) -> tuple[Trial, Seen]:
+        """The outcomes of a trace, and what was seen in it."""
+        judged = judge_file(self.asked, path, formulas=False)
+        row = row_of(self.asked, judged, explain=self.explain)
+        return row, {} if self.watch is None else self.watch.see(judged, row)
+
+    def lost(self, path: str) -> Trial:
+        """The row of a trace whose process died."""
+        failure = Failure(f"{path}: the process that judged it died, perhaps for lack of memory")
+        return Trial.of_trace(path, "", dict.fromkeys(self.asked.specs, failure))
+
+
+_jobs: list[_Job] = []
+"""The job of this process, if it is a worker: it is sent once, and not with every trace."""
+
+
+def _begin_worker(*job: _Job) -> None:
     """Leaves bars, and what an interrupt does, to the process that has asked."""
     silence()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where that is not inherited
+    _jobs[:] = job
 
 
-def _row_of_file(asked: TracesAsked, explain: Sequence[Verdict], path: str) -> Trial:
-    return row_of(asked, judge_file(asked, path, formulas=False), explain=explain)
+def _row_of_file(path: str) -> tuple[Trial, Seen]:
+    return _jobs[0].done(path)
 
 
 def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:

@@ -13,9 +13,9 @@ from rtamt import InputError, Verdict
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
-from rtamt_gym.commands.mutants import hollow_scores, scores_of, write_apart
 from rtamt_gym.commands.specs import files_of
 from rtamt_gym.commands.traces import (
     TracesAsked,
@@ -124,17 +124,21 @@ def run(options: argparse.Namespace) -> int:
     wanted = options.json or options.junit or options.markdown
     explain = (Verdict.VIOLATED,) if wanted else ()
     judged = None
+    watch = MutantWatch(options, asked) if options.mutants else None
     if len(paths) == 1:
         judged = judge_file(asked, paths[0], formulas=True)
         rows = [row_of(asked, judged, explain=explain)]
+        if watch is not None:
+            watch.take(rows[0], watch.see(judged, rows[0]))
     else:
         for option in _OVER_TIME:
             if _given(options, option):
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
-        rows = judge_files(asked, paths, workers=options.workers, explain=explain)
+        workers = options.workers
+        rows = judge_files(asked, paths, workers=workers, explain=explain, watch=watch)
     matrix = matrix_of(asked, rows)
     hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
-    scores = scores_of(options, asked, matrix, judged) if options.mutants else {}
+    scores = {} if watch is None else watch.scores(matrix)
     hollow += hollow_scores(options, scores)
     # Traces that test a requirement violate it too: then their verdicts are no failure.
     word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word

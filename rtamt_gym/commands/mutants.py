@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from rtamt_gym.commands.traces import TracesAsked
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import JudgedMutant, MutationScore
+    from rtamt_gym.results.trial import Trial
 
-__all__ = ["add_arguments", "check_arguments", "hollow_scores", "scores_of", "write_apart"]
+__all__ = ["MutantWatch", "add_arguments", "check_arguments", "hollow_scores", "write_apart"]
 
 _MOST: Final = 50
 _SECONDS: Final = 2.0
@@ -102,93 +103,122 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
         )
 
 
-def scores_of(
-    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, judged: Judged | None
-) -> dict[str, MutationScore]:
-    """What the traces notice of each requirement's mutants.
+class MutantWatch:
+    """Judges the mutants of requirements on traces while these are read.
+
+    Where bounds move by the period of the traces, the first trace says it; if others have another,
+    the mutants are made anew, and the traces read once more. What a trace has noticed is judged on
+    no other.
 
     Args:
         options: The arguments.
         asked: The requirements, and how traces are judged.
-        matrix: The outcomes of the requirements.
-        judged: The trace, if it is one alone.
     """
-    from rtamt_gym.results.mutation import MutationScore
 
-    most = options.max_mutants or _MOST
-    period = _period(asked, matrix)
-    made = {
-        name: [
-            mutant
-            for mutant in rtamt.mutants(spec, period, kinds=options.mutation, most=most)
-            if mutant.specification.looks_ahead or asked.reading.view == "step"
-        ]
-        for name, spec in asked.specs.items()
-    }
-    noticed = _noticed(asked, matrix, made, judged)
-    total = sum(len(each) for each in made.values()) - sum(map(len, noticed.values()))
-    scores = {}
-    with progress("comparing", total, " mutants") as advance:
-        for name, found in made.items():
-            judged_mutants = []
-            for number, mutant in enumerate(found):
-                trace = noticed[name].get(number, "")
-                judged_mutants.append(_judged(asked, mutant, period, trace))
-                advance(0 if trace else 1)
-            scores[name] = MutationScore(tuple(judged_mutants), len(found) >= most)
-    return scores
+    def __init__(self, options: argparse.Namespace, asked: TracesAsked) -> None:
+        self._asked = asked
+        self._most: int = options.max_mutants or _MOST
+        self._kinds: Sequence[str] | None = options.mutation
+        self._period: Fraction | None = None
+        self._made: dict[str, list[Mutant]] = {}
+        self._left_out: dict[str, int] = {}
+        self._noticed: dict[str, dict[int, str]] = {}
+        self._seen: dict[str, set[int]] = {}
+        if asked.reading.period is not None or asked.reading.dense or not _timed(asked):
+            self._make(_period(asked, ()))
+
+    @property
+    def ready(self) -> bool:
+        """Whether the mutants are made."""
+        return bool(self._made)
+
+    def see(self, judged: Judged, row: Trial) -> dict[str, list[int]]:
+        """The numbers of the mutants that a trace notices, and none that was seen has noticed."""
+        from rtamt_gym.recorded.judge import noticed
+
+        if not self.ready and row.extent is not None:
+            self._make(_period(self._asked, [row]))
+        if not self.ready or judged.trace is None:
+            return {}
+        found: dict[str, list[int]] = {}
+        for name, outcome in row.outcomes.items():
+            left = [i for i in range(len(self._made[name])) if i not in self._seen[name]]
+            if outcome.verdict not in _DECIDED or not left:
+                continue
+            mutants = [self._made[name][i] for i in left]
+            said = noticed(mutants, judged.trace, judged.period, self._asked.reading)
+            found[name] = [i for i, each in zip(left, said, strict=True) if each]
+            self._seen[name].update(found[name])
+        return found
+
+    def take(self, row: Trial, found: Mapping[str, Sequence[int]]) -> None:
+        """Keeps which mutants a trace notices."""
+        for name, numbers in found.items():
+            for number in numbers:
+                self._noticed[name].setdefault(number, row.name)
+
+    def scores(self, matrix: Matrix) -> dict[str, MutationScore]:
+        """What became of the mutants, once all traces were seen."""
+        from rtamt_gym.results.mutation import MutationScore
+
+        period = _period(self._asked, matrix.rows)
+        if not self.ready or period != self._period:
+            self._again(matrix, period)
+        total = sum(len(each) for each in self._made.values())
+        total -= sum(map(len, self._noticed.values()))
+        scores = {}
+        with progress("comparing", total, " mutants") as advance:
+            for name, made in self._made.items():
+                judged = []
+                for number, mutant in enumerate(made):
+                    trace = self._noticed[name].get(number, "")
+                    judged.append(_judged(self._asked, mutant, period, trace))
+                    advance(0 if trace else 1)
+                left_out = self._left_out[name]
+                capped = len(made) + left_out >= self._most
+                scores[name] = MutationScore(tuple(judged), capped, left_out)
+        return scores
+
+    def _make(self, period: Fraction | None) -> None:
+        """Makes the mutants, none of which is noticed then."""
+        self._period = period
+        for name, spec in self._asked.specs.items():
+            made = rtamt.mutants(spec, period, kinds=self._kinds, most=self._most)
+            ahead = [
+                mutant
+                for mutant in made
+                if mutant.specification.looks_ahead or self._asked.reading.view == "step"
+            ]
+            self._made[name], self._left_out[name] = ahead, len(made) - len(ahead)
+            self._noticed[name], self._seen[name] = {}, set()
+
+    def _again(self, matrix: Matrix, period: Fraction | None) -> None:
+        """Judges the mutants of a period of which no trace has known."""
+        from rtamt_gym.commands.judging import read_file
+
+        self._make(period)
+        with progress("judging mutants", len(matrix.rows), " traces") as advance:
+            for row in matrix.rows:
+                self.take(row, self.see(read_file(self._asked, row.name), row))
+                advance(1)
 
 
-def _period(asked: TracesAsked, matrix: Matrix) -> Fraction | None:
+def _timed(asked: TracesAsked) -> bool:
+    return any(spec.timed for spec in asked.specs.values())
+
+
+def _period(asked: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
     """The period by which bounds move: one that all traces have, or a multiple of each."""
     if asked.reading.period is not None or asked.reading.dense:
         return asked.reading.seconds
-    periods = [row.extent.period for row in matrix.rows if row.extent and row.extent.period]
-    if not any(spec.timed for spec in asked.specs.values()):
-        return None
-    return reduce(_multiple, periods) if periods else None
+    periods = [row.extent.period for row in rows if row.extent and row.extent.period]
+    return reduce(_multiple, periods) if periods and _timed(asked) else None
 
 
 def _multiple(one: Fraction, other: Fraction) -> Fraction:
     """The least number of which both are parts."""
     numerator = math.lcm(one.numerator * other.denominator, other.numerator * one.denominator)
     return Fraction(numerator, one.denominator * other.denominator)
-
-
-def _noticed(
-    asked: TracesAsked,
-    matrix: Matrix,
-    made: Mapping[str, Sequence[Mutant]],
-    judged: Judged | None,
-) -> dict[str, dict[int, str]]:
-    """For each requirement its mutants that a trace notices, with the first such trace.
-
-    What one trace has noticed is not judged on others.
-    """
-    from rtamt_gym.commands.judging import judge_read, read_file
-
-    noticed: dict[str, dict[int, str]] = {name: {} for name in made}
-    with progress("judging mutants", len(matrix.rows), " traces") as advance:
-        for row in matrix.rows:
-            decided = {
-                name: outcome.verdict
-                for name, outcome in row.outcomes.items()
-                if outcome.verdict in _DECIDED and len(noticed[name]) < len(made[name])
-            }
-            if decided and (judged is None or judged.path != row.name):
-                judged = read_file(asked, row.name)
-            for name, verdict in decided.items():
-                for number, mutant in enumerate(made[name]):
-                    if judged is None or number in noticed[name]:
-                        continue
-                    try:
-                        found = judge_read(mutant.specification, judged, asked.reading)
-                    except RtamtError:  # its bounds, for instance, fit the other traces alone
-                        continue
-                    if {found.verdict, verdict} == _DECIDED:
-                        noticed[name][number] = row.name
-            advance(1)
-    return noticed
 
 
 def _judged(
@@ -204,8 +234,11 @@ def _judged(
     found, why = _compared(asked, mutant, period)
     if found is None:
         return JudgedMutant(*where, formula, "unknown", why=why)
+    if found.says == "yes" and found.samples:
+        why = f"no trace of up to {found.samples} samples tells them apart; longer ones may"
+        return JudgedMutant(*where, formula, "unknown", samples=found.samples, why=why)
     if found.says == "yes":
-        return JudgedMutant(*where, formula, "same", samples=found.samples)
+        return JudgedMutant(*where, formula, "same")
     if found.trace is None:
         return JudgedMutant(*where, formula, "unknown", why=found.why)
     satisfies: dict[str, Literal["", "requirement", "mutant"]] = {
@@ -285,7 +318,7 @@ def write_apart(
 
     They have a column of times where the traces have one, and the columns of their requirement.
     """
-    period = None if asked.reading.period is not None else _period(asked, matrix)
+    period = None if asked.reading.period is not None else _period(asked, matrix.rows)
     written = 0
     for name, score in scores.items():
         for number, mutant in enumerate(score.mutants, 1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -31,6 +31,7 @@ __all__ = [
     "extent_of",
     "judge",
     "judge_events",
+    "noticed",
     "signals_of",
     "viewed",
 ]
@@ -262,9 +263,7 @@ def judge(
     whole = viewed(spec, reading.view)
     trace = trace.known(whole.variables)
     semantics, n = reading.semantics, trace.samples
-    reading = reading.having(period=period)
-    if not {*trace.unknown}.isdisjoint(whole.variables):
-        reading = reading.having(nan="unknown")
+    reading = _having_unknown(reading.having(period=period), trace, whole)
     options = reading.of_monitors({"": whole})[""]
     found = rtamt.judge(whole, trace.columns, end=reading.end, n=n, **options)
     cut = None
@@ -286,6 +285,52 @@ def judge(
     progress = progress_of(whole, trace.columns, reading)
     clock = trace.start, period, step
     return TraceJudgement(found, series, semantics, *clock, progress=progress, cut=cut)
+
+
+def noticed(
+    mutants: Sequence[rtamt.Mutant],
+    trace: Trace | EventTrace,
+    period: Fraction | None,
+    reading: Reading,
+) -> tuple[bool, ...]:
+    """Which mutants of a requirement a trace tells from it.
+
+    Args:
+        mutants: The mutants, one or more.
+        trace: The samples or events.
+        period: As for `judge`.
+        reading: As for `judge`.
+
+    Raises:
+        RtamtError: As `judge` and `judge_events` of the requirement.
+    """
+    if reading.view == "step":
+        mutants = [
+            replace(m, requirement=m.requirement.always(), specification=m.specification.always())
+            for m in mutants
+        ]
+    requirement = mutants[0].requirement
+    if isinstance(trace, Trace):
+        trace = trace.known(requirement.variables)
+        reading = _having_unknown(reading.having(period=period), trace, requirement)
+        options = reading.of_monitors({"": requirement})[""]
+        return rtamt.noticed(mutants, trace.columns, end=reading.end, n=trace.samples, **options)
+    events, dense = trace, {"semantics": reading.semantics, **_not_known(trace)}
+
+    def verdict(spec: rtamt.Specification) -> Verdict | None:
+        signals = {name: events.tables[name] for name in spec.variables}
+        try:
+            return rtamt.judge_dense(spec, signals, reading.end, **dense).verdict
+        except rtamt.RtamtError:  # it counts samples, for instance
+            return None
+
+    its = verdict(requirement)
+    return tuple({its, verdict(m.specification)} == _DECIDED for m in mutants)
+
+
+def _having_unknown(reading: Reading, trace: Trace, spec: rtamt.Specification) -> Reading:
+    """The reading, with values that are not known if the specification reads one."""
+    return reading if {*trace.unknown}.isdisjoint(spec.variables) else reading.having(nan="unknown")
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:

@@ -23,6 +23,7 @@ from rtamt_gym.reports.model import (
 from rtamt_gym.reports.rows import DIGITS
 from rtamt_gym.reports.standing import key_of, standing_of
 from rtamt_gym.reports.views import ComparedRequirement
+from rtamt_gym.results.mutation import percent
 from rtamt_gym.results.statistics import SUCCESS, progress_text
 from rtamt_gym.tables import counted, p_text
 
@@ -75,6 +76,7 @@ def render(report: Report) -> str:
         {
             "number": texts.number,
             "percent": texts.percent,
+            "share": percent,
             "time": texts.time,
             "p_text": p_text,
             "counted": counted,

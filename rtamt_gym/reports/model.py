@@ -20,6 +20,7 @@ from rtamt_gym.reports.views import (
     ComparisonView,
     Convergence,
     HeatMap,
+    MutantView,
     ShownSeries,
     TraceTable,
 )
@@ -283,6 +284,7 @@ class Section:
         convergence: The course of a search, for each requirement.
         comparison: The comparison, if the section is about one.
         matrix: The recorded traces, if the section is about some.
+        mutants: What these notice of the mutants of the requirements; None if none were made.
         source: The file of the result; None if it was an object.
         files: The files that it was made of: specifications, models, traces.
         versions: The versions of Python and packages that made it.
@@ -305,6 +307,7 @@ class Section:
     convergence: tuple[Convergence, ...] = ()
     comparison: ComparisonView | None = None
     matrix: TraceTable | None = None
+    mutants: MutantView | None = None
     source: ShownFile | None = None
     files: tuple[ShownFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -21,10 +21,10 @@ from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
 from rtamt_gym.reports.rows import DIGITS, TRIALS, judged, made_of, requirement_of, trials_of
 from rtamt_gym.reports.series import six
-from rtamt_gym.reports.views import Cell, TraceLine, TraceTable
+from rtamt_gym.reports.views import Cell, MutantView, TraceLine, TraceTable
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.matrix import Matrix
-from rtamt_gym.results.mutation import MutationScore, percent
+from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Outcome, Word, word
 from rtamt_gym.results.provenance import file_hash, provenance_of
 from rtamt_gym.results.trial import Trial
@@ -34,9 +34,6 @@ __all__ = ["of_matrix"]
 
 _LONGEST: Final = 20_000
 """The most samples of a trace whose bounds are shown: they are made sample by sample."""
-
-_MUTANTS: Final = 12
-"""The most mutants of a requirement that are named."""
 
 _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 
@@ -58,7 +55,6 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
     formulas = matrix.requirements
     facts = [Fact("traces", str(len(matrix)))]
     facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]
-    facts += _mutants(kept)
     share = room // len(formulas)
     requirements = [_requirement(matrix, reading, name, folder, share) for name in formulas]
     words = get_args(Word)
@@ -75,19 +71,18 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
             tuple(_line(matrix[i], formulas) for i in sorted(places)),
             len(matrix) - len(places),
         ),
+        mutants=_mutants(kept),
         **made_of(matrix.provenance),
     )
 
 
-def _mutants(kept: Mapping[str, Any]) -> Iterator[Fact]:
-    """How many mutants of each requirement the traces notice, and which they miss."""
-    for name, said in kept.get("mutants", {}).get("requirements", {}).items():
-        score = MutationScore.read(said)
-        count = f"{score.count('noticed')} of {score.different} noticed ({percent(score.share)})"
-        missed = [m for m in score.mutants if m.says in ("missed", "unknown")]
-        changes = "; ".join(f"{m.place} {m.change}" for m in missed[:_MUTANTS])
-        more = f"; and {len(missed) - _MUTANTS} more" if len(missed) > _MUTANTS else ""
-        yield Fact(f"mutants of {name}", f"{count}; missed: {changes}{more}" if missed else count)
+def _mutants(kept: Mapping[str, Any]) -> MutantView | None:
+    """What the traces notice of mutants, if some were made."""
+    said = kept.get("mutants")
+    if said is None:
+        return None
+    scores = {name: MutationScore.read(each) for name, each in said["requirements"].items()}
+    return MutantView(scores, said["least"])
 
 
 def _period(matrix: Matrix) -> object:

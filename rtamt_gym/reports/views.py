@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rtamt import RequirementId
+from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Word
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "ComparisonView",
     "Convergence",
     "HeatMap",
+    "MutantView",
     "ShownSeries",
     "TraceLine",
     "TraceTable",
@@ -194,3 +196,23 @@ class TraceTable:
     requirements: tuple[str, ...]
     traces: tuple[TraceLine, ...]
     left_out: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MutantView:
+    """What recorded traces notice of the mutants of requirements.
+
+    Attributes:
+        scores: The score of each requirement, by name.
+        least: The share that was asked for; None: none.
+    """
+
+    scores: Mapping[str, MutationScore]
+    least: float | None = None
+
+    @property
+    def below(self) -> list[str]:
+        """The requirements of which less than the share that was asked for is noticed."""
+        least = 0.0 if self.least is None else self.least
+        shares = {name: score.share for name, score in self.scores.items()}
+        return [name for name, share in shares.items() if share is not None and share < least]

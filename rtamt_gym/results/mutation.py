@@ -15,11 +15,11 @@ from rtamt_gym.tables import counted, shorten, table, wrapped
 __all__ = ["JudgedMutant", "MutantSays", "MutationScore", "percent", "score_lines", "score_text"]
 
 MutantSays = Literal["noticed", "missed", "same", "unknown"]
-"""What became of a mutant: a trace notices it; none does, and one that would is known; it is the
-same requirement; or none does, and nobody knows whether one would."""
+"""What became of a mutant: a trace notices it; none does, and one that would is known; it is proved
+to be the same requirement; or none does, and nobody knows whether one would."""
 
-_CHANGE: Final = 44
-"""The most characters of a change in a table."""
+_WIDTH: Final = 80
+"""The columns of a table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class JudgedMutant:
         formula: The formula of the mutant.
         says: What became of it.
         noticed_by: The first trace that notices it; empty if none does.
-        samples: Of one that is the same, 0 if that is proved for all traces; else it is the same
-            on traces of up to that many samples whose end repeats.
+        samples: Of one that is unknown, no trace of up to that many samples, whose end repeats,
+            tells it from the requirement; 0 if not even that is known.
         why: Why nobody knows whether a trace would notice it.
         apart: A trace that would notice it, a list of values for each variable; empty if none is
             known.
@@ -69,9 +69,11 @@ class JudgedMutant:
     @property
     def remark(self) -> str:
         """What is to say of it beside the change."""
-        if self.says == "same":
-            return f"up to {counted(self.samples, 'sample')}" if self.samples else "for all traces"
-        return "unknown whether it differs" if self.says == "unknown" else ""
+        if self.says != "unknown":
+            return ""
+        if self.samples:
+            return f"the same up to {counted(self.samples, 'sample')}"
+        return "unknown whether it differs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +81,14 @@ class MutationScore:
     """The mutants of a requirement under a suite of traces.
 
     Attributes:
-        mutants: All that were made, in the order of the text.
+        mutants: All that were judged, in the order of the text.
         capped: Whether there may be more.
+        left_out: How many were not judged: they look at the first sample of a trace alone.
     """
 
     mutants: tuple[JudgedMutant, ...]
     capped: bool = False
+    left_out: int = 0
 
     def count(self, says: MutantSays) -> int:
         """How many became so."""
@@ -92,17 +96,17 @@ class MutationScore:
 
     @property
     def made(self) -> int:
-        """How many were made."""
+        """How many were judged."""
         return len(self.mutants)
 
     @property
     def different(self) -> int:
-        """How many are not known to be the same requirement."""
+        """How many are not proved to be the same requirement."""
         return self.made - self.count("same")
 
     @property
     def share(self) -> float | None:
-        """The share noticed of those that are not the same; None if there are none."""
+        """The share noticed of those that are not proved to be the same; None if there are none."""
         return self.count("noticed") / self.different if self.different else None
 
     def written(self) -> dict[str, Any]:
@@ -113,13 +117,15 @@ class MutationScore:
             **counts,
             "share": self.share,
             "capped": self.capped,
+            "left_out": self.left_out,
             "list": [_written(each) for each in self.mutants],
         }
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> MutationScore:
         """Reads what `written` has made."""
-        return cls(tuple(JudgedMutant(**each) for each in kept["list"]), kept["capped"])
+        made = tuple(JudgedMutant(**each) for each in kept["list"])
+        return cls(made, kept["capped"], kept.get("left_out", 0))
 
 
 def _written(mutant: JudgedMutant) -> dict[str, Any]:
@@ -160,9 +166,18 @@ def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[st
         for head, part in ((f"{name}: {of}", missed), (f"{name}: the same, left out", same)):
             if part:
                 yield from ("", head)
-                cells = [[m.place, shorten(m.change, _CHANGE), _kind(m)] for m in part]
-                yield from (f"  {line}"[:80].rstrip() for line in table(cells, "<<<"))
+                beside = max(len(m.place) + len(_kind(m)) for m in part) + 6
+                cells = [[m.place, shorten(m.change, _WIDTH - beside), _kind(m)] for m in part]
+                _, *lines = table([[""] * 3, *cells], "<<<")  # it has no names of columns
+                yield from (f"  {line}".rstrip() for line in lines)
     for name, score in scores.items():
+        if score.left_out:
+            look, them = ("looks", "it") if score.left_out == 1 else ("look", "them")
+            yield ""
+            yield from wrapped(
+                f"{name}: {counted(score.left_out, 'mutant')} left out, which {look} at the first "
+                f"sample alone; --view step judges {them} at each"
+            )
         if score.capped:
             yield ""
             yield from wrapped(

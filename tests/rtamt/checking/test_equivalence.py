@@ -1,14 +1,15 @@
 """`equivalent`, `check(same_as=)` and ranges: against traces over a grid, and by examples."""
 
 import itertools
+from typing import get_args
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_texts import VALUES, texts
 
 import rtamt
-from rtamt import InputError, Verdict, judge
+from rtamt import End, InputError, Verdict, judge
 
 
 @given(one=texts, other=texts, least=st.sampled_from(VALUES), most=st.sampled_from(VALUES))
@@ -44,6 +45,41 @@ def test_a_requirement_without_an_end_is_equal_as_far_as_was_asked() -> None:
     assert str(rtamt.equivalent("always[0:50](x < 3)", "always[0:5](x < 3)")) == (
         "no, in 8 samples: other is satisfied, one is violated"
     )
+
+
+WHOLES = ("always({})", "eventually({})", "not (x > 0 until ({}))", "always(x > 0 implies ({}))")
+
+
+@settings(max_examples=30)
+@given(whole=st.sampled_from(WHOLES), one=texts, other=texts, end=st.sampled_from(get_args(End)))
+def test_wholes_without_an_end_are_proved_equal_by_their_parts(
+    whole: str, one: str, other: str, end: End
+) -> None:
+    found = rtamt.equivalent(whole.format(one), whole.format(other), end=end)
+    if (found.says, found.samples) != ("yes", 0):
+        return
+    for n in range(1, 4):
+        for t in itertools.product(VALUES[::2], repeat=n):
+            both = {
+                judge(whole.format(text), {"x": list(t)}, end=end, n=n).verdict
+                for text in (one, other)
+            }
+            assert both != {Verdict.SATISFIED, Verdict.VIOLATED}, (t, end)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("always(x < 1 and x < 2)", "always(x < 1)"),
+        ("eventually(x > 1 and always(x < 3))", "eventually(not (x <= 1) and always(x < 3))"),
+        ("always(x > 0 implies next(x > 1 or x > 2))", "always(x > 0 implies next(x > 1))"),
+    ],
+)
+def test_what_differs_in_a_part_that_is_the_same_is_proved_the_same(one: str, other: str) -> None:
+    for end in get_args(End):
+        assert str(rtamt.equivalent(one, other, end=end)) == "yes"
+    checked = rtamt.check(f"a = {one}", same_as=f"a = {other}").same["a"]
+    assert (checked.says, checked.samples) == ("yes", 0)
 
 
 def test_what_nobody_knows_is_unknown() -> None:

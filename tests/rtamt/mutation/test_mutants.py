@@ -4,14 +4,29 @@ import re
 import subprocess
 import sys
 from fractions import Fraction
+from math import nan
+from typing import Any, get_args
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import formulas
+from strategies import Trace, formulas, length, traces
 
 import rtamt
-from rtamt import MUTATIONS, Formula, InputError, Mutant, Specification, mutants
+from rtamt import (
+    MUTATIONS,
+    End,
+    Formula,
+    InputError,
+    Mutant,
+    RtamtError,
+    SemanticsName,
+    Specification,
+    Verdict,
+    judge,
+    mutants,
+    noticed,
+)
 from rtamt.language.interval import UNITS
 
 CONSTANTS = "const float LIMIT = 35; const float FLOOR = 3; always(v < LIMIT and w > FLOOR)"
@@ -275,6 +290,53 @@ def test_apart_fails_where_requirement_and_mutant_differ() -> None:
 def test_bounds_in_another_unit_keep_it_apart() -> None:
     (mutant,) = mutants(rtamt.parse("always[0:5](x < 3)", unit="ms"), kinds=["direction"])
     assert str(mutant.apart.formula) == "always[0:5ms](x < 3) iff always[0:5ms](x > 3)"
+
+
+def verdict(spec: Specification, trace: Trace, end: End, options: Any) -> Verdict | None:  # noqa: ANN401
+    names = {
+        each: [name for name in options[each] if name in spec.variables]
+        for each in ("inputs", "outputs")
+    }
+    try:
+        return judge(spec, trace, end=end, n=length(trace), **{**options, **names}).verdict
+    except RtamtError:
+        return None
+
+
+@given(
+    formulas(),
+    traces(),
+    st.sampled_from(get_args(End)),
+    st.sampled_from(get_args(SemanticsName)),
+    st.sampled_from(["raise", "unknown"]),
+)
+def test_what_is_noticed_is_what_verdicts_say_one_by_one(
+    formula: Formula, trace: Trace, end: End, semantics: SemanticsName, policy: str
+) -> None:
+    spec = Specification.of(formula)
+    inputs, outputs = spec.variables[:1], spec.variables[1:]
+    assume(semantics in {"standard", "boolean"} or (inputs and outputs))
+    options: Any = {"semantics": semantics, "inputs": inputs, "outputs": outputs, "nan": policy}
+    if policy == "unknown":
+        trace = {name: [nan, *values[1:]] for name, values in trace.items()}
+    found = mutants(spec, most=12)
+    its = verdict(spec, trace, end, options)
+    said = noticed(found, trace, end=end, n=length(trace), **options)
+    for mutant, each in zip(found, said, strict=True):
+        if mutant.specification.variables == spec.variables:  # else roles may have no variable
+            other = verdict(mutant.specification, trace, end, options)
+            assert each == ({its, other} == {Verdict.SATISFIED, Verdict.VIOLATED}), str(mutant)
+
+
+def test_a_mutant_that_cannot_be_judged_is_not_noticed() -> None:
+    found = mutants("always[0:1s](x < 3)", "500ms", kinds=["bound", "threshold"])
+    said = noticed(found, {"x": [2.5, 3.5]}, "1s")  # no bound of 0.5 s is a whole number of samples
+    assert [str(m) for m, each in zip(found, said, strict=True) if each] == ["1:18 x < 3 -> x < 4"]
+    found = mutants("always(sqrt(x - 1) < 2)", kinds=["threshold"])
+    said = noticed(found, {"x": [1.5, 6.0]})  # one takes the root of -0.5
+    assert [str(m) for m, each in zip(found, said, strict=True) if each] == [
+        "1:22 sqrt(x - 1) < 2 -> sqrt(x - 1) < 3"
+    ]
 
 
 @pytest.mark.parametrize(

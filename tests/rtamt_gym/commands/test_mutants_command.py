@@ -6,6 +6,7 @@ import html
 import itertools
 import json
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from paths import EXAMPLES
 
 import rtamt
 from rtamt_gym.__main__ import main
+from rtamt_gym.commands import judging
+from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 
 Output = pytest.CaptureFixture[str]
 
@@ -288,6 +291,34 @@ def test_a_search_tells_a_requirement_from_another_one(
     assert "--apart: expected one requirement and another one" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("text", ["always[0:10](req >= 3 implies eventually[0:5](gnt >= 3))"])
+def test_a_sweep_tells_a_requirement_from_its_mutants(
+    tmp_path: Path, capsys: Output, text: str
+) -> None:
+    """Of simulations that are run under both, those are violated on which the verdicts differ."""
+    space = ["rtamt/RequestGrant-v0", "--vary", "height=2:8", "--vary", "limit=0:6"]
+    command = ["sweep", *space, "--samples", "16", "--json", str(tmp_path / "record.json")]
+
+    def verdicts(*arguments: str) -> dict[str, list[str]]:
+        assert main([*command, *arguments]) == 0
+        capsys.readouterr()
+        trials = json.loads((tmp_path / "record.json").read_text())["trials"]
+        return {
+            name: [trial["outcomes"][name]["verdict"] for trial in trials]
+            for name in trials[0]["outcomes"]
+        }
+
+    differing = 0
+    for mutant in rtamt.mutants(text, kinds=["tenth", "window", "operator"]):
+        other = str(mutant.specification)
+        apart = verdicts("--requirement", f"r = {text}", "--apart", other)["r_apart"]
+        alone = verdicts("--requirement", f"r = {text}", "--requirement", f"m = {other}")
+        for each, *both in zip(apart, alone["r"], alone["m"], strict=True):
+            assert "UNDECIDED" in both or (each == "VIOLATED") == (both[0] != both[1])
+            differing += each == "VIOLATED"
+    assert differing > 0
+
+
 def test_the_page_says_what_is_noticed_and_what_is_missed(
     tmp_path: Path, trace: str, capsys: Output
 ) -> None:
@@ -296,12 +327,104 @@ def test_the_page_says_what_is_noticed_and_what_is_missed(
     kept.write_text(capsys.readouterr().out)
     assert main(["report", str(kept), "-o", str(tmp_path / "page.html")]) == 0
     page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
-    assert "mutants of spec" in page
-    assert "0 of 3 noticed (0 %); missed: 1:38 [0:1] -> [0:0]; 1:38 [0:1] -> [0:2]" in page
+    (shown,) = re.findall(r'<section class="mutants".*?</section>', page, re.DOTALL)
+    assert '<span class="violated" style="flex-grow:3"></span>' in shown
+    assert '<span aria-hidden="true">✗</span> <b>3</b> missed' in shown
+    assert "<b>0 %</b> " in shown
+    assert "noticed, 0 of 3" in shown
+    assert re.findall(r"<code>(.*?)</code>", shown) == [
+        *("[0:1] -> [0:0]", "[0:1] -> [0:2]", "[0:1] -> [0:10]")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("least", "head"),
+    [
+        ([], "? Mutants noticed: 2 of 22; 1 trace judged."),
+        (["--min-noticed", "5%"], "✓ Passed: mutants noticed: 2 of 22; 1 trace judged."),
+        (
+            ["--min-noticed", "80%"],
+            "? Undecided: mutants noticed: 2 of 22, less than 80 % of spec; 1 trace judged.",
+        ),
+    ],
+)
+def test_the_head_of_the_page_speaks_of_the_suite(
+    tmp_path: Path, trace: str, capsys: Output, least: list[str], head: str
+) -> None:
+    main(["monitor", "--mutants", *least, "--json", ANSWERED, trace])
+    kept = tmp_path / "outcomes.json"
+    kept.write_text(capsys.readouterr().out)
+    assert main(["report", str(kept), "-o", str(tmp_path / "page.html")]) == 0
+    page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
+    (shown,) = re.findall(r'<p class="standing.*?</p>', page)
+    assert re.sub("<.*?>", "", shown) == head
+
+
+BOUNDED = "always(eventually(x < 1) or eventually(x < 0))"
+"""Without its last part it is the same, which no number of samples proves."""
+
+
+def test_what_is_not_proved_to_be_the_same_is_not_noticed(tmp_path: Path, capsys: Output) -> None:
+    paths = traces_in(tmp_path, 3, seed=1)
+    command = [BOUNDED, "--mutation", "part", "--min-noticed", "100%", "--", *paths]
+    told = answer(capsys, *command)
+    (found,) = told["mutants"]["requirements"].values()
+    (mutant,) = (each for each in found["list"] if each["before"] == "or eventually(x < 0)")
+    assert (mutant["says"], mutant["samples"]) == ("unknown", 16)
+    assert (found["same"], found["unknown"], told["exit_code"]) == (0, 1, 3)
+    assert main(["monitor", "--mutants", *command]) == 3
+    said = " ".join(capsys.readouterr().out.split())
+    assert "part, the same up to 16 samples" in said
+    assert "of 1 nobody knows whether they differ" in said
+    assert (
+        "not known whether mutants differ: no trace of up to 16 samples tells them apart; longer "
+        "ones may" in said
+    )
+
+
+def test_mutants_that_look_at_the_first_sample_alone_are_said(trace: str, capsys: Output) -> None:
+    command = ["req < 1 and next(gnt < 1)", "--mutation", "part", trace]
+    (found,) = answer(capsys, *command)["mutants"]["requirements"].values()
+    assert (found["made"], found["left_out"]) == (1, 1)
+    main(["monitor", "--mutants", *command])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "spec: 1 mutant left out, which looks at the first sample alone; --view step" in said
+    (found,) = answer(capsys, *command, "--view", "step")["mutants"]["requirements"].values()
+    assert (found["made"], found["left_out"]) == (2, 0)
+
+
+def test_processes_notice_what_one_process_notices(tmp_path: Path, capsys: Output) -> None:
+    paths = traces_in(tmp_path, 5, seed=7)
+    timed = [*paths]
+    for i, path in enumerate(paths):
+        columns = read_trace(path)
+        times = [0.5 * j for j in range(len(columns["x"]))]
+        timed[i] = str(Path(path).with_name(f"timed{i}.csv"))
+        write_trace(Path(timed[i]), {"time": times, **columns})
+    for files, text in ((paths, SPECS[1]), (timed, SPECS[1].replace("0:2", "0:1s"))):
+        alone, two = (answer(capsys, text, "-j", j, "--", *files)["mutants"] for j in "12")
+        assert alone == two
+        (found,) = alone["requirements"].values()
+        assert found["noticed"] > 0
+
+
+def test_a_trace_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    read: list[str] = []
+
+    def counting(asked: TracesAsked, path: str) -> object:
+        read.append(path)
+        return read_trace_of(asked, path)
+
+    monkeypatch.setattr(judging, "read_trace_of", counting)
+    paths = traces_in(tmp_path, 3, seed=5)
+    answer(capsys, SPECS[1], "--", *paths)
+    assert read == paths
 
 
 def test_the_edges_of_the_example_notice_every_mutant(capsys: Output) -> None:
-    traces = [str(EXAMPLES / "recordings"), str(EXAMPLES / "edges")]
+    traces = [str(EXAMPLES / "recordings"), str(EXAMPLES / "edges" / "response")]
     told = answer(capsys, str(EXAMPLES / "response.stl"), "--min-noticed", "100%", "--", *traces)
     assert told["exit_code"] == 0
     assert told["mutants"]["requirements"]["out"]["noticed"] == 32

@@ -6,15 +6,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-import rtamt
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import judging
-from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.results.trial import Trial
 
 Output = pytest.CaptureFixture[str]
@@ -29,13 +26,14 @@ def test_an_interrupt_is_left_to_the_process_that_has_asked() -> None:
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, "at work\n", "")
 
 
-def dying(asked: TracesAsked, explain: Sequence[rtamt.Verdict], path: str) -> Trial:
+work = judging._row_of_file
+
+
+def dying(path: str) -> tuple[Trial, judging.Seen]:
     """Judges a trace as a worker does, but dies of one that is called so."""
     if path == "deadly.csv":
         os._exit(9)
-    return judging.row_of(
-        asked, judging.judge_file(asked, path, formulas=False), explain=list(explain)
-    )
+    return work(path)
 
 
 def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(

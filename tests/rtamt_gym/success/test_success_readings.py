@@ -130,7 +130,10 @@ def test_a_block_in_the_hand_is_not_released() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: reading("keep"), "expected name='any' or 'last' or 'held' or 'kept', got 'keep'"),  # type: ignore[arg-type]
+        (
+            lambda: reading("heald"),  # type: ignore[arg-type]
+            "expected name='any' or 'last' or 'held' or 'kept', got 'heald'; did you mean 'held'?",
+        ),
         (lambda: reading("kept", "ok", 0), "expected a time above 0 for hold, got 0"),
         (lambda: reading("kept", "ok", "0ms"), "expected a time above 0 for hold, got '0ms'"),
         (lambda: reading("kept", "ok", float("inf")), "expected a time above 0 for hold, got inf"),
