@@ -31,6 +31,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "pyarrow": ("files", *_SEARCH),
     "scipy": ("files", *_SEARCH),
     "asammdf": ("mdf",),
+    "pyulog": ("ulog",),
     "rosbags": ("bags",),
     "pandas": ("pandas", *_SEARCH),
     "fmpy": ("fmi",),

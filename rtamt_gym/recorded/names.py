@@ -25,6 +25,9 @@ __all__ = [
     "recorded_variables",
 ]
 
+_MANY = 100
+"""The columns from which on a message counts them: a log of an autopilot has thousands."""
+
 VARIABLE, VALUE = "variable", "value"
 """The columns that a recording has, beside the time, where each row is one event."""
 
@@ -204,10 +207,11 @@ def _check_header(recording: Recording, needed: Sequence[str]) -> None:
 
 
 def _missing(recording: Recording, name: str, reader: str, hint: str) -> InputError:
-    return InputError(
-        f"{recording.source}: no column '{name}', which {reader} reads; "
-        f"the columns are {', '.join(recording.names)}{hint}"
-    )
+    names = recording.names
+    has = f"the columns are {', '.join(names)}"
+    if len(names) > _MANY:
+        has = f"there are {len(names)} columns"
+    return InputError(f"{recording.source}: no column '{name}', which {reader} reads; {has}{hint}")
 
 
 def _is_number(text: str) -> bool:

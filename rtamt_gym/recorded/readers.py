@@ -53,6 +53,7 @@ FORMATS = [
     Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader"),
     Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader"),
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader"),
+    Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
     Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),
     Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
 ]

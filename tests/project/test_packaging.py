@@ -128,6 +128,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "plot",
         "files",
         "mdf",
+        "ulog",
         "pandas",
         "bags",
         "fmi",

@@ -18,6 +18,7 @@ from asammdf import MDF, Signal
 from bags import Said, write_bag
 from numpy.typing import NDArray
 from scipy.io import savemat
+from ulogs import Topic, Ulog
 
 import rtamt
 from rtamt_gym import Reading
@@ -95,8 +96,22 @@ TABLES: Mapping[str, Write] = {
     ".mf4": write_mdf,
     ".mdf": write_mdf,
 }
+
+
+def write_log(path: Path, table: Table) -> None:
+    """A topic with the instance 0 alone, and a field for each column."""
+    names = [name for name in table if name != "time"]
+    topic, log = Topic("run", tuple(("double", name) for name in names)), Ulog()
+    for row in range(len(table["time"])):
+        micros = 1_000_000 + round(table["time"][row] * 1e6)
+        log.data(topic, micros, [float(table[name][row]) for name in names])
+    log.save(path)
+
+
+LOGS: Mapping[str, Write] = {".ulg": write_log}
+"""Their columns are fields of topics; they keep the contract but for names of columns."""
 BAGS: Mapping[str, Write] = {".mcap": write_topics, ".db3": write_topics, ".bag": write_topics}
-WRITERS = {**TABLES, **BAGS}
+WRITERS = {**TABLES, **LOGS, **BAGS}
 """Bags keep the contract too, but for empty cells and names of columns, which they do not have."""
 
 TIMED_BY_ITSELF = {".mf4", ".mdf"}
@@ -126,7 +141,9 @@ def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace
     """Reads a trace as commands do; bags are sampled every 0.125 s."""
     period = Fraction(1, 8) if path.suffix in BAGS and not dense else None
     spec = rtamt.parse(" and ".join(f"{name} < 9" for name in variables))
-    trace, _ = read_ruled(str(path), {"": spec}, Reading(period=period, dense=dense), Columns())
+    fields = {name: f"run.{name}" for name in variables} if path.suffix in LOGS else {}
+    columns = Columns(signals=fields)
+    trace, _ = read_ruled(str(path), {"": spec}, Reading(period=period, dense=dense), columns)
     return trace
 
 
@@ -144,11 +161,12 @@ def test_a_trace_comes_back_as_it_was_written(ending: str, tmp_path: Path) -> No
     for name, values in trace.columns.items():
         assert values.dtype == np.float64
         assert values.tolist() == TABLE[name].tolist()
-    assert (trace.period(), trace.start, [*trace.notes]) == (Fraction(1, 8), 0.0, [])
+    begin = 1.0 if ending in LOGS else 0.0  # a time 0 is none in a log
+    assert (trace.period(), trace.start, [*trace.notes]) == (Fraction(1, 8), begin, [])
     events = ruled(path, ["speed"], dense=True)
     assert isinstance(events, EventTrace)
     times, values = events.signals["speed"]
-    assert times.tolist() == TABLE["time"].tolist()
+    assert times.tolist() == (TABLE["time"] + begin).tolist()
     assert values.tolist() == TABLE["speed"].tolist()
 
 
@@ -217,9 +235,10 @@ def test_what_is_not_in_the_format_is_refused(ending: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    # asammdf fails a second time, in a destructor, over a file of version 4 that was cut.
+    # asammdf fails a second time, in a destructor, over a file of version 4 that was cut. A log
+    # that ends early is read with a note: test_ulog.py.
     "cut",
-    [e for e in WRITERS if e not in (".csv", ".tsv", ".txt", ".ndjson", ".jsonl", ".mf4")],
+    [e for e in WRITERS if e not in (".csv", ".tsv", ".txt", ".ndjson", ".jsonl", ".mf4", ".ulg")],
 )
 def test_a_file_that_was_cut_is_refused(cut: str, tmp_path: Path) -> None:
     path = tmp_path / f"cut{cut}"

@@ -1,0 +1,191 @@
+"""Reads recorded traces from logs of PX4, ULog, by pyulog: a column for each field of a topic."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pyulog import ULog
+from pyulog.exceptions import ULogException
+
+from rtamt import InputError
+from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.times import TIME
+from rtamt_gym.tables import counted, number
+
+__all__ = ["ULogRecording", "open_file"]
+
+_STAMP = "timestamp"
+_HEADER = 3
+"""Bytes before every message of a log: how long it is, and its type."""
+
+
+@contextmanager
+def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+    """Opens a log.
+
+    Raises:
+        InputError: If it is none, is damaged, or holds no data.
+        OSError: If there is no such file.
+    """
+    with Path(path).open("rb") as raw:
+        file = _Bytes(raw)
+        try:
+            with redirect_stdout(io.StringIO()):  # pyulog prints what it says here too
+                log = ULog(file)
+        except (ULogException, ValueError, LookupError) as error:
+            why = str(error).partition("(")[2].rstrip(")") or str(error)
+            raise InputError(f"{path}: expected a ULog file; {why}") from None
+    if log.file_corruption:
+        raise InputError(f"{path}: expected a whole ULog file; bytes of it are no messages")
+    if not log.data_list:
+        raise InputError(f"{path}: expected a ULog file with data; it holds none")
+    yield ULogRecording(log, path, cut=file.cut)
+
+
+class _Bytes:
+    """A file that knows whether it ended within what was asked for.
+
+    pyulog asks for the header of a message, and then for its rest; it closes what it has read.
+
+    Attributes:
+        cut: Whether it did.
+    """
+
+    def __init__(self, raw: io.BufferedReader) -> None:
+        self.cut = False
+        self.seek, self.tell, self.close = raw.seek, raw.tell, raw.close
+        self._read = raw.read
+
+    def read(self, size: int) -> bytes:
+        """The next bytes."""
+        found = self._read(size)
+        self.cut |= len(found) < size and not (size == _HEADER and not found)
+        return found
+
+
+class _Field(NamedTuple):
+    """The values of a field, and the microseconds of each."""
+
+    topic: str
+    times: NDArray[np.uint64]
+    values: NDArray[Any]
+
+
+class ULogRecording:
+    """The fields of a log's topics, and the column ``time`` of the times at which one has a value.
+
+    A field is called ``topic.field``; where a topic has several instances, ``topic.0.field`` is the
+    field of the first, and that name is there for a single one too. Times are seconds since the
+    start of the autopilot. A field that has no value at a time where another one has is an empty
+    cell there; one that is nan holds no number.
+
+    Args:
+        log: The log, read.
+        source: The name of the file, for messages.
+        cut: Whether the file ends within a message.
+    """
+
+    def __init__(self, log: ULog, source: str, *, cut: bool = False) -> None:
+        self.source = source
+        self.dates: Sequence[str] = ()
+        self._fields = _fields(log)
+        self.names: Sequence[str] = [TIME, *self._fields]
+        self._notes = _dropouts(log)
+        if cut:
+            self._notes.append(
+                f"the log ends within a message, after {number(log.last_timestamp / 1e6)} s; what "
+                "came before is read"
+            )
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Reads the wanted fields.
+
+        Raises:
+            InputError: If the times of a topic go back.
+        """
+        names = [each for each in (*wanted.numbers, *wanted.texts) if each != TIME]
+        fields = {each: self._fields[each] for each in names or list(self._fields)[:1]}
+        kept, notes = self._in_order(fields)
+        micros = np.unique(np.concatenate([each.times for each in kept.values()]))
+        arrays: dict[str, NDArray[Any]] = {TIME: micros / 1e6}
+        invalid = {}
+        for name, field in kept.items():
+            places = np.searchsorted(micros, field.times)
+            values = np.full(len(micros), np.nan)
+            values[places] = field.values
+            arrays[name] = values
+            invalid[name] = np.zeros(len(micros), bool)
+            invalid[name][places] = np.isnan(values[places])
+        rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
+        return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
+
+    def _in_order(self, fields: Mapping[str, _Field]) -> tuple[dict[str, _Field], list[str]]:
+        """The fields with times that increase, and what was left out for that."""
+        kept: dict[str, _Field] = {}
+        said: dict[str, None] = {}
+        for name, (topic, times, values) in fields.items():
+            stamped = times > 0
+            last = np.append(times[stamped][1:] != times[stamped][:-1], np.True_)
+            kept[name] = field = _Field(topic, times[stamped][last], values[stamped][last])
+            if len(field.times) == 0:
+                raise InputError(
+                    f"{self.source}: expected records of {topic} with a time, got none"
+                )
+            back = field.times[1:] < field.times[:-1]
+            if back.any():
+                at = int(back.argmax())
+                raise InputError(
+                    f"{self.source}: expected times of {topic} that increase, got "
+                    f"{number(field.times[at + 1] / 1e6)} s after {number(field.times[at] / 1e6)} s"
+                )
+            out = {"without a time": ~stamped, "with the time of the next": ~last}
+            for why, left in out.items():
+                if left.any():
+                    said[f"{topic}: {counted(int(left.sum()), 'record')} {why}"] = None
+        return kept, [f"left out: {', '.join(said)}"] if said else []
+
+
+def _fields(log: ULog) -> dict[str, _Field]:
+    """The fields of all topics by name."""
+    instances: dict[str, list[Any]] = {}
+    for data in log.data_list:
+        instances.setdefault(data.name, []).append(data)
+    found = {}
+    for topic, several in instances.items():
+        for data in several:
+            times = data.data.get(_STAMP)
+            for name, values in data.data.items():
+                if times is None or name == _STAMP:
+                    continue
+                field = _Field(topic, times, values)
+                if len(several) == 1:
+                    found[f"{topic}.{name}"] = field
+                else:
+                    field = field._replace(topic=f"{topic}.{data.multi_id}")
+                found[f"{topic}.{data.multi_id}.{name}"] = field
+    return found
+
+
+def _dropouts(log: ULog) -> list[str]:
+    """What is to say of data that the autopilot could not write."""
+    if not log.dropouts:
+        return []
+    total = sum(each.duration for each in log.dropouts)
+    longest = max(log.dropouts, key=lambda each: each.duration)
+    after = f"after {number(longest.timestamp / 1e6)} s"
+    said = f"{number(total / 1e3)} s, {after}"
+    if len(log.dropouts) > 1:
+        said = (
+            f"{counted(len(log.dropouts), 'time')}, {number(total / 1e3)} s in all, the longest "
+            f"{number(longest.duration / 1e3)} s {after}"
+        )
+    return [f"the autopilot lost data: {said}; values hold meanwhile, unless --max-gap says less"]

@@ -1,0 +1,293 @@
+"""Logs of PX4: what their fields are called, when they were, and what is said of damage."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pyulog import ULog
+from ulogs import Topic, Ulog
+
+import rtamt
+from rtamt_gym import Reading
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.recording import Wanted
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+Output = pytest.CaptureFixture[str]
+
+POSITION = Topic("vehicle_local_position", (("float", "x"), ("float", "z"), ("bool", "z_valid")))
+ATTITUDE = Topic("vehicle_attitude", (("float[4]", "q"), ("uint8_t", "quat_reset_counter")))
+FIRST = Topic("sensor_accel", (("float", "x"), ("uint32_t", "error_count")))
+SECOND = Topic("sensor_accel", FIRST.fields, instance=1)
+
+
+def flight() -> Ulog:
+    """Positions every 100 ms, attitudes every 50 ms, two accelerometers; from 5 s on."""
+    log = Ulog(start=4_000_000)
+    log.text(4_500_000, "logging started")
+    for step in range(20):
+        now = 5_000_000 + step * 50_000
+        log.data(ATTITUDE, now, [1.0, 0.0, 0.0, step / 20, step])
+        if step % 2 == 0:
+            log.data(POSITION, now, [step, -1.5, 1])
+            log.data(FIRST, now + 7, [step, 0])
+            log.data(SECOND, now + 9, [-step, 3])
+    return log
+
+
+def events(
+    path: Path, text: str, **signals: str
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Times and values of the events of every variable."""
+    found, _ = read_ruled(
+        str(path), {"": rtamt.parse(text)}, Reading(dense=True), Columns(signals=signals)
+    )
+    assert isinstance(found, EventTrace)
+    return dict(found.signals)
+
+
+def names_of(path: Path) -> list[str]:
+    with open_recording(str(path)) as recording:
+        return list(recording.names)
+
+
+def test_fields_are_named_after_topics_and_instances(tmp_path: Path) -> None:
+    path = flight().save(tmp_path / "flight.ulg")
+    accelerometers = {f"sensor_accel.{n}.{name}" for n in (0, 1) for name in ("x", "error_count")}
+    positions = {f"vehicle_local_position.{name}" for name in ("x", "z", "z_valid")}
+    attitudes = {f"vehicle_attitude.q[{n}]" for n in range(4)}
+    attitudes.add("vehicle_attitude.quat_reset_counter")
+    single = positions | attitudes
+    with_number = {each.replace(".", ".0.", 1) for each in single}
+    names = names_of(path)
+    assert names[0] == "time"
+    assert {*names[1:]} == accelerometers | single | with_number
+    assert len(names) == len({*names})
+
+
+def test_times_are_seconds_and_values_those_that_were_written(tmp_path: Path) -> None:
+    path = flight().save(tmp_path / "flight.ulg")
+    found = events(
+        path,
+        "vehicle_local_position.x > a + b + vehicle_attitude.q[3]",
+        a="sensor_accel.0.x",
+        b="sensor_accel.1.x",
+    )
+    times = [5 + step / 20 for step in range(0, 20, 2)]
+    at, x = found["vehicle_local_position.x"]
+    assert at.tolist() == pytest.approx(times, abs=1e-12)
+    assert x.tolist() == list(range(0, 20, 2))
+    at, a = found["a"]
+    assert at.tolist() == pytest.approx([time + 7e-6 for time in times], abs=1e-12)
+    assert a.tolist() == x.tolist()
+    assert found["b"][1].tolist() == [-each for each in x.tolist()]
+    at, q = found["vehicle_attitude.q[3]"]
+    assert len(at) == 20
+    assert q.tolist() == [float(np.float32(step / 20)) for step in range(20)]
+
+
+@given(
+    kinds=st.lists(
+        st.sampled_from(["int8_t", "uint8_t", "int16_t", "uint32_t", "int64_t", "float", "double"]),
+        min_size=1,
+        max_size=4,
+    ),
+    steps=st.lists(st.integers(1, 10**7), min_size=1, max_size=12),
+    numbers=st.integers(0, 127),
+)
+def test_what_is_written_is_what_pyulog_and_the_reader_read(
+    kinds: list[str], steps: list[int], numbers: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    topic = Topic("made", tuple((kind, f"field{at}") for at, kind in enumerate(kinds)))
+    micros = np.cumsum(steps).tolist()
+    rows = [(at, [(numbers + row) % 128] * len(kinds)) for row, at in enumerate(micros)]
+    log = Ulog()
+    log.records(topic, rows)
+    path = log.save(tmp_path_factory.mktemp("ulog") / "made.ulg")
+    (data,) = ULog(str(path)).data_list
+    assert data.data["timestamp"].tolist() == micros
+    wanted = [f"made.field{at}" for at in range(len(kinds))]
+    with open_recording(str(path)) as recording:
+        found = recording.read(Wanted(wanted, gaps=wanted, time="time"))
+    assert found.times is not None
+    assert found.times.tolist() == [at / 1e6 for at in micros]
+    for name in wanted:
+        assert found.numbers[name].tolist() == [values[0] for _, values in rows]
+        assert data.data[name.removeprefix("made.")].tolist() == found.numbers[name].tolist()
+
+
+def test_a_log_written_by_pyulog_is_read_as_the_one_it_was_read_from(tmp_path: Path) -> None:
+    first = flight().save(tmp_path / "first.ulg")
+    second = tmp_path / "second.ulg"
+    ULog(str(first)).write_ulog(str(second))
+    text = "vehicle_local_position.z < vehicle_attitude.q[0]"
+    for (at, values), (other, others) in zip(
+        events(first, text).values(), events(second, text).values(), strict=True
+    ):
+        assert at.tolist() == other.tolist()
+        assert values.tolist() == others.tolist()
+
+
+def test_fields_of_other_rates_are_held_in_samples(tmp_path: Path, capsys: Output) -> None:
+    path = str(flight().save(tmp_path / "flight.ulg"))
+    spec = "always(vehicle_local_position.x >= 20 * vehicle_attitude.q[3] - 1.5)"
+    assert main(["monitor", spec, path, "--missing", "hold"]) == 0
+    assert "20 samples, one every 0.05 s, 5 s to 5.95 s" in capsys.readouterr().out
+    assert main(["monitor", spec, path]) == 2
+    assert "give --missing hold or --missing drop" in capsys.readouterr().err
+    assert main(["monitor", "always(vehicle_local_position.z < 0)", path, "--dense"]) == 0
+
+
+def test_a_field_that_is_nan_holds_no_number(tmp_path: Path, capsys: Output) -> None:
+    log = Ulog()
+    log.records(POSITION, [(10**6, [1, -1, 1]), (2 * 10**6, [1, np.nan, 0])])
+    path = str(log.save(tmp_path / "nan.ulg"))
+    for time in ([], ["--dense"]):
+        assert main(["monitor", "always(vehicle_local_position.z < 0)", path, *time]) == 2
+        said = capsys.readouterr().err
+        assert "at 2 s, channel 'vehicle_local_position.z': expected a number, got" in said
+
+
+def test_data_that_the_autopilot_lost_is_said(tmp_path: Path, capsys: Output) -> None:
+    log = Ulog()
+    rows = [(at * 100_000, [1, -1, 1]) for at in range(10, 20)]
+    log.records(POSITION, rows[:4])
+    log.dropout(50)
+    path = log.save(tmp_path / "lost.ulg")
+    spec = "always(vehicle_local_position.z < 0)"
+    assert main(["monitor", spec, str(path), "--dense"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "note: the autopilot lost data: 0.05 s, after 1.3 s; values hold meanwhile" in said
+    log.records(POSITION, rows[4:])
+    log.dropout(70)
+    log.save(path)
+    assert main(["monitor", spec, str(path), "--dense"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "lost data: 2 times, 0.12 s in all, the longest 0.07 s after 1.9 s;" in said
+
+
+def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: Path) -> None:
+    log = Ulog()
+    rows: list[tuple[int, Sequence[float]]] = [
+        (at, [x, 0, 0]) for at, x in [(0, 9), (100, 1), (200, 2), (200, 3), (300, 4)]
+    ]
+    log.records(POSITION, rows)
+    path = log.save(tmp_path / "twice.ulg")
+    text = "vehicle_local_position.x > 0"
+    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, Reading(), Columns())
+    assert isinstance(trace, Trace)
+    assert trace.columns["vehicle_local_position.x"].tolist() == [1, 3, 4]
+    (said,) = trace.notes
+    assert said == (
+        "left out: vehicle_local_position: 1 record without a time, vehicle_local_position: "
+        "1 record with the time of the next"
+    )
+    log.data(POSITION, 250, [0, 0, 0])
+    log.save(path)
+    with pytest.raises(rtamt.InputError) as caught:
+        events(path, text)
+    assert str(caught.value) == (
+        f"{path}: expected times of vehicle_local_position that increase, got 0.00025 s after "
+        "0.0003 s"
+    )
+
+
+def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
+    tmp_path: Path,
+) -> None:
+    log = flight()
+    whole = log.save(tmp_path / "whole.ulg").read_bytes()
+    ends = np.cumsum([len(each) for each in (*log.definitions, *log.messages)]).tolist()
+    begin = sum(map(len, log.definitions))
+    path = tmp_path / "cut.ulg"
+    text = "vehicle_attitude.q[3] < 2"
+    _, complete = events(tmp_path / "whole.ulg", text)["vehicle_attitude.q[3]"]
+    read, refused = 0, {}
+    for size in range(0, len(whole), 7):
+        path.write_bytes(whole[:size])
+        try:
+            trace, _ = read_ruled(
+                str(path), {"": rtamt.parse(text)}, Reading(dense=True), Columns()
+            )
+        except rtamt.InputError as error:
+            refused[size] = str(error)
+            continue
+        read += 1
+        assert isinstance(trace, EventTrace)
+        _, values = trace.signals["vehicle_attitude.q[3]"]
+        assert values.tolist() == complete[: len(values)].tolist()
+        notes = [each for each in trace.notes if "ends within a message" in each]
+        assert bool(notes) == (size not in ends), size
+    assert read > 50
+    assert max(refused) < begin + 200
+    for said in refused.values():
+        assert said.startswith((f"{path}: expected ", f"{path}: no column "))
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        ("header", "expected a ULog file; Failed to parse header"),
+        ("short", "expected a ULog file; Header too short"),
+        ("flags", "expected a ULog file; Unknown incompatible flag set: cannot parse the log"),
+        ("zeros", "expected a whole ULog file; bytes of it are no messages"),
+        ("length", "expected a whole ULog file; bytes of it are no messages"),
+        ("subscription", "expected a whole ULog file; bytes of it are no messages"),
+        ("empty", "expected a ULog file with data; it holds none"),
+    ],
+)
+def test_a_damaged_log_is_refused_with_the_reason(
+    damage: str, why: str, tmp_path: Path, capsys: Output
+) -> None:
+    log = flight()
+    path = log.save(tmp_path / "bad.ulg")
+    whole, begin = path.read_bytes(), sum(map(len, log.definitions))
+    middle = begin + sum(map(len, log.messages[:30]))
+    size = len(log.messages[30])
+    damaged = {
+        "header": b"X" + whole[1:],
+        "short": whole[:9],
+        "flags": whole[:27] + b"\x02" + whole[28:],
+        "zeros": whole[:middle] + bytes(size) + whole[middle + size :],
+        "length": whole[:middle] + bytes([whole[middle] - 4]) + whole[middle + 1 :],
+        "subscription": whole.replace(log.messages[1], b""),
+        "empty": whole[:begin],
+    }
+    path.write_bytes(damaged[damage])
+    with pytest.raises(rtamt.InputError) as caught:
+        names_of(path)
+    assert str(caught.value) == f"{path}: {why}"
+    assert not capsys.readouterr().out
+
+
+def test_a_column_that_is_missing_in_a_log_of_many_is_named_with_the_nearest(
+    tmp_path: Path,
+) -> None:
+    log = flight()
+    log.data(Topic("many", tuple(("float", f"field{at}") for at in range(60))), 10**7, [0.0] * 60)
+    path = log.save(tmp_path / "flight.ulg")
+    with pytest.raises(rtamt.InputError) as caught:
+        events(path, "vehicle_local_position.z_vald > 0")
+    assert str(caught.value) == (
+        f"{path}: no column 'vehicle_local_position.z_vald', which the specification reads; there "
+        "are 141 columns; did you mean 'vehicle_local_position.z_valid'?"
+    )
+
+
+def test_nothing_is_printed_while_a_log_is_read(tmp_path: Path) -> None:
+    path = flight().save(tmp_path / "flight.ulg")
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        names_of(path)
+    assert not printed.getvalue()
