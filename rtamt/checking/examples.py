@@ -59,6 +59,7 @@ class RequirementExamples:
 
     Attributes:
         text: The requirement.
+        period: Seconds between samples; None: bounds are numbers of samples.
         satisfiable: Whether a trace satisfies it.
         falsifiable: Whether a trace violates it; if none does, it demands nothing.
         examples: The examples, the most telling first.
@@ -67,6 +68,7 @@ class RequirementExamples:
     """
 
     text: str
+    period: Fraction | None
     satisfiable: Answer
     falsifiable: Answer
     examples: tuple[Example, ...] = ()
@@ -195,9 +197,9 @@ class _Shower:
             elif trace is not None:
                 self._keep(found, sought, trace)
         shown = tuple(found.values())[:count]
-        text = str(self._spec.formula)
+        text = str(self._spec.standalone())
         return RequirementExamples(
-            text, answers[True], answers[False], shown, tuple(missing), unknown
+            text, self._period, answers[True], answers[False], shown, tuple(missing), unknown
         )
 
     def _keep(self, found: dict[object, Example], sought: Sought, trace: ExampleTrace) -> None:

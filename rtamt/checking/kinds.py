@@ -170,6 +170,8 @@ def _changes(node: Formula, step: Fraction | None, unit: str) -> Iterator[_Chang
         yield from _of_parts(node)
     elif row in _STRICTER or row in _LOOSER:
         yield from _of_threshold(node)
+    elif row in {"==", "!="}:
+        yield from _of_equality(node)
     elif row in _EXISTS or row in _EVERY:
         yield from _of_window(node, step, unit)
         if row in {"until", "since"}:
@@ -270,11 +272,8 @@ _LOOSER: Final = {">": ">=", "<": "<="}
 
 def _of_threshold(node: Formula) -> Iterator[_Change]:
     """A comparison at its border, and one unit of its last digit away from it."""
-    row = _row(node)
-    left, right = cast("tuple[Term, Term]", node.args)
+    row, unit = _row(node), _unit(node)
     exact = f"exactly at its threshold, {node}"
-    given = [side for side in (left, right) if side.op is None and isinstance(side.leaf, float)]
-    unit = last_digit(cast("float", given[0].leaf)) if given else 1.0
     more = unit if row in {">", "<="} else -unit  # of the right side, where a > b + 1 is stricter
     if row in _STRICTER:
         strict = cast("Formula", make(_STRICTER[row], node.args))
@@ -284,6 +283,23 @@ def _of_threshold(node: Formula) -> Iterator[_Change]:
         yield _Change("threshold", f"{node} just holds", node, _moved(node, more), lowers=True)
         loose = cast("Formula", make(_LOOSER[row], node.args))
         yield _Change("threshold", f"{exact} fails", node, loose, lowers=False)
+
+
+def _of_equality(node: Formula) -> Iterator[_Change]:
+    """An equality on either side of its threshold, at most one unit of the last digit away."""
+    for more, inner, outer, side in ((1.0, ">=", "<=", "above"), (-1.0, "<=", ">=", "below")):
+        beyond = _moved(node, more * _unit(node))
+        near = cast("Formula", make(inner, node.args)) & cast("Formula", make(outer, beyond.args))
+        if _row(node) == "==":
+            yield _Change("threshold", f"{node} just fails, from {side}", node, near, lowers=False)
+        else:
+            yield _Change("threshold", f"{node} just holds, from {side}", node, ~near, lowers=True)
+
+
+def _unit(node: Formula) -> float:
+    """One unit of the last digit of the number that a comparison is with; 1 if there is none."""
+    given = [side.leaf for side in node.args if side.op is None and isinstance(side.leaf, float)]
+    return last_digit(given[0]) if given else 1.0
 
 
 def _moved(node: Formula, by: float) -> Formula:
@@ -299,7 +315,7 @@ def _moved(node: Formula, by: float) -> Formula:
 
 
 def _sum(x: float, y: float) -> float:
-    """The sum as decimal numbers have it: 0.3 is that of 0.1 and 0.2."""
+    """The sum as decimal numbers have it: 0.1 and 0.2 give 0.3."""
     return float(Decimal(repr(x)) + Decimal(repr(y)))
 
 

@@ -20,7 +20,7 @@ from rtamt.patterns.occurrence import (
     within_limits,
 )
 from rtamt.patterns.order import absence_between, in_order, precedence, response
-from rtamt.patterns.stages import prefixes, stages
+from rtamt.patterns.stages import named_stages, prefixes, stages
 
 __all__ = [
     "CATALOGUE",
@@ -28,6 +28,7 @@ __all__ = [
     "absence_between",
     "in_order",
     "minimum_duration",
+    "named_stages",
     "never",
     "overshoot",
     "precedence",

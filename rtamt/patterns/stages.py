@@ -11,18 +11,22 @@ the formula was written does not matter: by `rtamt.patterns.in_order`, as text, 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import cast
 
-from rtamt.language.formula import Formula, conjunction, make
+from rtamt.errors import RtamtError, SpecificationError
+from rtamt.language.formula import Formula, conjunction, make, number, replaced, variable
 from rtamt.language.interval import Interval
+from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
-from rtamt.language.parser import as_specification
+from rtamt.language.parser import as_specification, parse
 from rtamt.language.specification import Specification
 
-__all__ = ["prefixes", "stages"]
+__all__ = ["named_stages", "prefixes", "stages"]
 
 _EVENTUALLY = OPERATORS["eventually"]
 _AND = OPERATORS["and"]
+_VALUE = OPERATORS["value"]
 
 
 def stages(spec: str | Formula | Specification) -> tuple[Formula, ...]:
@@ -59,6 +63,57 @@ def prefixes(spec: str | Formula | Specification) -> tuple[Formula, ...]:
     """
     steps = _steps(spec)
     return tuple(_chain(steps[:count]) for count in range(1, len(steps) + 1))
+
+
+def named_stages(
+    spec: str | Formula | Specification, several: Iterable[str | Formula]
+) -> tuple[Formula, ...]:
+    """The stages of a requirement that are named, whatever its shape.
+
+    Args:
+        spec: As in `stages`.
+        several: Formulas or their texts, in order. The names of formulas and of constants of the
+            specification mean in them what they mean there.
+
+    Raises:
+        SpecificationError: If a text is wrong, or a stage reads what the requirement does not.
+
+    Example:
+        >>> spec = "limit = 2; near = d < limit; eventually always[0:5](near and up > 0)"
+        >>> named_stages(spec, ["near", "up > limit"])
+        (<Formula d < 2>, <Formula up > 2>)
+    """
+    whole = as_specification(spec)
+    instead = _meant(whole)
+    found = []
+    for place, each in enumerate(several, 1):
+        formula = each
+        if isinstance(formula, str):
+            try:
+                formula = parse(formula, unit=whole.unit).formula
+            except RtamtError as error:
+                error.add_note(f"in stage {place}")
+                raise
+        formula = replaced(formula, instead)
+        for name in formula.variables:
+            if name not in whole.variables:
+                known = ", ".join(whole.variables) or "no variable"
+                msg = f"stage {place}, {each}, reads {name}, which the requirement does not"
+                raise SpecificationError(f"{msg}; it reads {known}")
+        found.append(formula)
+    return tuple(found)
+
+
+def _meant(spec: Specification) -> dict[Node, Node]:
+    """What stands for the names of formulas and constants of a specification."""
+    found: dict[Node, Node] = {variable(n): number(value) for n, value in spec.constants.items()}
+    for name, formula in spec.formulas.items():
+        term = variable(name)
+        if formula.op is _VALUE:
+            found[term] = formula.args[0]
+        else:
+            found[term.formula()] = formula
+    return found
 
 
 def _steps(spec: str | Formula | Specification) -> list[tuple[Interval | None, Formula]]:

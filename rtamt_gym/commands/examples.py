@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import Any
@@ -17,11 +16,11 @@ from rtamt_gym.commands.example_traces import (
     code_of,
     drawn,
     read_period,
-    strict,
     trace_data,
     write,
 )
 from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.results.codec import document
 from rtamt_gym.tables import number
 
 __all__ = ["add_arguments", "run"]
@@ -59,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     )
     if options.save is not None:
         write(_files(found), options.save)
-    print(json.dumps(_data(found), indent=2) if options.json else "\n".join(_lines(found)))
+    print(_json(found, options) if options.json else "\n".join(_lines(found)))
     return code_of(each.says for each in found.values())
 
 
@@ -96,33 +95,37 @@ def _text(text: str) -> list[str]:
     return wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
 
 
-def _data(found: Mapping[str, RequirementExamples]) -> dict[str, Any]:
-    requirements = {
-        name: {
-            "formula": each.text,
-            "says": each.says,
-            "satisfiable": answer_data(each.satisfiable),
-            "falsifiable": answer_data(each.falsifiable),
-            "examples": [
-                {
-                    "kinds": [*example.kinds],
-                    "why": example.why,
-                    "verdict": example.verdict.name.lower(),
-                    "robustness": None
-                    if example.robustness is None
-                    else strict(example.robustness),
-                    "trace": trace_data(example.trace),
-                }
-                for example in each.examples
-            ],
-            "missing": [*each.missing],
-            "unknown": dict(each.unknown),
-        }
-        for name, each in found.items()
+def _json(found: Mapping[str, RequirementExamples], options: argparse.Namespace) -> str:
+    first = next(iter(found.values()))
+    return document(
+        "examples",
+        {
+            "period": first.period,
+            "end": options.end,
+            "requirements": {name: each.text for name, each in found.items()},
+            "results": {name: _data(each) for name, each in found.items()},
+        },
+    )
+
+
+def _data(each: RequirementExamples) -> dict[str, Any]:
+    return {
+        "says": each.says,
+        "satisfiable": answer_data(each.satisfiable),
+        "falsifiable": answer_data(each.falsifiable),
+        "examples": [
+            {
+                "kinds": example.kinds,
+                "why": example.why,
+                "verdict": example.verdict,
+                "robustness": example.robustness,
+                "trace": trace_data(example.trace),
+            }
+            for example in each.examples
+        ],
+        "missing": each.missing,
+        "unknown": each.unknown,
     }
-    said = {each.says for each in found.values()}
-    says = "no" if "no" in said else "unknown" if "unknown" in said else "yes"
-    return {"says": says, "requirements": requirements}
 
 
 def _files(found: Mapping[str, RequirementExamples]) -> Iterator[tuple[str, ExampleTrace]]:

@@ -103,7 +103,8 @@ def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
     with progress("judging", len(specs), " requirements") as advance:
         for name, spec in specs.items():
             try:
-                judged.judgements[name] = _judge(spec, judged, asked.reading, formulas=formulas)
+                reading = asked.reading.about(name)
+                judged.judgements[name] = _judge(spec, judged, reading, formulas=formulas)
             except Exception as error:  # noqa: BLE001 - the others are to be judged
                 judged.failures[name] = _failure(error)
             advance(1)

@@ -17,6 +17,7 @@ from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
 from rtamt_gym.commands.specs import files_of
+from rtamt_gym.commands.stages import add_stage, with_stages
 from rtamt_gym.commands.traces import (
     TracesAsked,
     add_min_duration,
@@ -59,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write the outcomes to standard output as strict JSON, in place of the report",
     )
+    add_stage(parser)
     add_require_asked(parser, "trace")
     add_min_duration(parser)
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
@@ -119,6 +121,7 @@ def run(options: argparse.Namespace) -> int:
         if _given(options, option):
             refuse_unknown(options, option, "needs the robustness at every sample")
     asked, paths = read_arguments(options)
+    asked = with_stages(asked)
     check_mutants(options, asked)
     _check_files(options, paths)
     wanted = options.json or options.junit or options.markdown
@@ -149,7 +152,11 @@ def run(options: argparse.Namespace) -> int:
         made_of = matrix.of_files([*files_of(options.specs), *paths])
         columns, least = _columns(asked, paths), asked.min_duration
         mutants = {"scores": scores, "least": options.min_noticed} if options.mutants else None
-        print(to_json(made_of, _rules(asked), columns, code, least=least, mutants=mutants))
+        rules = {
+            **_rules(asked),
+            **({"stages": stages} if (stages := asked.reading.stages) else {}),
+        }
+        print(to_json(made_of, rules, columns, code, least=least, mutants=mutants))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")

@@ -38,6 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PAGE",
         help="the name of the page, which ends in .html",
     )
+    parser.add_argument(
+        "--examples",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="draw examples beside their requirements: what rtamt examples --json wrote; may be "
+        "repeated",
+    )
     parser.add_argument("--title", metavar="TEXT", help="the title of the page")
 
 
@@ -56,9 +64,9 @@ def run(options: argparse.Namespace) -> int:
                 f"expected a result, got the trace {result}; judge it first: "
                 f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"
             )
-    check_outputs(options.output, picture=None, inputs=paths)
+    check_outputs(options.output, picture=None, inputs=[*paths, *options.examples])
     with noted_ends():
-        report = report_of(*paths, title=options.title, names=names)
+        report = report_of(*paths, title=options.title, names=names, examples=options.examples)
     options.output.write_text(render(report), encoding="utf-8")
     print(f"report: {options.output}", flush=True)
     hollow = [

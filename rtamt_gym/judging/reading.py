@@ -11,13 +11,23 @@ from __future__ import annotations
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from fractions import Fraction
 from typing import Any, Literal, TypedDict, TypeVar, Unpack, cast, get_args
 
 import rtamt
-from rtamt import Align, End, InputError, InputTypeError, Names, NanPolicy, Period, SemanticsName
+from rtamt import (
+    Align,
+    End,
+    Formula,
+    InputError,
+    InputTypeError,
+    Names,
+    NanPolicy,
+    Period,
+    SemanticsName,
+)
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
@@ -31,6 +41,7 @@ __all__ = [
     "Reading",
     "RunReading",
     "SampleReading",
+    "StagesLike",
     "View",
     "checked_reading",
     "lists_reading",
@@ -40,6 +51,9 @@ __all__ = [
 
 View = Literal["episode", "step"]
 """Whether a formula is evaluated at sample 0 of the episode, or at every instant."""
+
+StagesLike = Sequence[str | Formula] | Mapping[str, Sequence[str | Formula]]
+"""The stages of the only requirement, in order, or of several requirements by their names."""
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -71,6 +85,7 @@ class EpisodeReading(InstantReading, total=False):
 
     at_termination: AtTermination | None
     at_truncation: End
+    stages: StagesLike | None
 
 
 class RunReading(EpisodeReading, total=False):
@@ -189,6 +204,15 @@ class Reading:
             get_args(End),
         ),
     )
+    stages: StagesLike | None = field(
+        default=None,
+        hash=False,
+        metadata=_row(
+            "What progress counts: the stages of a requirement in order, formulas or their texts, "
+            '``["near > 0", "lifted > 0"]``; of several requirements by their names. Else those '
+            "that `rtamt.patterns.stages` finds.",
+        ),
+    )
     substeps: bool = field(
         default=False,
         metadata=_row(
@@ -219,6 +243,8 @@ class Reading:
             value: Any = options.get(name, row.default)
             if name in {"inputs", "outputs"}:
                 value = _names(value)
+            elif name == "stages":
+                value = _stages(value)
             elif row.metadata["choices"] and name != "semantics":  # whose monitors name the nearest
                 check_choice(name, value, row.metadata["choices"])
             object.__setattr__(self, name, value)
@@ -241,11 +267,25 @@ class Reading:
         }
         for name in ("inputs", "outputs"):
             found[name] = None if found[name] is None else sorted(found[name])
+        if self.stages is None:
+            del found["stages"]
         return found
 
     def having(self, **options: Unpack[_Every]) -> Reading:
         """The reading with these options in place of its own."""
         return Reading(**{**self.options(), **options})
+
+    def about(self, name: str) -> Reading:
+        """The reading of one requirement alone: stages that are named of others are left out.
+
+        Example:
+            >>> reading = Reading(stages={"task": ["near > 0", "up > 0"]}, view="episode")
+            >>> reading.about("task").stages, reading.about("calm").stages
+            (('near > 0', 'up > 0'), None)
+        """
+        if not isinstance(self.stages, Mapping):
+            return self
+        return self.having(stages=self.stages.get(name))
 
     def whole(self, kind: type) -> Reading:
         """The reading in which all options of a kind count as given."""
@@ -401,6 +441,37 @@ def _names(names: Names | None) -> Names | None:
     if isinstance(names, str) or not isinstance(names, Iterable):
         return names
     return tuple(names)
+
+
+def _stages(given: StagesLike | None) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
+    """The texts of stages.
+
+    Raises:
+        InputError: If there are fewer than two stages.
+        InputTypeError: If they are no formulas.
+    """
+    if given is None:
+        return None
+    if isinstance(given, Mapping):
+        return {name: _listed_stages(each, f" of {name!r}") for name, each in given.items()}
+    return _listed_stages(given, "")
+
+
+def _listed_stages(given: Sequence[str | Formula], of: str) -> tuple[str, ...]:
+    if isinstance(given, str | Formula) or not isinstance(given, Sequence):
+        raise InputTypeError(
+            "expected ",
+            Argument("stages"),
+            f'{of} as a list of formulas, such as ["near > 0", "lifted > 0"], got {given!r}',
+        )
+    for each in given:
+        if not isinstance(each, str | Formula):
+            raise InputTypeError(
+                "expected formulas or their texts in ", Argument("stages"), f"{of}, got {each!r}"
+            )
+    if len(given) < 2:
+        raise InputError("expected two or more ", Argument("stages"), f"{of}, got {len(given)}")
+    return tuple(map(str, given))
 
 
 def _chosen(

@@ -1,9 +1,10 @@
 """How far episodes have come in requirements that ask for one thing after another.
 
-A requirement with `rtamt.patterns.stages` has a progress from 0 to 1 beside its verdict. Let n be
-the number of its stages, and k the number of those that are decided: the requirement cut behind
-stage k is satisfied for certain. The progress is 1 if k = n, which is to say that the requirement
-is satisfied. Before that it is
+A requirement with stages has a progress from 0 to 1 beside its verdict: with those that ``stages=``
+names, or with those that `rtamt.patterns.stages` finds in its shape. Let n be the number of its
+stages, and k the number of those that are decided: the requirement cut behind stage k, or where
+stages are named ``in_order(stage 1, ..., stage k)``, is satisfied for certain. The progress is 1 if
+the requirement is satisfied. Before that it is
 
     (k + f) / n,
 
@@ -12,44 +13,52 @@ stage has had since stage k was decided: that of ``eventually(stage)`` on the sa
 on, if the episode ended now. It sets out from r0, its first finite value, and what is to be reached
 is 0: f is ``1 - r / r0``, no less than 0, and 1 where r holds already and only certainty is
 missing. So f depends on the unit of a quantity only in the ratio ``r / r0``. However near the stage
-is, the progress stays below ``(k + 1) / n`` until it is decided. The progress of an episode never
-falls: it is the greatest so far.
+is, the progress stays below ``(k + 1) / n`` until it is decided, and below 1 until the requirement
+is satisfied. The progress of an episode never falls: it is the greatest so far.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 import rtamt
 from rtamt import End, EpisodeMonitor, VectorEpisodeMonitor
-from rtamt.patterns import prefixes, stages
 from rtamt_gym.judging.costs import options_of_parts
+from rtamt_gym.judging.infos import Lanewise
 from rtamt_gym.judging.monitors import machine_state
 from rtamt_gym.judging.obligations import bare
 from rtamt_gym.judging.picking import pick, picked
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.stages import stages_of
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["StageProgress", "VectorStageProgress", "progress_of"]
+__all__ = ["StageProgress", "VectorStageProgress", "progress_of", "progress_of_events"]
+
+_M = TypeVar("_M", bound=EpisodeMonitor | VectorEpisodeMonitor)
 
 
 def progress_of(
     spec: rtamt.Specification, columns: Mapping[str, Floats], reading: Reading
 ) -> float | None:
-    """The progress of a whole trace of samples; None if the requirement is not in stages.
+    """The progress of a whole trace of samples; None if the requirement has no stages.
 
     Args:
         spec: The requirement.
         columns: The values of its variables, and of others.
-        reading: How samples and the end are judged, with their period.
+        reading: How samples and the end are judged, with their period, and the requirement's
+            stages if they are named.
+
+    Raises:
+        RtamtError: As `rtamt_gym.judging.stages.stages_of` does.
     """
-    if not stages(spec):
+    if not stages_of({"": spec}, reading):
         return None
     judge = EpisodeMonitor(spec, **reading.of_monitors({"": spec})[""])
     found = StageProgress({"": spec}, {"": judge}, reading)
@@ -62,36 +71,136 @@ def progress_of(
     return found.least
 
 
-def _in_stages(
-    specs: Mapping[str, rtamt.Specification], reading: Reading, make: Callable[..., Any]
-) -> dict[str, tuple[list[Any], list[Any]]]:
-    """The monitors of each requirement in stages: cut behind each stage but the last, and of each.
+def progress_of_events(
+    spec: rtamt.Specification,
+    signals: Mapping[str, tuple[Floats, Floats]],
+    reading: Reading,
+    *,
+    satisfied: bool,
+) -> float | None:
+    """The progress of a whole trace in dense time; None if there is none.
 
-    With ``view="step"`` a verdict is about every instant, and has no stages.
+    Between two events nothing changes, so that stages that look at no other time are reached at
+    events. Where stages or what is between them have times of their own there is none.
+
+    Args:
+        spec: The requirement.
+        signals: Times and values of the events of its variables, all of them known.
+        reading: How predicates count, and the requirement's stages if they are named.
+        satisfied: Whether the requirement is satisfied.
+
+    Raises:
+        RtamtError: As `rtamt_gym.judging.stages.stages_of` does.
     """
-    if reading.view == "step":
-        return {}
+    stages = stages_of({"": spec}, reading).get("")
+    if stages is None or stages.deciders:
+        return None
+    if satisfied:
+        return 1.0
+    begin = max(times[0] for times, _ in signals.values())
+    end = min(times[-1] for times, _ in signals.values())
+    every = np.unique(np.concatenate([times for times, _ in signals.values()]))
+    every = every[(every >= begin) & (every <= end)]
+    columns = {
+        name: values[np.searchsorted(times, every, "right") - 1]
+        for name, (times, values) in signals.items()
+    }
+    options = reading.having(period=None).of_monitors({"": spec})[""]
+    count, first = len(stages.conditions), 0
+    for reached, stage in enumerate(stages.conditions):
+        heights = rtamt.evaluate(bare(spec, stage), columns, n=len(every), **options)[first:]
+        holds = ~np.signbit(heights)
+        if not holds.any():
+            began = next(filter(math.isfinite, heights.tolist()), _NO_WAY)
+            height = float(heights.max())
+            return float(_place(reached, count, height, began or _NO_WAY, min, max))
+        first += int(holds.argmax())
+    return _ALMOST
+
+
+@dataclass(frozen=True, slots=True)
+class _Monitors(Generic[_M]):
+    """The monitors of a requirement with stages.
+
+    Attributes:
+        deciders: Those of the formulas that decide stages, as `Stages` has them.
+        alone: One for each stage: of ``eventually(stage)``.
+        judge: The monitor of the whole.
+    """
+
+    deciders: list[_M]
+    alone: list[_M]
+    judge: _M
+
+    @property
+    def every(self) -> list[_M]:
+        return self.deciders + self.alone
+
+
+def _monitors_of(
+    specs: Mapping[str, rtamt.Specification],
+    judges: Mapping[str, _M],
+    reading: Reading,
+    make: Callable[..., _M],
+) -> dict[str, _Monitors[_M]]:
+    """The monitors of each requirement with stages."""
+    found = stages_of(specs, reading)
     parts = {
         name: [
-            *(bare(spec, prefix) for prefix in prefixes(spec)[:-1]),
-            *(bare(spec, stage.eventually()) for stage in stages(spec)),
+            *(bare(specs[name], decider) for decider in each.deciders),
+            *(bare(specs[name], stage.eventually()) for stage in each.conditions),
         ]
-        for name, spec in specs.items()
-        if stages(spec)
+        for name, each in found.items()
     }
     flat = [part for each in parts.values() for part in each]
     options = iter(options_of_parts(specs, flat, reading) if flat else ())
     made = {name: [make(part, **next(options)) for part in each] for name, each in parts.items()}
-    return {name: (each[: len(each) // 2], each[len(each) // 2 :]) for name, each in made.items()}
+    counts = {name: len(each.deciders) for name, each in found.items()}
+    return {
+        name: _Monitors(each[: counts[name]], each[counts[name] :], judges[name])
+        for name, each in made.items()
+    }
+
+
+def _place(
+    reached: int,
+    count: int,
+    height: Lanewise,
+    began: Lanewise,
+    least: Callable[..., Lanewise],
+    greatest: Callable[..., Lanewise],
+) -> Lanewise:
+    """The progress where so many stages are decided, without that of times before.
+
+    Args:
+        reached: How many are decided.
+        count: How many there are.
+        height: The robustness of the next.
+        began: That from which it set out, below 0.
+        least: The function that gives the least of two.
+        greatest: The function that gives the greatest of two.
+    """
+    share = greatest(1.0 - least(height, 0.0) / began, 0.0)
+    return least((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
+
+
+_NO_WAY = -1.0
+"""Stands for a robustness to set out from where there is none, or no way to go."""
+
+_ALMOST = math.nextafter(1.0, 0.0)
+"""The progress where all stages are decided, and the requirement is not."""
 
 
 class StageProgress:
-    """The progress of the requirements that are in stages, in one environment.
+    """The progress of the requirements that have stages, in one environment.
 
     Args:
         specs: The specifications by name.
         judges: The monitor of each, fed before this is.
-        reading: How samples are judged.
+        reading: How samples are judged, with the stages that are named.
+
+    Raises:
+        RtamtError: As `rtamt_gym.judging.stages.stages_of` does, or if stages cannot be compiled.
     """
 
     def __init__(
@@ -101,12 +210,12 @@ class StageProgress:
         reading: Reading,
     ) -> None:
         self._courses = {
-            name: _Course(*monitors, judges[name])
-            for name, monitors in _in_stages(specs, reading, EpisodeMonitor).items()
+            name: _Course(monitors, hold=reading.nan == "hold")
+            for name, monitors in _monitors_of(specs, judges, reading, EpisodeMonitor).items()
         }
 
     def __bool__(self) -> bool:
-        """Whether there is a requirement in stages."""
+        """Whether there is a requirement with stages."""
         return bool(self._courses)
 
     @property
@@ -156,25 +265,24 @@ class _Course:
     """The progress of one requirement in one environment.
 
     Args:
-        parts: The monitors of the requirement cut behind each stage but the last.
-        alone: The monitor of each stage.
-        judge: The monitor of the whole.
+        monitors: Its monitors.
+        hold: Whether a value that is nan stands for the last one.
     """
 
-    def __init__(
-        self, parts: list[EpisodeMonitor], alone: list[EpisodeMonitor], judge: EpisodeMonitor
-    ) -> None:
-        self._parts, self._alone, self._judge = parts, alone, judge
-        self._count = len(alone)
+    def __init__(self, monitors: _Monitors[EpisodeMonitor], *, hold: bool) -> None:
+        self._monitors, self._hold = monitors, hold
+        self._count = len(monitors.alone)
         self._start()
 
     def _start(self) -> None:
         self.progress = 0.0
-        self._began = math.nan  # r0 of the stage that is next
         self._reached = 0  # stages decided
+        self._height = math.nan  # r of the stage that is next
+        self._began = math.nan  # r0 of the stage that is next
+        self._held: list[float] = []  # the last values, where nan stands for them
 
     def reset(self) -> None:
-        for monitor in (*self._parts, *self._alone):
+        for monitor in self._monitors.every:
             monitor.reset()
         self._start()
 
@@ -186,56 +294,88 @@ class _Course:
                 return lambda values: update(values[place])
             return lambda values: update(*several(values))
 
-        parts = [update_of(monitor) for monitor in self._parts]
-        alone = [update_of(monitor) for monitor in self._alone]
-        count = self._count
+        deciders = [update_of(monitor) for monitor in self._monitors.deciders]
+        alone = [update_of(monitor) for monitor in self._monitors.alone]
+        judge, hold, next_stage = self._monitors.judge, self._hold, self._next_stage
 
         def feed(values: Sequence[float]) -> None:
-            if self._reached == count:
+            if hold:
+                values = self._holding(values)
+            if self.progress == 1.0:
                 return
-            for update in parts[self._reached :]:  # the verdicts before them are certain
+            for update in deciders[self._reached :]:  # the verdicts before them are certain
                 update(values)
-            self._decide()
-            if self._reached < count:
-                self._approach(alone[self._reached](values))
+            if judge.verdict > 0:
+                self.progress = 1.0
+                return
+            if deciders:
+                self._decide()
+            next_stage(alone, values)
 
         return feed
 
+    def _next_stage(
+        self, alone: Sequence[Callable[[Sequence[float]], float]], values: Sequence[float]
+    ) -> None:
+        """Takes in a sample of the next stage, and of those after it that it decides."""
+        monitors = self._monitors
+        while self._reached < self._count:
+            height = alone[self._reached](values)
+            if height < 0:
+                if height != self._height:  # else the greatest so far, once more
+                    self._approach(height)
+                return
+            if monitors.deciders or monitors.alone[self._reached].verdict <= 0:
+                self._approach(height)
+                return
+            self._reach(self._reached + 1)
+
+    def _holding(self, values: Sequence[float]) -> Sequence[float]:
+        """The values, with the last ones in the places of those that are nan."""
+        held = self._held or values
+        self._held = [last if math.isnan(v) else v for v, last in zip(values, held, strict=True)]
+        return self._held
+
     def finish(self, end: End) -> None:
-        for monitor in self._parts[self._reached :]:
+        deciders = self._monitors.deciders
+        for monitor in deciders[self._reached :]:
             monitor.finish(end)
-        self._decide()
+        if deciders:
+            self._decide()
+        if self._monitors.judge.verdict > 0:
+            self.progress = 1.0
 
     def _decide(self) -> None:
         """Counts the stages that are decided."""
-        monitors = (*self._parts, self._judge)
-        reached = self._count
-        while reached > self._reached and monitors[reached - 1].verdict <= 0:
-            reached -= 1
+        deciders, reached = self._monitors.deciders, self._reached
+        while reached < len(deciders) and deciders[reached].verdict > 0:
+            reached += 1
         if reached > self._reached:
-            self._reached, self._began = reached, math.nan
-            self.progress = max(self.progress, reached / self._count)
+            self._reach(reached)
+
+    def _reach(self, reached: int) -> None:
+        """Takes in that so many stages are decided."""
+        self._reached, self._height, self._began = reached, math.nan, math.nan
+        self.progress = max(self.progress, min(reached / self._count, _ALMOST))
 
     def _approach(self, height: float) -> None:
         """Takes in the robustness of the next stage."""
-        if math.isnan(self._began) and math.isfinite(height):
-            self._began = height
-        began, reached, count = self._began, self._reached, self._count
-        share = 0.0
-        if height >= 0:
-            share = 1.0
-        elif began < 0:
-            share = max(1.0 - height / began, 0.0)
-        now = min((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
+        self._height, began = height, self._began
+        if math.isnan(began):
+            began = _NO_WAY
+            if math.isfinite(height):
+                self._began = began = height if height < 0 else _NO_WAY
+        now = _place(self._reached, self._count, height, began, min, max)
         self.progress = max(self.progress, now)
 
     def state(self) -> tuple[Any, ...]:
-        held = [machine_state(monitor) for monitor in (*self._parts, *self._alone)]
-        return held, self.progress, self._began, self._reached
+        machines = [machine_state(monitor) for monitor in self._monitors.every]
+        return machines, self.progress, self._reached, self._height, self._began, self._held
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        held, self.progress, self._began, self._reached = state
-        for monitor, each in zip((*self._parts, *self._alone), held, strict=True):
+        machines, self.progress, self._reached, self._height, self._began, held = state
+        self._held = [*held]
+        for monitor, each in zip(self._monitors.every, machines, strict=True):
             monitor.__setstate__(each)
 
 
@@ -258,12 +398,12 @@ class VectorStageProgress:
             return VectorEpisodeMonitor(part, num, **options)
 
         self._courses = {
-            name: _VectorCourse(*monitors, judges[name], columns)
-            for name, monitors in _in_stages(specs, reading, make).items()
+            name: _VectorCourse(monitors, num, columns, hold=reading.nan == "hold")
+            for name, monitors in _monitors_of(specs, judges, reading, make).items()
         }
 
     def __bool__(self) -> bool:
-        """Whether there is a requirement in stages."""
+        """Whether there is a requirement with stages."""
         return bool(self._courses)
 
     @property
@@ -298,43 +438,59 @@ class _VectorCourse:
 
     def __init__(
         self,
-        parts: list[VectorEpisodeMonitor],
-        alone: list[VectorEpisodeMonitor],
-        judge: VectorEpisodeMonitor,
+        monitors: _Monitors[VectorEpisodeMonitor],
+        num: int,
         columns: Sequence[str],
+        *,
+        hold: bool,
     ) -> None:
-        self._parts, self._alone, self._judge = parts, alone, judge
-        self._count, num = len(alone), judge.num
+        self._monitors = monitors
+        self._count = len(monitors.alone)
         self._picks = {
             monitor: pick([columns.index(name) for name in monitor.variables])
-            for monitor in (*parts, *alone)
+            for monitor in monitors.every
         }
         self.progress: Floats = np.zeros(num)
         self._began: Floats = np.full(num, np.nan)
         self._reached = np.zeros(num, np.int64)
+        self._held: Floats | None = np.full((num, len(columns)), np.nan) if hold else None
 
     def reset(self, lanes: Lanes | None) -> None:
-        for monitor in (*self._parts, *self._alone):
+        for monitor in self._monitors.every:
             monitor.reset(lanes)
         which = slice(None) if lanes is None else lanes
         self.progress[which] = 0.0
         self._began[which] = np.nan
         self._reached[which] = 0
+        if self._held is not None:
+            self._held[which] = np.nan
 
     def feed(self, table: Floats, lanes: Lanes | None) -> None:
-        for stage, monitor in enumerate(self._parts):
+        if self._held is not None:
+            fed = ~np.isnan(table) if lanes is None else ~np.isnan(table) & lanes[:, None]
+            np.copyto(self._held, table, where=fed)
+            table = self._held
+        deciders, alone = self._monitors.deciders, self._monitors.alone
+        for stage, monitor in enumerate(deciders):
             needed = self._reached <= stage  # elsewhere the verdict is certain
             if lanes is not None:
                 needed &= lanes
             self._update(monitor, table, needed)
-        self._decide()
-        for stage, monitor in enumerate(self._alone):
-            following = self._reached == stage
+        self._settle(lanes)
+        if deciders:
+            self._decide()
+        for stage, monitor in enumerate(alone):
+            following = (self._reached == stage) & (self.progress < 1.0)
             if lanes is not None:
                 following &= lanes
             heights = self._update(monitor, table, following)
-            if heights is not None:
-                self._approach(following, heights[following], stage)
+            if heights is None:
+                continue
+            if not deciders:
+                over = following & (monitor.verdict > 0)
+                self._reach(over, stage + 1)
+                following &= ~over
+            self._approach(following, heights[following], stage)
 
     def _update(self, monitor: VectorEpisodeMonitor, table: Floats, lanes: Lanes) -> Floats | None:
         """Feeds the environments of the mask; None if there are none."""
@@ -345,27 +501,36 @@ class _VectorCourse:
         return monitor.update(rows, None if count == len(lanes) else lanes)
 
     def finish(self, lanes: Lanes, end: End) -> None:
-        for stage, monitor in enumerate(self._parts):
+        deciders = self._monitors.deciders
+        for stage, monitor in enumerate(deciders):
             monitor.finish(lanes & (self._reached <= stage), end=end)
-        self._decide()
+        if deciders:
+            self._decide()
+        self._settle(lanes)
+
+    def _settle(self, lanes: Lanes | None) -> None:
+        """Takes in which requirements are satisfied."""
+        satisfied = self._monitors.judge.verdict > 0
+        self.progress[satisfied if lanes is None else satisfied & lanes] = 1.0
 
     def _decide(self) -> None:
         """Counts the stages that are decided; verdicts stay until the reset."""
-        reached = np.zeros_like(self._reached)
-        for number, monitor in enumerate((*self._parts, self._judge), 1):
-            reached[monitor.verdict > 0] = number
-        self._began[reached > self._reached] = np.nan
-        self._reached = reached
-        np.maximum(self.progress, reached / self._count, out=self.progress)
+        for stage, monitor in enumerate(self._monitors.deciders):
+            self._reach((self._reached == stage) & (monitor.verdict > 0), stage + 1)
+
+    def _reach(self, lanes: Lanes, reached: int) -> None:
+        """Takes in that so many stages are decided."""
+        self._reached[lanes] = reached
+        self._began[lanes] = np.nan
+        least = min(reached / self._count, _ALMOST)
+        self.progress[lanes] = np.maximum(self.progress[lanes], least)
 
     def _approach(self, lanes: Lanes, heights: Floats, reached: int) -> None:
         """Takes in the robustness of the next stage, in environments that are at the same."""
         began = self._began[lanes]
-        began = np.where(np.isnan(began) & np.isfinite(heights), heights, began)
+        first = np.isnan(began) & np.isfinite(heights)
+        began = np.where(first, np.where(heights < 0, heights, _NO_WAY), began)
         self._began[lanes] = began
-        way = (heights < 0) & (began < 0)
-        ratio = np.divide(heights, began, out=np.ones_like(heights), where=way)
-        share = np.where(heights >= 0, 1.0, np.maximum(1.0 - ratio, 0.0))
-        most = np.nextafter((reached + 1) / self._count, 0.0)
-        now = np.minimum((reached + share) / self._count, most)
+        began = np.where(np.isnan(began), _NO_WAY, began)
+        now = _place(reached, self._count, heights, began, np.minimum, np.maximum)
         self.progress[lanes] = np.maximum(self.progress[lanes], now)

@@ -15,7 +15,7 @@ from rtamt import SemanticsName, Verdict
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.judging.stage_progress import progress_of
+from rtamt_gym.judging.stage_progress import progress_of, progress_of_events
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.asked import asked_texts
@@ -85,7 +85,7 @@ class TraceJudgement:
         step: The usual distance of two times in seconds; None if they are sample numbers.
         dense: Whether the trace was judged in dense time.
         progress: How far it came in the stages of the requirement; None without stages, and in
-            dense time.
+            dense time also where stages have times of their own or values are not known.
         cut: The verdict on a recording that was cut; None: it was not asked for.
     """
 
@@ -387,7 +387,13 @@ def judge_events(
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
-    return TraceJudgement(found, series, semantics, 0.0, None, trace.step, dense=True, cut=cut)
+    progress = None
+    if not trace.unknown and trace.max_gap is None and whole.variables:
+        lines = {name: trace.signals[name] for name in whole.variables}
+        satisfied = found.verdict is Verdict.SATISFIED
+        progress = progress_of_events(whole, lines, reading, satisfied=satisfied)
+    clock = 0.0, None, trace.step
+    return TraceJudgement(found, series, semantics, *clock, dense=True, progress=progress, cut=cut)
 
 
 def _not_known(trace: EventTrace) -> dict[str, Any]:

@@ -17,7 +17,7 @@ __all__ = ["to_json"]
 
 def to_json(
     matrix: Matrix,
-    rules: Mapping[str, str],
+    rules: Mapping[str, Any],
     columns: Columns,
     exit_code: int,
     *,

@@ -39,6 +39,9 @@ _SCRIPTS: Final = (
     "filter.js",
     "page.js",
 )
+_FEW: Final = 5
+"""The most requirements of a page on which examples are open from the start."""
+
 _SYMBOLS: Final = {"satisfied": "\u2713", "violated": "\u2717", "undecided": "?", "failed": "!"}
 
 
@@ -83,7 +86,7 @@ def render(report: Report) -> str:
             "digits": lambda sha: sha[:DIGITS],
         }
     )
-    view = _View()
+    view = _View(open_examples=len(_requirements(report)) <= _FEW)
     sections = [view.section(section) for section in report.sections]
     return environment.get_template("page.html").render(
         report=report,
@@ -110,7 +113,8 @@ class _Placed:
 class _View:
     """Gives the parts of a report their ids, and collects the data of the charts."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, open_examples: bool) -> None:
+        self._open = open_examples
         self.charts: dict[str, Any] = {}
         self.cases: dict[str, Any] = {}
         self._keys: dict[tuple[str, str], int] = {}
@@ -137,6 +141,7 @@ class _View:
                         own := self._names.add(name, each.name),
                         each,
                         {
+                            "open": self._open,
                             "charts": self._place(own, name, _some(pairs_chart(each))),
                             "key": "" if each.name == SUCCESS else self._key(each),
                         },
@@ -173,6 +178,7 @@ class _View:
             name,
             requirement,
             {
+                "open": self._open,
                 "charts": self._place(name, section, charts_of(of, requirement)),
                 "worst": [self._episode(name, section, of, each) for each in requirement.worst],
                 "rows": [

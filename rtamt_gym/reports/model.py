@@ -21,6 +21,7 @@ from rtamt_gym.reports.views import (
     Convergence,
     HeatMap,
     MutantView,
+    ShownExample,
     ShownSeries,
     TraceTable,
 )
@@ -235,6 +236,8 @@ class ShownRequirement:
         defaults: How many episodes read each of the declared defaults, as ``limit = 0.5``.
         answer: What sequential stopping has said of its rate; None without a target.
         together: Whether it stands for all requirements of its section at once.
+        examples: Traces that satisfy it and violate it, to read beside its words.
+        more_examples: How many further ones there are.
     """
 
     name: str
@@ -260,6 +263,8 @@ class ShownRequirement:
     defaults: Mapping[str, int] = field(default_factory=dict)
     answer: Word | None = None
     together: bool = False
+    examples: tuple[ShownExample, ...] = ()
+    more_examples: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,9 @@ def section_of(result: Result, room: int) -> Section:
 def _of_file(path: Path, room: int) -> Section:
     if path.suffix.lower() == ".parquet" or path.is_dir():
         return _of_table(path, room)
-    kept = read(path, others=", or the Parquet file or the folder of a sweep, a campaign or a run")
+    kept = read(
+        path, SECTIONS, others=", or the Parquet file or the folder of a sweep, a campaign or a run"
+    )
     return made(path, kept, lambda found: SECTIONS[found["kind"]](found, path, room))
 
 

@@ -10,6 +10,7 @@ from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Word
 
 __all__ = [
+    "Band",
     "Cases",
     "Cell",
     "ComparedRequirement",
@@ -17,12 +18,65 @@ __all__ = [
     "Convergence",
     "HeatMap",
     "MutantView",
+    "ShownExample",
     "ShownSeries",
     "TraceLine",
     "TraceTable",
 ]
 
 ShownSeries = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A signal of an example, as lines of an SVG that is 100 wide and 36 high.
+
+    Attributes:
+        name: Its name.
+        line: Its values in steps.
+        dots: Its samples; empty where there are many.
+        levels: A line for each number that it is compared with.
+        compared: These numbers.
+        low: The number at the bottom.
+        high: The number at the top.
+    """
+
+    name: str
+    line: str
+    dots: str
+    levels: tuple[str, ...]
+    compared: str
+    low: str
+    high: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShownExample:
+    """A trace that shows something about a requirement.
+
+    Attributes:
+        verdict: What the requirement is on it.
+        robustness: The robustness on it; None of a trace that repeats for ever.
+        why: What it shows.
+        length: How long it is, with its unit.
+        bands: Its signals.
+        repeats: How much of its end, from 0 to 100, repeats for ever.
+        loop: The same in words; empty if nothing does.
+        steady: Further signals, which do not change, with their values.
+        head: The head of its table.
+        rows: A row for each run of equal samples.
+    """
+
+    verdict: Word
+    robustness: float | None
+    why: str
+    length: str
+    bands: tuple[Band, ...]
+    repeats: float
+    loop: str
+    steady: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +170,8 @@ class ComparedRequirement:
         robustness_interval: Its 95 % interval (bootstrap).
         pairs: The robustness of A and of B in each pair, for a scatter.
         id: As `ShownRequirement.id`.
+        examples: As `ShownRequirement.examples`.
+        more_examples: As `ShownRequirement.more_examples`.
     """
 
     name: str
@@ -137,6 +193,8 @@ class ComparedRequirement:
     robustness_interval: tuple[float, float] | None = None
     pairs: tuple[tuple[float, float], ...] = ()
     id: RequirementId | None = None
+    examples: tuple[ShownExample, ...] = ()
+    more_examples: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import rtamt
 from rtamt import InputError
 from rtamt.errors import Argument
+from rtamt_gym.reports.examples import ExamplesLike, with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section, ShownFile
 from rtamt_gym.reports.results import Result, section_of
@@ -27,6 +28,7 @@ def write_report(
     title: str | None = None,
     names: Sequence[str] | None = None,
     date: datetime | None = None,
+    examples: ExamplesLike | None = None,
 ) -> None:
     """Writes results as one page of HTML, which needs no network and no other file.
 
@@ -48,10 +50,13 @@ def write_report(
         date: When the page was made. None: the seconds since 1970 in the variable
             ``SOURCE_DATE_EPOCH`` of the environment, with which the same results give the same
             page; without it now.
+        examples: Traces that satisfy and violate requirements, drawn beside their words: what
+            `rtamt.examples` returns, or the path of what ``rtamt examples --json`` wrote.
 
     Raises:
         InputError: If there is no result, a file holds none, the page has another ending, names
-            are not one for each result, or ``SOURCE_DATE_EPOCH`` is no number of seconds.
+            are not one for each result, examples are of other requirements, or
+            ``SOURCE_DATE_EPOCH`` is no number of seconds.
         InputTypeError: If something is no result.
         OSError: If there is no such file, or the page cannot be written.
         ModuleNotFoundError: If jinja2 or plotly is not installed; names the extra ``report``.
@@ -74,7 +79,8 @@ def write_report(
         True
     """
     check_page(path)
-    page = render(report_of(*results, title=title, names=names, date=date))
+    several = () if examples is None else (examples,)
+    page = render(report_of(*results, title=title, names=names, date=date, examples=several))
     Path(path).write_text(page, encoding="utf-8")
 
 
@@ -83,8 +89,9 @@ def report_of(
     title: str | None = None,
     names: Sequence[str] | None = None,
     date: datetime | None = None,
+    examples: Sequence[ExamplesLike] = (),
 ) -> Report:
-    """What the page of results shows; arguments are those of `write_report`."""
+    """What the page of results shows; arguments are those of `write_report`, examples several."""
     if not results:
         raise InputError(
             "expected one result at least, such as an Evaluation or its file, got none"
@@ -92,6 +99,8 @@ def report_of(
     made_on = _date(date)
     sections = tuple(_section(each, ROOM // len(results)) for each in results)
     sections = _named(sections, results, names)
+    if examples:
+        sections = with_examples(sections, examples)
     if title is None:
         title = sections[0].title if len(sections) == 1 else counted(len(sections), "result")
     return Report(title, f"rtamt {rtamt.__version__}", sections, made_on)

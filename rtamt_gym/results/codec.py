@@ -61,6 +61,7 @@ KINDS: Final[Mapping[str, str]] = {
     "evaluation": "rtamt evaluate --save and Evaluation.save",
     "comparison": "rtamt compare --save and Comparison.save",
     "mined": "rtamt mine --json",
+    "examples": "rtamt examples --json",
 }
 """The kinds of results, and what writes them."""
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
+from rtamt import Answer, Example, ExampleTrace, RequirementExamples, Verdict
+from rtamt_gym.reports.examples import with_examples
 from rtamt_gym.reports.model import (
     Counts,
     Decision,
@@ -269,9 +272,52 @@ _COMPARISON = Section(
     ),
 )
 
+_HELD = (0.0,) * 100
+_EXAMPLES = {
+    "upright": RequirementExamples(
+        _UPRIGHT.formula,
+        Fraction(1, 50),
+        Answer("yes"),
+        Answer("yes"),
+        (
+            Example(
+                ("satisfied",),
+                "a trace that <i>satisfies</i> it",
+                Verdict.SATISFIED,
+                0.2,
+                ExampleTrace({"angle": _HELD}, 100, 0),
+            ),
+            Example(
+                ("violated",),
+                "the shortest violation; abs(angle) < 0.2 fails by a margin that is told at length",
+                Verdict.VIOLATED,
+                -math.inf,
+                ExampleTrace({"angle": (0.0, 0.25, -0.25)}, 3, 0),
+            ),
+            Example(
+                ("threshold",),
+                "exactly at its threshold, again and again",
+                Verdict.VIOLATED,
+                None,
+                ExampleTrace({"angle": (0.19, 0.2, -0.2, 0.0)}, 4, 2),
+            ),
+            *(
+                Example(
+                    ("violated",),
+                    f"one more, {place}",
+                    Verdict.VIOLATED,
+                    -0.1,
+                    ExampleTrace({"angle": (0.3,) * place}, place, 0),
+                )
+                for place in (1, 2, 3)
+            ),
+        ),
+    ),
+}
+
 EXAMPLE = Report(
     "Pole and tank <b>&amp;</b> more",
     "rtamt 0.5.0",
-    (_EVALUATION, _SWEEP, _SEARCH, _MATRIX, _COMPARISON),
+    with_examples((_EVALUATION, _SWEEP, _SEARCH, _MATRIX, _COMPARISON), [_EXAMPLES]),
 )
-"""A report with a section of every kind, infinities, failures, and a title that must be escaped."""
+"""A report with a section of every kind, examples, infinities, failures, texts to be escaped."""

@@ -142,7 +142,7 @@ class SavedCase:
             duration=options.get("duration"),
             reading={
                 name: _listed(value)
-                for name, value in runner.reading.options().items()
+                for name, value in runner.reading.about(name).options().items()
                 if name != "period" and value not in (None, False)
             },
             robustness=outcome.robustness,

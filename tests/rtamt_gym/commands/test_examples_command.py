@@ -36,14 +36,16 @@ def test_saved_examples_are_judged_alike_by_monitor(
 ) -> None:
     assert main(["examples", RESPONSE, "--save", str(tmp_path), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    shown = data["requirements"]["spec"]["examples"]
+    assert (data["format"], data["kind"], data["period"]) == ("rtamt result", "examples", None)
+    assert data["requirements"] == {"spec": RESPONSE}
+    shown = data["results"]["spec"]["examples"]
     names = sorted(path.name for path in tmp_path.iterdir())
     assert len(names) == len(shown)
     assert names[3] == "spec-04-satisfied-last_moment.csv"
     traces = [str(tmp_path / name) for name in names]
     assert main(["monitor", RESPONSE, "--period", "1", "--json", "--", *traces]) == 1
     rows = json.loads(capsys.readouterr().out)["trials"]
-    said = [row["outcomes"]["spec"]["verdict"].lower() for row in rows]
+    said = [row["outcomes"]["spec"]["verdict"] for row in rows]
     assert said == [each["verdict"] for each in shown]
     assert [row["outcomes"]["spec"]["robustness"] for row in rows] == [
         each["robustness"] for each in shown

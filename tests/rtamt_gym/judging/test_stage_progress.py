@@ -2,13 +2,13 @@
 
 import math
 import pickle
-from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from staged import NAMES, End, Rows, decided, progress, verdict
 from strategies import Trace, formulas, length, traces
 
 import rtamt
@@ -19,74 +19,24 @@ from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import progress_of
 from rtamt_gym.judging.vector_panel import VectorPanel
 
-NAMES = ("a", "b", "c")
-End = Literal["complete", "cut", "open"]
-
 
 @st.composite
 def requirements(draw: st.DrawFn) -> Formula:
     """Stages of any operators, with and without a time for each."""
-    parts = draw(st.lists(formulas(1), min_size=2, max_size=4))
+    parts = draw(st.lists(formulas(draw(st.integers(0, 1))), min_size=2, max_size=4))
     return in_order(*parts, within=draw(st.sampled_from([None, 1, 3])))
 
 
-def taken(formula: Formula, row: Sequence[float]) -> dict[str, float]:
-    """The sample that a monitor of the formula takes."""
-    named = zip(NAMES, row, strict=True)
-    return {name: value for name, value in named if name in formula.variables}
-
-
-def verdict(formula: Formula, rows: Sequence[Sequence[float]], end: End | None = None) -> Verdict:
-    monitor = rtamt.EpisodeMonitor(formula)
-    for row in rows:
-        monitor.update(taken(formula, row))
-    if end is not None:
-        monitor.finish(end)
-    return monitor.verdict
-
-
-def fed(formula: Formula, rows: Sequence[Sequence[float]]) -> float:
-    """The robustness after these samples."""
-    monitor = rtamt.EpisodeMonitor(formula)
-    robustness = math.nan
-    for row in rows:
-        robustness = monitor.update(taken(formula, row))
-    return robustness
-
-
-def decided(formula: Formula, rows: Sequence[Sequence[float]], end: End | None = None) -> int:
-    """The stages of which satisfaction is certain after these samples."""
-    found = [verdict(each, rows, end) is Verdict.SATISFIED for each in prefixes(formula)]
-    return max((number for number, holds in enumerate(found, 1) if holds), default=0)
-
-
-def expected(formula: Formula, rows: Sequence[Sequence[float]], end: End | None) -> list[float]:
+def expected(formula: Formula, rows: Rows, end: End | None) -> list[float]:
     """The progress after every sample, and after the end."""
-    wanted, found = stages(formula), [0.0]
-    count, begun, r0 = len(wanted), 0, math.nan
-    reached = -1
-    for t in range(len(rows)):
-        now = decided(formula, rows[: t + 1])
-        if now != reached:
-            reached, begun, r0 = now, t, math.nan
-        if reached == count:
-            found.append(1.0)
-            continue
-        r = fed(wanted[reached].eventually(), rows[begun : t + 1])
-        if math.isnan(r0) and math.isfinite(r):
-            r0 = r
-        share = 1.0 if r >= 0 else max(0.0, 1 - r / r0) if r0 < 0 else 0.0
-        place = min((reached + share) / count, math.nextafter((reached + 1) / count, 0))
-        found.append(max(found[-1], place))
-    last = decided(formula, rows, end) / count
-    return [*found[1:], max(found[-1], last)]
+    return progress(formula, stages(formula), prefixes(formula), rows, end)
 
 
 def rows_of(trace: Trace) -> list[tuple[float, ...]]:
     return [tuple(trace[name][i] for name in NAMES) for i in range(length(trace))]
 
 
-def played(spec: Specification, rows: Sequence[Sequence[float]], end: End) -> list[float]:
+def played(spec: Specification, rows: Rows, end: End) -> list[float]:
     """The progress that the monitors of one environment give."""
     panel = Panel({"task": spec}, Reading())
     feed = panel.feeder(NAMES)
@@ -107,10 +57,10 @@ def test_progress_is_its_definition_and_keeps_its_laws(end: End) -> None:
         spec = Specification.of(formula)
         found = played(spec, rows, end)
         assert found == sorted(found)
-        for t, progress in enumerate(found[:-1]):
-            assert (progress == 1) is (verdict(formula, rows[: t + 1]) is Verdict.SATISFIED)
-            number, count = decided(formula, rows[: t + 1]), len(stages(formula))
-            assert progress == 1 or number / count <= progress < (number + 1) / count
+        for t, came in enumerate(found[:-1]):
+            assert (came == 1) is (verdict(formula, rows[: t + 1]) is Verdict.SATISFIED)
+            number, count = decided(prefixes(formula), rows[: t + 1]), len(stages(formula))
+            assert came == 1 or number / count <= came < (number + 1) / count
         assert (found[-1] == 1) is (verdict(formula, rows, end) is Verdict.SATISFIED)
         assert found == pytest.approx(expected(formula, rows, end), rel=1e-15, abs=0)
 
@@ -238,7 +188,7 @@ def test_a_state_brings_the_progress_back() -> None:
     assert panel.progress == {"task": 1.0}
     other.restore(state)
     panel.restore(state)
-    for row, progress in (((0.0, -2.0, 0.0), 0.75), ((0.0, 1.0, 0.0), 1.0)):
+    for row, came in (((0.0, -2.0, 0.0), 0.75), ((0.0, 1.0, 0.0), 1.0)):
         feed(row)
         feed_other(row)
-        assert panel.progress == other.progress == {"task": progress}
+        assert panel.progress == other.progress == {"task": came}

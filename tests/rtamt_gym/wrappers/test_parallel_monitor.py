@@ -312,3 +312,23 @@ def test_a_copy_continues_as_the_original(clone: Callable[[Any], Any]) -> None:
         assert copy.samples == steps + 1
         assert repr(go(copy, 4 - steps)) == repr(go(deepcopy(env), 4 - steps))
         go(env)
+
+
+def test_named_stages_have_a_progress_of_all_agents() -> None:
+    ends = {"lead": "truncated", "wing_0": "truncated"}
+    env = ParallelStlMonitor(
+        Crew({"lead": [0.0, 1.0, -1.0, 3.0], "wing_0": [0.0, 1.0, 1.0, 1.0]}, ends),
+        "always(x + y > -9)",
+        {"x": "lead: obs[0]", "y": "wing_0: obs[0]"},
+        stages=["x >= 1", "y >= 1 and x >= 3"],
+        at_truncation="open",
+    )
+    _, infos = env.reset()
+    found = [infos["lead"]["stl_progress"]]
+    while env.agents:
+        _, _, _, _, infos = env.step({agent: np.zeros(1) for agent in env.agents})
+        found.append(infos["lead"]["stl_progress"])
+        assert all(info["stl_progress"] == found[-1] for info in infos.values())
+    assert found == sorted(found)
+    assert found[1] >= 0.5
+    assert found[-1] == math.nextafter(1.0, 0.0)

@@ -28,6 +28,10 @@ def steered(obs: Any, early: bool) -> int:  # noqa: ANN401, FBT001 - an observat
     return int(obs[2] + 0.3 * obs[3] > (-0.06 if early else 0.06))
 
 
+STAGES = {"calm": ["x > -0.01", "x > 0.03"]}
+"""Of a requirement that is not in order; those that are keep theirs."""
+
+
 def pole(**options: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401 - of the wrapper
     env = gym.make("CartPole-v1", max_episode_steps=60)
     return StlMonitor(env, SPECS, SIGNALS, on_violation="report", **AT, **options)
@@ -58,12 +62,17 @@ def test_every_info_has_the_least_progress() -> None:
         assert {name: last[name].get("progress") for name in SPECS} == states
 
 
-def test_many_environments_have_the_infos_of_one() -> None:
+@pytest.mark.parametrize("options", [{}, {"stages": STAGES}])
+def test_many_environments_have_the_infos_of_one(options: Any) -> None:  # noqa: ANN401
     num, steps = 3, 90
-    alone = [pole() for _ in range(num)]
+    alone = [pole(**options) for _ in range(num)]
     made = [lambda: gym.make("CartPole-v1", max_episode_steps=60)] * num
     envs = VectorStlMonitor(
-        SyncVectorEnv(made, autoreset_mode=AutoresetMode.NEXT_STEP), SPECS, SIGNALS, **AT
+        SyncVectorEnv(made, autoreset_mode=AutoresetMode.NEXT_STEP),
+        SPECS,
+        SIGNALS,
+        **AT,
+        **options,
     )
     obs, infos = envs.reset(seed=[0, 1, 2])
     singles = [env.reset(seed=seed)[1] for seed, env in enumerate(alone)]
@@ -84,9 +93,24 @@ def test_many_environments_have_the_infos_of_one() -> None:
             over[lane] = ended or cut
             assert over[lane] == (terminated | truncated)[lane]
             if over[lane]:
-                for name in ("task", "sway"):
+                for name in ("task", "sway", *options.get("stages", ())):
                     column = infos["stl_episode"][name]["progress"]
                     assert column[lane] == singles[lane]["stl_episode"][name]["progress"]
+
+
+def test_named_stages_are_kept_with_what_judged() -> None:
+    env = StlMonitor(
+        gym.make("CartPole-v1"), "always(abs(x) < 2)", {"x": "obs[0]"}, stages=["x > 0", "x > 1"]
+    )
+    assert env.reset(seed=0)[1]["stl_progress"] < 1
+    again = gym.make(type(env.spec).from_json(env.spec.to_json()))  # type: ignore[union-attr]
+    assert again.reset(seed=0)[1]["stl_progress"] == env.reset(seed=0)[1]["stl_progress"]
+    found = evaluate_policy(
+        _policy, "CartPole-v1", SPECS, SIGNALS, episodes=2, seed=0, stages=STAGES
+    )
+    kept = json.loads(found.to_json())
+    assert kept["reading"]["stages"] == STAGES
+    assert kept["trials"][0]["outcomes"]["calm"]["progress"] > 0
 
 
 def test_an_environment_without_stages_has_no_progress() -> None:

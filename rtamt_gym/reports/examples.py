@@ -1,0 +1,278 @@
+"""Examples of requirements on the page: small drawings of traces that satisfy and violate them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any, Final, NamedTuple, TypeVar, cast
+
+import rtamt
+from rtamt import (
+    Example,
+    ExampleTrace,
+    Formula,
+    InputError,
+    RequirementExamples,
+    Term,
+    Verdict,
+)
+from rtamt.errors import Argument
+from rtamt_gym.checks.names import listing
+from rtamt_gym.reports.model import Section, ShownRequirement
+from rtamt_gym.reports.texts import aligned, number
+from rtamt_gym.reports.views import Band, ComparedRequirement, ShownExample
+from rtamt_gym.results.codec import fraction_of, number_of, read_as
+from rtamt_gym.tables import counted, shorten
+
+__all__ = ["ExamplesLike", "with_examples"]
+
+ExamplesLike = Mapping[str, RequirementExamples] | str | os.PathLike[str]
+"""What `rtamt.examples` returns, or the path of a file that ``rtamt examples --json`` wrote."""
+
+_EACH: Final = 3
+"""The most examples of a verdict that are shown."""
+
+_WIDTH, _HEIGHT = 100.0, 36.0
+"""The size of the drawing of a signal, which the page stretches."""
+
+_DOTS: Final = 40
+"""The most samples of which each is marked."""
+
+_BANDS: Final = 4
+"""Of more variables those are drawn that change."""
+
+_R = TypeVar("_R", ShownRequirement, ComparedRequirement)
+
+
+class _Known(NamedTuple):
+    """The examples of a requirement."""
+
+    name: str
+    formula: Formula
+    period: Fraction | None
+    examples: Sequence[Example]
+
+
+def with_examples(
+    sections: Sequence[Section], several: Iterable[ExamplesLike]
+) -> tuple[Section, ...]:
+    """The sections with examples beside the requirements that they are of.
+
+    Examples are of a requirement if they are of its formula, whatever it is called.
+
+    Raises:
+        InputError: If a file holds no examples, or no requirement has one of its formulas.
+        OSError: If there is no such file.
+    """
+    shown = [each for section in sections for each in _requirements(section)]
+    texts = {each.formula for each in shown if each.formula}
+    formulas = {text: rtamt.parse(text).formula for text in texts}
+    known: dict[Formula, _Known] = {}
+    for each in several:
+        of_one = [*_read(each)]
+        if not {one.formula for one in of_one} & {*formulas.values()}:
+            raise InputError(_of_others(each, of_one, shown))
+        for one in of_one:
+            known.setdefault(one.formula, one)
+
+    def told(of: _R) -> _R:
+        found = known.get(formulas[of.formula]) if of.formula else None
+        if found is None or not found.examples:
+            return of
+        chosen = _chosen(found.examples)
+        drawn = tuple(_shown(each, found) for each in chosen)
+        return replace(of, examples=drawn, more_examples=len(found.examples) - len(chosen))
+
+    return tuple(
+        replace(
+            section,
+            requirements=tuple(map(told, section.requirements)),
+            comparison=section.comparison
+            and replace(
+                section.comparison, requirements=tuple(map(told, section.comparison.requirements))
+            ),
+        )
+        for section in sections
+    )
+
+
+def _requirements(section: Section) -> Iterator[ShownRequirement | ComparedRequirement]:
+    yield from section.requirements
+    if section.comparison is not None:
+        yield from section.comparison.requirements
+
+
+def _of_others(
+    given: ExamplesLike,
+    of_one: Sequence[_Known],
+    shown: Sequence[ShownRequirement | ComparedRequirement],
+) -> str:
+    """Why examples are of no requirement of the page, and what to do."""
+    where = os.fspath(given) if isinstance(given, str | os.PathLike) else "the examples"
+    ours = {each.name: each.formula for each in shown}
+    for one in of_one:
+        if one.name in ours:
+            return (
+                f"{where}: {one.name} is {shorten(str(one.formula), 200)} there, and "
+                f"{shorten(ours[one.name], 200)} in the results; make the examples of these"
+            )
+    names = listing(each.name for each in of_one)
+    return f"{where}: examples of {names}, and none of {listing(ours)}, which the results have"
+
+
+def _read(given: ExamplesLike) -> Iterator[_Known]:
+    """The examples of each requirement.
+
+    Raises:
+        InputError: If a file holds none.
+    """
+    if isinstance(given, Mapping):
+        for name, found in given.items():
+            if not isinstance(found, RequirementExamples):
+                raise InputError(
+                    Argument("examples"),
+                    f": expected what rtamt.examples returns, got {type(found).__name__}",
+                )
+            formula = rtamt.parse(found.text).formula
+            yield _Known(name, formula, found.period, found.examples)
+        return
+    yield from read_as(given, "examples", _kept)
+
+
+def _kept(kept: Mapping[str, Any]) -> list[_Known]:
+    period = fraction_of(kept["period"])
+    return [
+        _Known(
+            name,
+            rtamt.parse(text).formula,
+            period,
+            [_example(each) for each in kept["results"][name]["examples"]],
+        )
+        for name, text in kept["requirements"].items()
+    ]
+
+
+def _example(kept: Mapping[str, Any]) -> Example:
+    trace = kept["trace"]
+    columns = {
+        name: tuple(cast("float", number_of(value)) for value in values)
+        for name, values in trace["columns"].items()
+    }
+    return Example(
+        tuple(kept["kinds"]),
+        kept["why"],
+        Verdict[kept["verdict"]],
+        number_of(kept["robustness"]),
+        ExampleTrace(columns, trace["samples"], trace["repeats"]),
+    )
+
+
+def _chosen(examples: Sequence[Example]) -> list[Example]:
+    """Those that are shown, in their order: some of each verdict."""
+    left = {Verdict.SATISFIED: _EACH, Verdict.VIOLATED: _EACH}
+    chosen = []
+    for each in examples:
+        if left[each.verdict]:
+            left[each.verdict] -= 1
+            chosen.append(each)
+    return chosen
+
+
+def _shown(example: Example, of: _Known) -> ShownExample:
+    trace = example.trace
+    steady = {name: values[0] for name, values in trace.columns.items() if len({*values}) == 1}
+    drawn = [name for name in trace.columns if name not in steady]
+    if len(trace.columns) <= _BANDS:
+        drawn, steady = [*trace.columns], {}
+    levels = _levels(of.formula)
+    length = counted(trace.samples, "sample")
+    if of.period is not None:
+        length = f"{number(float(trace.samples * of.period))} s"
+    return ShownExample(
+        verdict="satisfied" if example.verdict is Verdict.SATISFIED else "violated",
+        robustness=example.robustness,
+        why=example.why,
+        length=length,
+        bands=tuple(_band(name, trace.columns[name], levels.get(name, ())) for name in drawn),
+        repeats=trace.loop / trace.samples * _WIDTH,
+        loop=counted(trace.loop, "sample") if trace.loop else "",
+        steady=", ".join(f"{name} = {number(value)}" for name, value in steady.items()),
+        head=("sample", *trace.columns),
+        rows=tuple(_rows(trace)),
+    )
+
+
+def _rows(trace: ExampleTrace) -> Iterator[tuple[str, ...]]:
+    """A row for each run of equal samples."""
+    samples = [*zip(*trace.columns.values(), strict=True)]
+    runs = [(values, len([*run])) for values, run in itertools.groupby(samples)]
+    columns = [aligned(column) for column in zip(*(values for values, _ in runs), strict=True)]
+    begin = 0
+    for place, (_, count) in enumerate(runs):
+        end = begin + count - 1
+        at = str(begin) if count == 1 else f"{begin} to {end}"
+        yield (at, *(column[place] for column in columns))
+        begin = end + 1
+
+
+def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
+    """A signal drawn in steps, from the top 0 down."""
+    finite = [value for value in (*values, *levels) if math.isfinite(value)] or [0.0]
+    low, high = min(finite), max(finite)
+    if low == high:
+        low, high = low - 1.0, high + 1.0
+
+    def down(value: float) -> str:
+        share = (min(max(value, low), high) - low) / (high - low)
+        return f"{_HEIGHT * (1 - share):.3g}"
+
+    count, begin, line = len(values), 0, ""
+    dots = ""
+    for value, run in itertools.groupby(values):
+        end = begin + len([*run])
+        x, y = f"{_WIDTH * begin / count:.4g}", down(value)
+        line += f"V{y}" if line else f"M{x} {y}"
+        line += f"H{_WIDTH * end / count:.4g}"
+        if count <= _DOTS:
+            places = (_WIDTH * i / count for i in range(begin, end))
+            dots += "".join(f"M{place:.4g} {y}h0" for place in places)
+        begin = end
+    return Band(
+        name,
+        line,
+        dots,
+        tuple(f"M0 {down(level)}H{_WIDTH:g}" for level in levels),
+        ", ".join(map(number, levels)),
+        number(low),
+        number(high),
+    )
+
+
+def _levels(formula: Formula) -> dict[str, tuple[float, ...]]:
+    """The numbers that each variable is compared with."""
+    found: dict[str, dict[float, None]] = {}
+    for node in formula.nodes():
+        if node.op is None or node.op.notation != "infix" or node.op.result == "term":
+            continue
+        left, right, *_ = node.args
+        for side, other in ((left, right), (right, left)):
+            if not isinstance(side, Term) or not isinstance(other.leaf, float):
+                continue
+            name, signs = _compared(side)
+            for sign in signs:
+                found.setdefault(name, {})[sign * other.leaf + 0.0] = None
+    return {name: tuple(levels) for name, levels in found.items()}
+
+
+def _compared(side: Term) -> tuple[str, tuple[float, ...]]:
+    """The variable that a side is, or is the size of, and the signs that it may have."""
+    if side.op is not None and side.op.name == "abs":
+        name, _ = _compared(cast("Term", side.args[0]))
+        return name, (1.0, -1.0) if name else ()
+    if side.op is None and isinstance(side.leaf, str):
+        return side.leaf, (1.0,)
+    return "", ()
