@@ -9,14 +9,17 @@ from __future__ import annotations
 import logging
 import re
 import time
+import xmlrpc.client
 from collections.abc import Callable, Sequence
 from functools import cache
+from http.client import HTTPException
 from importlib.util import find_spec
 from typing import Any
 
 import genpy.dynamic
 import rosgraph.names
 import rospy
+import rospy.impl.paramserver
 import std_msgs.msg
 
 from rtamt import InputError
@@ -43,6 +46,7 @@ DISPLACED = 4
 that one."""
 REFUSED = 5
 """The exit code of a node that a master does not register."""
+_TOPICS_OF_LOG = "/rosout_disable_topics_generation"
 _SAME_NAME = "new node registered with same name"  # the master's words
 _NAME_IT = "give each its own: __name:=NAME"
 # What rospy sends to a subscriber that is slower than its topic waits in a queue this long.
@@ -76,6 +80,10 @@ class Ros1:
             rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
         except rospy.ROSException as error:
             raise InputError(f"no node of ROS: {error}") from error
+        # While this parameter is not set rospy asks the master for it at every line of the log: a
+        # look would wait for the answer, and of two nodes with one name each would end the other.
+        parameters = rospy.impl.paramserver.get_param_server_cache()
+        parameters.set(_TOPICS_OF_LOG, rospy.get_param_cached(_TOPICS_OF_LOG, False))  # noqa: FBT003
         self.name: str = rospy.get_name()
         self._timers: list[GridTimer] = []
         self._ending = Ending()
@@ -127,7 +135,12 @@ class Ros1:
     def published_topics(self) -> set[str] | None:
         try:
             return {topic for topic, _ in rospy.get_published_topics()}
-        except (OSError, rospy.ROSException):  # no master answers
+        except (
+            OSError,
+            HTTPException,
+            xmlrpc.client.Error,
+            rospy.ROSException,
+        ):  # no master answers
             return None
 
     def stamp(self, message: Any) -> int | None:

@@ -1,9 +1,14 @@
 """The packages for colcon fit the Python package that they start."""
 
 import configparser
+import os
 import re
+import shutil
+import subprocess
 import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Collection
+from pathlib import Path
 
 import pytest
 from paths import ROOT
@@ -55,3 +60,51 @@ def test_both_names_of_the_stamped_message_have_its_fields() -> None:
         text = (PACKAGES / f"rtamt_msgs/msg/{name}.msg").read_text()
         fields = [line for line in text.splitlines() if not line.startswith("#")]
         assert fields == ["std_msgs/Header header", "float64 value"]
+
+
+NEEDED = ("ament_cmake", "rosidl_default_generators", "std_msgs")
+STANDS_FOR_ROS = """
+function(rosidl_generate_interfaces)
+  message(STATUS "made of ${ARGN}")
+endfunction()
+macro(ament_export_dependencies)
+endmacro()
+macro(ament_package)
+endmacro()
+"""
+
+
+def configured(folder: Path, there: Collection[str]) -> subprocess.CompletedProcess[str]:
+    """What CMake says of rtamt_msgs where these of the packages that it needs are there."""
+    for name in there:
+        (folder / f"{name}Config.cmake").write_text(STANDS_FOR_ROS)
+    places = [f"-D{name}_DIR={folder}" for name in there]
+    absent = [f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in {*NEEDED} - {*there}]
+    where = ["-S", str(PACKAGES / "rtamt_msgs"), "-B", str(folder / "build"), "-G", "Ninja"]
+    return subprocess.run(
+        [shutil.which("cmake") or "cmake", *where, *places, *absent],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "AMENT_PREFIX_PATH": ""},
+    )
+
+
+@pytest.mark.parametrize("absent", NEEDED)
+def test_without_ros_2_the_messages_say_what_they_need_and_how_to_build_the_rest(
+    absent: str, tmp_path: Path
+) -> None:
+    found = configured(tmp_path, [each for each in NEEDED if each != absent])
+    assert found.returncode == 1
+    said = " ".join(found.stderr.split())
+    assert (
+        "rtamt_msgs needs ament_cmake, rosidl_default_generators and std_msgs of ROS 2, found no "
+        f"{absent}."
+    ) in said
+    assert "colcon build --base-paths ros --packages-skip rtamt_msgs" in said
+
+
+def test_with_ros_2_both_messages_are_made(tmp_path: Path) -> None:
+    found = configured(tmp_path, NEEDED)
+    assert found.returncode == 0, found.stderr
+    assert "made of rtamt_msgs;msg/FloatMessage.msg;msg/FloatStamped.msg;" in found.stdout

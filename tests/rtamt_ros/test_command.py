@@ -123,6 +123,9 @@ CHOICES = {
     "ROS 2: source the setup.bash of ROS 2" + UNSEEN,
     ("rospy", REMAPPED): "ROS 1 does not know --ros-args -r odom:=wheels: write remappings as they "
     "are, odom:=robot1/odom",
+    ("rospy", ("--ros-args", "-p", "period:=50")): "ROS 1 does not know --ros-args -p period:=50: "
+    "write parameters as options, which --help lists, and remappings as they are, "
+    "odom:=robot1/odom",
     ("rclpy", ("odom:=wheels", "_x:=1")): "ROS 2 does not know odom:=wheels _x:=1: "
     "write --ros-args -r odom:=wheels",
 }
@@ -250,6 +253,12 @@ def test_the_command_runs_a_node_until_it_is_told_to_end(played: Played, tmp_pat
     ]
 
 
+def test_the_exit_code_is_that_with_which_the_node_ends(played: Played) -> None:
+    played.code = 4
+    assert main([*SPEC]) == 4
+    assert played.closed
+
+
 REFUSED = {
     "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1": "cmd.linaer.x: "
     "geometry_msgs/Twist has no field 'linaer'; did you mean 'linear'?",
@@ -290,6 +299,23 @@ def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
         "stamps": True,
         "qos": "reliable",
     }
+
+
+@pytest.mark.parametrize(
+    "words", ["-p spec_file:=a.stl", "--param spec:=x", "--params-file a.yaml"]
+)
+def test_on_ros_2_parameters_of_ros_say_what_to_monitor(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "rtamt_ros.ros2_lifecycle", SimpleNamespace(run=lambda *_: 7))
+    installed(monkeypatch, ["rclpy"])
+    arguments = ["--period", "50", "--ros-args", *words.split()]
+    assert main(arguments) == 7
+    assert main(["--ros-args", "-r", "spec_file:=a"]) == 2
+    assert "nothing to monitor: write --stl FILE" in capsys.readouterr().err
+    installed(monkeypatch, ["rospy"])
+    assert main(arguments) == 2
+    assert "write parameters as options, which --help lists" in capsys.readouterr().err
 
 
 def test_ctrl_c_ends_the_command_quietly_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_processes import PATIENCE, Process, Ros, ros
+from ros_processes import PATIENCE, Process, Ros, patiently, ros
 from std_msgs.msg import Float64
 
 from rtamt_ros.ros2 import Ros2
@@ -27,7 +27,6 @@ with warnings.catch_warnings():  # of a parser that rclpy loads with its first m
 __all__ = ["BEST_EFFORT", "LATCHED", "Client", "Heard", "Monitor", "Source", "domain", "tools"]
 
 PROGRAM = "from rtamt_ros.ros2_lifecycle import main; main()"
-STEP = 0.02
 RELIABLE = QoSProfile(depth=10)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -107,11 +106,7 @@ class Client:
 
     def until(self, met: Callable[[], bool]) -> None:
         """Waits until something holds that nobody is told of."""
-        for _ in range(round(PATIENCE / STEP)):
-            if met():
-                return
-            threading.Event().wait(STEP)
-        raise AssertionError("it does not come to hold")
+        patiently(met)
 
     def hear(self, topic: str, message: type, profile: QoSProfile = RELIABLE) -> Heard:
         """Keeps the messages of a topic."""

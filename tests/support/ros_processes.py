@@ -13,7 +13,7 @@ import subprocess
 import sys
 import threading
 import xmlrpc.client
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
@@ -60,6 +60,9 @@ machine, would wait 3 s for the next.
 PATIENCE = 30.0
 """Seconds; nothing that a test waits for takes so long unless it is broken."""
 
+STEP = 0.02
+"""Seconds between looks at what nobody tells of."""
+
 BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What the wheels of ROS 2 set for their own environment: another environment must not have it."""
 
@@ -69,6 +72,15 @@ def missing(generation: int) -> str | None:
     library = importlib.util.find_spec({1: "rospy", 2: "rclpy"}[generation])
     there = library is not None and (generation == 2 or ROSMASTER.exists())
     return None if there else INSTALL[generation]
+
+
+def patiently(met: Callable[[], bool]) -> None:
+    """Waits until something holds that nobody is told of."""
+    for _ in range(round(PATIENCE / STEP)):
+        if met():
+            return
+        threading.Event().wait(STEP)
+    raise AssertionError("it does not come to hold")
 
 
 def free_port() -> int:
@@ -192,15 +204,20 @@ class Ros:
         """Starts a master and waits until it answers."""
         command = [str(ROSMASTER), "--core", "-p", str(self._port)]
         master = Process(command, self.environment, self.folder / "master.log")
-        self.processes.append(master)
+        self.processes.insert(0, master)
         with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as asked:
-            for _ in range(round(PATIENCE / 0.02)):
-                with suppress(ConnectionError):
-                    asked.getPid("/tests")
-                    return
+
+            def answers() -> bool:
                 assert master.runs(), master.output
-                threading.Event().wait(0.02)
-        raise AssertionError(f"the master does not answer: {master.output}")
+                with suppress(ConnectionError):
+                    return bool(asked.getPid("/tests"))
+                return False
+
+            patiently(answers)
+
+    def kill_master(self) -> None:
+        """Ends the master as a crash does."""
+        self.processes.pop(0).kill()
 
     def end(self) -> None:
         """Ends every process, the master last."""

@@ -1,0 +1,55 @@
+"""Two monitors of one name say so, and parameters of ROS are those of the command."""
+
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from ros2_client import Client
+from std_msgs.msg import Float64
+
+ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
+
+pytest_plugins = ["ros2_client"]
+
+
+def test_two_monitors_of_one_name_say_so_until_one_ends(tools: Client) -> None:
+    diagnostics = tools.hear("/diagnostics", DiagnosticArray)
+    both = [tools.monitor("twin", spec=ABOVE, period=20) for _ in range(2)]
+    said = (
+        "2 nodes have the name /twin/stl_monitor, and may get what is asked of another; give each "
+        "its own: --ros-args -r __node:=NAME"
+    )
+    state = diagnostics.next(lambda each: each.status[-1].name == "twin/stl_monitor: ROS").status[
+        -1
+    ]
+    assert (state.level, state.message) == (b"\x01", said)
+    tools.until(lambda: f"[twin.stl_monitor]: {said}\n" in both[1].process.output)
+    both[0].process.ask_to_end()
+    assert both[0].process.ended() == 0
+    well = "no other node has the name /twin/stl_monitor any more"
+    assert (
+        diagnostics.next(lambda each: each.status[-1].message == well).status[-1].level == b"\x00"
+    )
+    tools.until(lambda: f"[twin.stl_monitor]: {well}\n" in both[1].process.output)
+
+
+def test_the_command_takes_what_to_monitor_from_the_parameters_of_ros(
+    tools: Client, tmp_path: Path
+) -> None:
+    heard = tools.hear("parameters/rtamt/out", Float64)
+    tools.source("parameters/x", 3.0)
+    file = tmp_path / "above.stl"
+    file.write_text(ABOVE)
+    words = f"-m rtamt_ros --period 20 --ros-args -r __ns:=/parameters -p spec_file:={file}"
+    command = tools.ros.start(*words.split(), name="command")
+    assert heard.next(bool).data == 2.0
+    command.ask_to_end()
+    assert command.ended() == 0
+
+
+def test_the_command_without_anything_to_monitor_ends_with_code_2(tools: Client) -> None:
+    command = tools.ros.start(
+        *["-m", "rtamt_ros", "--ros-args", "-r", "__ns:=/empty", "-p", "period:=20"], name="empty"
+    )
+    assert command.ended() == 2
+    assert "nothing to monitor: set the parameter spec or spec_file" in command.output
+    assert "Traceback" not in command.output
