@@ -29,7 +29,7 @@ PAGES: Final = ("README.md", "docs/*.md")
 WHOLE: Final = (
     "examples/response.stl -- examples/response.csv examples/recordings examples/edges/response",
     "examples/follows.stl --period 100ms -- examples/drive.mcap examples/edges/follows",
-    "examples/teleoperation.stl --period 100ms -- examples/edges/teleoperation",
+    "examples/teleoperation.stl --period 500ms -- examples/edges/teleoperation",
 )
 """The suites of the specifications in ``examples``."""
 
@@ -38,7 +38,7 @@ READING: Final = {"--period": 1, "--signal": 1, "--jitter": 1, "--missing": 1, "
 }
 """The options by which traces are read, with the number of their values."""
 
-HEAD: Final = "requirement", "traces", "mutants", "noticed", "missed", "unknown", "same", "share"
+HEAD: Final = "requirement", "traces", "made", "noticed", "missed", "unknown", "same", "share"
 
 
 def shown() -> Iterator[list[str]]:
@@ -82,8 +82,9 @@ def scores(arguments: Sequence[str]) -> dict[str, MutationScore]:
 def row(name: str, score: MutationScore, arguments: Sequence[str]) -> str:
     """A row of the table."""
     at = arguments.index("--")
-    files = [word for word in arguments[:at] if word.endswith(".stl")]
-    called = f"{name} of {Path(files[0]).name}" if files else arguments[0]
+    texts = [word for word in arguments[:at] if not word.endswith(".stl")]
+    written = [word for word in texts if word.startswith(f"{name} =") or name == "spec"]
+    called = written[0] if written else Path(arguments[0]).name
     traces = ", ".join(word.removeprefix("examples/") for word in arguments[at + 1 :])
     counts = [score.count(each) for each in ("noticed", "missed", "unknown", "same")]
     cells = [f"`{called}`", traces, score.made, *counts, percent(score.share)]
