@@ -6,7 +6,9 @@ import threading
 import traceback
 from collections.abc import Callable
 
-__all__ = ["Callback"]
+from rtamt import InputError
+
+__all__ = ["Callback", "answered"]
 
 
 class Callback:
@@ -35,3 +37,19 @@ class Callback:
         """Calls it no more; waits for a call in another thread."""
         with self._lock:
             self._callback = None
+
+
+def answered(act: Callable[[], str], log: Callable[[str], object]) -> tuple[bool, str]:
+    """The answer of a service: whether it did what it is for, and a text.
+
+    Args:
+        act: Does it, and says what it has done; an InputError says why it could not.
+        log: Takes the traceback of another exception, whose text is the answer.
+    """
+    try:
+        return True, act()
+    except InputError as error:
+        return False, str(error)
+    except Exception as error:  # noqa: BLE001 - who asks would wait, or hear nothing of it
+        log(traceback.format_exc())
+        return False, f"{type(error).__name__}: {error}"

@@ -170,6 +170,12 @@ def _parser() -> argparse.ArgumentParser:
         help="its generation (default: the one that is installed)",
     )
     ros.add_argument(
+        "--combined",
+        metavar="TOPIC",
+        help="publish one message a sample with all requirements, "
+        "diagnostic_msgs/DiagnosticArray, on this topic",
+    )
+    ros.add_argument(
         "--qos",
         choices=get_args(Qos),
         help="how ROS 2 subscribes: best_effort hears every publisher, reliable loses nothing "

@@ -110,6 +110,16 @@ class Middleware(Protocol):
         """
         ...
 
+    def trigger(self, name: str, act: Callable[[], str]) -> Handle:
+        """Offers a service ``std_srvs/Trigger`` of the node's own, which answers with a text.
+
+        An InputError is the answer that it did not succeed.
+
+        Raises:
+            InputError: If the services of ``std_srvs`` are not installed.
+        """
+        ...
+
     def log(self, level: Level, text: str) -> None:
         """Writes a line to the log of the node."""
         ...

@@ -11,16 +11,18 @@ from typing import Any
 from rtamt import InputError, Specification, parse
 from rtamt.errors import nearest
 from rtamt_ros.core.classes import check_input, check_output
+from rtamt_ros.core.combined import Combined
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.outputs import bound_topics, outputs_of
 from rtamt_ros.core.publishing import BOUNDS, Diagnostics, Publishing
-from rtamt_ros.core.report import RequirementReport
+from rtamt_ros.core.report import RequirementReport, counted, seconds
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.middleware import Handle, Level, Middleware
 
 __all__ = ["MonitorNode", "RequirementReport", "Settings"]
 
+_COMBINED = ("diagnostic_msgs", "DiagnosticArray")
 SOON = 3.0
 """Seconds of the wall clock after which a publisher that runs was found."""
 AROUND = 2.0
@@ -84,6 +86,23 @@ class MonitorNode:
         """The last report on every requirement; empty before the first look."""
         running = self._running
         return () if running is None else running.judges.reports
+
+    def reset(self) -> str:
+        """Begin all monitors anew, with the messages that are there; ``~/reset`` does the same.
+
+        Violations and the least robustness are counted anew. Until the next sample robustness and
+        bounds are nan on the topics, and verdicts 0. A record goes on in its next file.
+
+        Returns:
+            What every requirement was until now, a line for each below the first; the log has it.
+
+        Raises:
+            InputError: If the node does not run.
+        """
+        running = self._running
+        if running is None:
+            raise InputError("expected a monitor that runs; start it, or activate its node")
+        return running.reset()
 
     def start(self) -> None:
         """Subscribe, publish and sample; the monitors begin anew. Twice is once.
@@ -155,6 +174,7 @@ class _Plan:
         wanted = {("std_msgs", message) for message in BOUNDS.values()}
         wanted |= {(each.package, each.message) for each in self.outputs}
         wanted |= {_class(each) for each in judges.inputs}
+        wanted |= {_COMBINED} if self.settings.combined else set()
         self.classes = {each: middleware.message_class(*each) for each in sorted(wanted)}
         for source in judges.inputs:
             for field in source.fields:
@@ -191,6 +211,7 @@ class _Running:
         self._arrivals = self._lock if plan.settings.dense else threading.RLock()
         self._closed = False
         self._handles: list[Handle] = []
+        self._combined: Combined | None = None
         self._ended = threading.Event()
         self._begin = time.monotonic()
         self._searched = self._watching = False
@@ -205,11 +226,15 @@ class _Running:
             )
             self._handles.append(publishing)
             self._publish = publishing.publish
+            if plan.settings.combined:
+                self._combined = Combined(middleware, plan.settings.combined)
+                self._handles.append(self._combined)
             self._diagnostics = Diagnostics(middleware, plan.formulas)
             self._handles.append(self._diagnostics)
             for topic, (source, *_) in self.judges.topics.items():
                 callback = self._callback(topic)
                 self._handles.append(middleware.subscribe(topic, plan.of(source), callback))
+            self._offer_reset()
             self._tell_topics()
             self._handles.append(middleware.every(plan.settings.period, self._look))
         except InputError:
@@ -230,6 +255,26 @@ class _Running:
         with self._lock:
             self.judges.close()
 
+    def reset(self) -> str:
+        with self._lock:
+            with self._arrivals:
+                now = self._middleware.now()
+            if self._closed or now <= 0:
+                raise InputError("expected a node that runs, and a clock that has begun")
+            reports = self.judges.reset(now)
+            self._publish_all(reports)
+        count = counted(len(reports), "requirement")
+        begin = f"{count} {'begins' if len(reports) == 1 else 'begin'} anew at {seconds(now, 3)}"
+        said = "\n".join([begin, *(f"{each.name}: {each.problem}" for each in reports)])
+        self._middleware.log(Level.WARN, said)
+        return said
+
+    def _offer_reset(self) -> None:
+        try:
+            self._handles.append(self._middleware.trigger("reset", self.reset))
+        except InputError as error:
+            self._middleware.log(Level.WARN, f"there is no service ~/reset: {error}")
+
     def _tell_topics(self) -> None:
         """Log on which topics the node hears and publishes, and where it records."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
@@ -238,6 +283,8 @@ class _Running:
             tell(f"hears {whole(topic)} ({'/'.join(_class(sources[0]))}) as {names}")
         for output in self._plan.outputs:
             tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
+        if self._plan.settings.combined:
+            tell(f"publishes {whole(self._plan.settings.combined)} ({'/'.join(_COMBINED)})")
         for path in self.judges.files:
             tell(f"records {path}")
 
@@ -246,6 +293,8 @@ class _Running:
         known: dict[str, tuple[str, str]] = {}
         topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
         topics += [(each.topic, (each.package, each.message)) for each in self._plan.outputs]
+        if self._plan.settings.combined:
+            topics.append((self._plan.settings.combined, _COMBINED))
         for topic, found in topics:
             whole = self._middleware.resolve(topic)
             first = known.setdefault(whole, found)
@@ -267,6 +316,7 @@ class _Running:
         if published is None:
             return
         own = {each.topic for each in self._plan.outputs} | {"/diagnostics", "/rosout"}
+        own |= {self._plan.settings.combined} - {""}
         own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for topic, sources in self.judges.topics.items():
@@ -311,10 +361,15 @@ class _Running:
             with self._arrivals:
                 now = self._middleware.now()
             if not self._closed:
-                for report in reports(now):
-                    self._publish(report)
+                self._publish_all(reports(now))
                 if self._diagnostics.tell(self.judges.reports, now):
                     self.judges.flush()
+
+    def _publish_all(self, reports: Sequence[RequirementReport]) -> None:
+        for report in reports:
+            self._publish(report)
+        if self._combined is not None:
+            self._combined.publish(reports)
 
     def _watch_clock(self) -> None:
         """Report a simulated clock that stands still, for then no timer is due."""

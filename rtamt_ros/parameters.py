@@ -45,6 +45,10 @@ PARAMETERS: dict[str, tuple[object, str]] = {
     "semantics": ("standard", "the robustness of inputs and outputs"),
     "align": ("", "how bounds between samples are rounded: outward, inward or nearest"),
     "record": ("", "a CSV file for the samples and their robustness"),
+    "combined": (
+        "",
+        "a topic for one message a sample, with all requirements",
+    ),
     "qos": (
         "best_effort",
         "of subscriptions: best_effort or reliable; set it while inactive",
@@ -88,6 +92,7 @@ def read(
         semantics=values["semantics"],
         align=values["align"] or None,
         record=Path(values["record"]) if values["record"] else None,
+        combined=values["combined"],
     )
     paths = _texts(values, "spec_file")
     specifications = [_loaded(path, settings if runnable else None) for path in paths]

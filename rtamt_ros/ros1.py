@@ -24,7 +24,7 @@ import std_msgs.msg
 
 from rtamt import InputError
 from rtamt.errors import nearest
-from rtamt_ros.callback import Callback
+from rtamt_ros.callback import Callback, answered
 from rtamt_ros.ending import Ending
 from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
@@ -98,15 +98,14 @@ class Ros1:
             if name in _STAMPED:
                 return _stamped(name)
             raise InputError(f"{package} has no message {name}{nearest(name, _STAMPED)}")
-        debian = package.replace("_", "-")
-        return installed(
+        found: type = installed(
             package,
             name,
             generation=1,
-            is_its_own=lambda found: issubclass(found, genpy.Message),
-            how=f"apt-get install python3-{debian} (Debian) or ros-noetic-{debian}, or source the "
-            "setup file of a workspace that has them",
+            is_its_own=lambda each: issubclass(each, genpy.Message),
+            how=_how(package),
         )
+        return found
 
     def now(self) -> int:
         return _now()
@@ -165,6 +164,17 @@ class Ros1:
         self._timers.append(timer)
         return timer
 
+    def trigger(self, name: str, act: Callable[[], str]) -> Handle:
+        service = installed(
+            "std_srvs",
+            "Trigger",
+            kind="service",
+            generation=1,
+            is_its_own=lambda found: hasattr(found, "_response_class"),
+            how=_how("std_srvs"),
+        )
+        return _Service(f"~{name}", service, act)
+
     def log(self, level: Level, text: str) -> None:
         _LOGS[level](text)
 
@@ -204,6 +214,15 @@ def legal_name(name: str) -> str:
     """The nearest name that ROS allows: letters of ASCII, digits and ``_``, a letter first."""
     words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return words if words[:1].isalpha() else f"monitor_{words}".rstrip("_")
+
+
+def _how(package: str) -> str:
+    """How to install a package of messages."""
+    debian = package.replace("_", "-")
+    return (
+        f"apt-get install python3-{debian} (Debian) or ros-noetic-{debian}, or source the "
+        "setup file of a workspace that has them"
+    )
 
 
 def _now() -> int:
@@ -251,6 +270,17 @@ class _Publisher:
 
     def close(self) -> None:
         self._publisher.unregister()
+
+
+class _Service:
+    def __init__(self, name: str, service: Any, act: Callable[[], str]) -> None:
+        def answer(_: object) -> Any:
+            return service._response_class(*answered(act, rospy.logerr))  # noqa: SLF001
+
+        self._service = rospy.Service(name, service, answer)
+
+    def close(self) -> None:
+        self._service.shutdown("closed")
 
 
 class _Refusals(logging.Handler):

@@ -29,7 +29,7 @@ from rclpy.type_support import check_for_type_support
 from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
-from rtamt_ros.callback import Callback
+from rtamt_ros.callback import Callback, answered
 from rtamt_ros.ending import Ending
 from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
@@ -97,18 +97,25 @@ class Ros2:
         self._around: tuple[Level, str] | None = None
 
     def message_class(self, package: str, name: str) -> type:
-        distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
-        install = "apt-get install" if distribution else "pip install"
-        how = (
-            f"{install} ros-{distribution or 'jazzy'}-{package.replace('_', '-')}, or source the "
-            "setup file of a workspace that has them"
-        )
+        how = _how(package)
         if package == "rtamt_msgs":
             how = (
                 "build the package rtamt_msgs with colcon and source its setup file, or publish "
                 "std_msgs/Float64"
             )
         return installed(package, name, generation=2, is_its_own=_is_message, how=how)
+
+    def trigger(self, name: str, act: Callable[[], str]) -> Handle:
+        service = installed(
+            "std_srvs",
+            "Trigger",
+            kind="service",
+            generation=2,
+            is_its_own=_is_service,
+            how=_how("std_srvs"),
+        )
+        with _refusals(f"service ~/{name}"):
+            return _Service(self, f"~/{name}", service, act)
 
     def now(self) -> int:
         nanoseconds: int = self._clock.now().nanoseconds
@@ -245,6 +252,19 @@ class _Timer:
         self._node.destroy_timer(self._timer)
 
 
+class _Service:
+    def __init__(self, ros: Ros2, name: str, service: Any, act: Callable[[], str]) -> None:
+        def answer(_: object, response: Any) -> Any:
+            response.success, response.message = answered(act, partial(ros.log, Level.ERROR))
+            return response
+
+        self._node = ros.node
+        self._service = ros.node.create_service(service, name, answer)
+
+    def close(self) -> None:
+        self._node.destroy_service(self._service)
+
+
 class _Publisher:
     """A publisher until it is closed; who comes late gets nothing any more."""
 
@@ -264,8 +284,23 @@ def _refusals(what: str) -> Iterator[None]:
         raise InputError(f"{what}: {reason}") from error
 
 
+def _how(package: str) -> str:
+    """How to install a package of messages."""
+    distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
+    install = "apt-get install" if distribution else "pip install"
+    return (
+        f"{install} ros-{distribution or 'jazzy'}-{package.replace('_', '-')}, or source the "
+        "setup file of a workspace that has them"
+    )
+
+
+def _is_service(found: type) -> bool:
+    """Whether a class is one of services of ROS 2."""
+    return hasattr(found, "Response") and _is_message(found)
+
+
 def _is_message(found: type) -> bool:
-    """Whether a class is one of messages of ROS 2."""
+    """Whether a class is one of messages or services of ROS 2."""
     try:
         check_for_type_support(found)
     except AttributeError:

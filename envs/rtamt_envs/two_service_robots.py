@@ -23,9 +23,7 @@ import math
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 
 from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled
@@ -35,6 +33,7 @@ from rtamt_gym.inputs.ranges import Parameter, Signal
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gymnasium import spaces
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -263,6 +262,9 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
     def __init__(
         self, parameters: Mapping[str, float] | None = None, render_mode: str | None = None
     ) -> None:
+        import gymnasium as gym  # here, as the robots run on ROS without it
+        from gymnasium import spaces
+
         self._env = gym.make(
             f"rtamt/{SCENARIO.name}-v0", parameters=parameters, render_mode=render_mode
         )

@@ -1,4 +1,4 @@
-"""The history of a requirement since the node was started, from which its reports are made."""
+"""The history of a requirement since the node was started or reset: its reports are made of it."""
 
 from __future__ import annotations
 
@@ -34,15 +34,17 @@ class Account:
         last: The last report.
         missed: As in `RequirementReport`.
         restarts: As in `RequirementReport`.
+        resets: As in `RequirementReport`.
     """
 
     def __init__(self, requirement: SubscribedRequirement, record: CsvRecord | None = None) -> None:
         self.name = requirement.name
         self.inputs = requirement.inputs
         self.last: RequirementReport | None = None
-        self.missed = self.restarts = 0
+        self.missed = self.restarts = self.resets = 0
         self._record = record
-        self._began = False
+        self._began = self._waits_for_run = False
+        self._reset_at: int | None = None
         self._why = ""
         self._worst: float | None = None
         self._worst_time: int | None = None
@@ -51,10 +53,27 @@ class Account:
 
     def begin(self, why: str) -> None:
         """A run begins; why the one before has ended."""
-        if self._began:
+        if self._began and not self._waits_for_run:
             self.restarts += 1
             self._why = why
-        self._began = True
+        self._began, self._waits_for_run = True, False
+
+    def reset(self, now: int) -> RequirementReport:
+        """The report of a time at which somebody asks for a new run; it says what is forgotten.
+
+        The run that begins next is no restart.
+        """
+        was = "nothing was judged yet"
+        if self.last is not None:
+            last = self.last._replace(violations=self._violations, violated_at=self._violated_at)
+            was = f"was: {last.text}"
+        self.resets += 1
+        self._reset_at = now
+        self._waits_for_run = True
+        self._worst = self._worst_time = self._violated_at = None
+        self._violations = 0
+        unknown = _UNKNOWN if self._began else {}
+        return self._report(now, Level.WARN, f"begins anew; {was}", **unknown)
 
     def found(self, robustness: float, about: int) -> None:
         """A robustness is known."""
@@ -137,6 +156,7 @@ class Account:
         values: Mapping[str, float],
         *,
         may_rise: bool,
+        asked: tuple[int, ...] | None = None,
     ) -> RequirementReport:
         """The report of a time at which the monitor has all it needs.
 
@@ -162,6 +182,7 @@ class Account:
             upper=bounds[1],
             verdict=verdict,
             values=values,
+            asked=asked,
         )
 
     def _report(self, time: int, level: Level, problem: str, **found: Any) -> RequirementReport:  # noqa: ANN401
@@ -184,6 +205,8 @@ class Account:
             errors=errors,
             restarts=self.restarts,
             restarted_because=self._why,
+            resets=self.resets,
+            reset_at=self._reset_at,
             unrecorded=unrecorded,
             **found,
         )

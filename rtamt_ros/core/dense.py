@@ -93,6 +93,7 @@ class DenseJudge:
         self._silence = not settings.stamps
         self._record = record
         self._origin: int | None = None
+        self._since = 0  # the messages before count from here
         self._fresh = True
         self._last: dict[Input, int] = {}
         self._silent: set[Input] = set()
@@ -111,6 +112,15 @@ class DenseJudge:
             self._decided()
             self._why = why
             self._origin = None
+
+    def reset(self, now: int) -> RequirementReport:
+        """End the run as somebody asks for another; what is held is held from now on.
+
+        With stamps the next run begins at the oldest message that is held, as after a restart.
+        """
+        self.stop("")
+        self._since = now if self._silence else 0
+        return self.account.reset(now)
 
     def event(self, source: Input, now: int) -> Sequence[RequirementReport]:
         """The reports of what a message that was taken makes known."""
@@ -137,7 +147,9 @@ class DenseJudge:
         self._forget()
         self._silent, self._gaps, self._apart = set(), False, False
         self._has_jumped()
-        times = [each.time for each in self.inputs if each.time is not None]
+        if now < self._since:  # the clock went back since
+            self._since = 0
+        times = [max(each.time, self._since) for each in self.inputs if each.time is not None]
         self._origin = min(times, default=now)
         self._robustness, self._last = None, {}
         self._verdict = Verdict.UNDECIDED
@@ -169,7 +181,7 @@ class DenseJudge:
                 time = origin
             # A clock may slip back a little, have one time for two messages, or come after a value
             # that lasted until now.
-            time = max(time, self._last.get(source, time - 1) + 1)
+            time = max(time, self._since, self._last.get(source, time - 1) + 1)
             self._last[source] = time
             row = {name: values[place] for name, place in self._read[source]}
             for name, value in row.items():

@@ -129,6 +129,15 @@ class Judges:
             return [due], f"nothing was sampled for {seconds(due - last)}"
         return range(last + period, due + 1, period), ""
 
+    def reset(self, now: int) -> Sequence[RequirementReport]:
+        """Begin all runs anew, as somebody asks for; the reports until they do.
+
+        What is due by now and was not judged yet belongs to no run.
+        """
+        if self._point is not None and now > self._point:
+            self._point = now - (now - self._point) % self.settings.period
+        return [each.reset(now) for each in self._judges]
+
     def standing(self) -> Sequence[RequirementReport]:
         """The reports while a simulated clock stands still; the monitors go on when it does."""
         return [each.account.standing() for each in self._judges]

@@ -10,6 +10,7 @@ from typing import Any
 from rtamt import InputError, Verdict
 from rtamt_ros.core.outputs import Output
 from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.statuses import Statuses
 from rtamt_ros.middleware import Level, Middleware, Publisher
 
 __all__ = ["BOUNDS", "Diagnostics", "Publishing"]
@@ -215,14 +216,11 @@ class Diagnostics:
         self._told = 0
         self._publisher: Publisher | None = None
         try:
-            array, self._status, self._pair = (
-                middleware.message_class("diagnostic_msgs", name)
-                for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
-            )
+            self._made = Statuses(middleware)
         except InputError as error:
             middleware.log(Level.WARN, f"there is no /diagnostics: {error}")
         else:
-            self._publisher = middleware.publisher("/diagnostics", array, latched=False)
+            self._publisher = middleware.publisher("/diagnostics", self._made.array, latched=False)
 
     def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
         """Publish and log what is new; whether it was time to."""
@@ -240,35 +238,25 @@ class Diagnostics:
             self._told_around = around
             self._middleware.log(*around)
         if self._publisher is not None:
-            array = self._publisher.message()
-            self._middleware.set_stamp(array, now)
-            array.status = [self._status_of(each) for each in reports]
+            node = self._middleware.name.strip("/")
+            rows: list[tuple[str, Level, str, Mapping[str, str]]] = [
+                (
+                    f"{node}: {each.name}",
+                    each.level,
+                    each.text,
+                    _told(each, self._formulas[each.name]),
+                )
+                for each in reports
+            ]
             if around is not None:
-                array.status.append(self._state(*around, "ROS"))
-            self._publisher.publish(array)
+                rows.append((f"{node}: ROS", *around, {}))
+            self._publisher.publish(self._made.made(now, rows))
         return True
 
     def close(self) -> None:
         """Close the publisher."""
         if self._publisher is not None:
             self._publisher.close()
-
-    def _status_of(self, report: RequirementReport) -> Any:  # noqa: ANN401
-        status = self._state(report.level, report.text, report.name)
-        for key, value in _told(report, self._formulas[report.name]).items():
-            pair = self._pair()
-            pair.key, pair.value = key, value
-            status.values.append(pair)
-        return status
-
-    def _state(self, level: Level, text: str, name: str) -> Any:  # noqa: ANN401
-        status = self._status()
-        # A byte is a number in ROS 1, and bytes in ROS 2.
-        status.level = bytes([level]) if self._middleware.generation == 2 else int(level)
-        status.name = f"{self._middleware.name.strip('/')}: {name}"
-        status.message = text
-        status.hardware_id = ""
-        return status
 
 
 def _state_of(report: RequirementReport) -> tuple[Level, str]:
@@ -295,6 +283,8 @@ def _told(report: RequirementReport, formula: str) -> dict[str, str]:
         "messages out of order": str(report.out_of_order),
         "unreadable messages": str(report.errors),
         "restarts": str(report.restarts),
+        "resets": str(report.resets),
+        "last reset at": _time(report.reset_at),
     }
 
 

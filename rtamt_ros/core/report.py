@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rtamt import Verdict
 from rtamt_ros.middleware import Level
 
-__all__ = ["RequirementReport", "holds", "seconds"]
+__all__ = ["RequirementReport", "counted", "holds", "seconds"]
 
 _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
@@ -35,17 +35,21 @@ class RequirementReport(NamedTuple):
             values count as unknown; None before the first sample.
         values: The robustness of every named formula of the requirement, nan until its own latency
             has passed; empty while there is nothing to say.
-        worst: The least robustness since the node was started; None before the first.
+        asked: For each implication that the requirement asks at every sample the samples of the run
+            at which its left side holds for certain; None where they are not counted.
+        worst: The least robustness since the node was started or reset; None before the first.
         worst_time: The time that it is about.
         stale: The inputs that are stale.
         waiting: The inputs that have not come.
-        violations: Runs of the monitor in which a violation was certain.
+        violations: Runs of the monitor since then in which a violation was certain.
         violated_at: The time at which the first of them was.
         missed: Samples that were judged so late that the next was due; their values are right.
         out_of_order: Messages left out because they are older than the one before.
         errors: Messages left out because a field was nan, or was not there.
         restarts: How often the monitor began anew, after a gap or a jump of the clock.
         restarted_because: Why it did so last.
+        resets: How often it was told to begin anew, which is no restart.
+        reset_at: When it was told so last; None: never.
         unrecorded: Why samples are no longer recorded, where they were to be.
     """
 
@@ -59,6 +63,7 @@ class RequirementReport(NamedTuple):
     upper: float | None = None
     verdict: Verdict | None = None
     values: Mapping[str, float] = _NO_VALUES
+    asked: tuple[int, ...] | None = None
     worst: float | None = None
     worst_time: int | None = None
     stale: tuple[str, ...] = ()
@@ -70,6 +75,8 @@ class RequirementReport(NamedTuple):
     errors: int = 0
     restarts: int = 0
     restarted_because: str = ""
+    resets: int = 0
+    reset_at: int | None = None
     unrecorded: str = ""
 
     @property
@@ -77,14 +84,18 @@ class RequirementReport(NamedTuple):
         """All of it in one line, ``"holds so far, robustness 0.5"`` or ``"odom stale 0.4 s"``."""
         parts = [self._robustness_text(), self.problem]
         if self.violations:
-            times, at = _counted(self.violations, "time"), seconds(self.violated_at or 0, 3)
-            parts.append(f"violated {times} since start, first at {at}")
+            times, at = counted(self.violations, "time"), seconds(self.violated_at or 0, 3)
+            since = "start" if self.reset_at is None else "the reset"
+            parts.append(f"violated {times} since {since}, first at {at}")
         if self.restarts:
             last = "" if self.restarts == 1 else ", the last"
-            times = _counted(self.restarts, "time")
+            times = counted(self.restarts, "time")
             parts.append(f"restarted {times}{last} because {self.restarted_because}")
+        if self.reset_at is not None:
+            times, at = counted(self.resets, "time"), seconds(self.reset_at, 3)
+            parts.append(f"reset {times}, {'the last ' if self.resets > 1 else ''}at {at}")
         if self.missed:
-            parts.append(f"{_counted(self.missed, 'sample')} late")
+            parts.append(f"{counted(self.missed, 'sample')} late")
         if self.unrecorded:
             parts.append(f"nothing is recorded any more: {self.unrecorded}")
         return "; ".join(part for part in parts if part)
@@ -117,5 +128,6 @@ def seconds(nanoseconds: float, digits: int = 1) -> str:
     return f"{nanoseconds / 1e9:.{digits}f} s"
 
 
-def _counted(count: int, what: str) -> str:
+def counted(count: int, what: str) -> str:
+    """A number of things for a reader: ``2 samples``."""
     return f"{count} {what}{'' if count == 1 else 's'}"

@@ -6,7 +6,14 @@ import itertools
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from rtamt import InputError, Specification, SpecificationError, Subscription, subscriptions
+from rtamt import (
+    Formula,
+    InputError,
+    Specification,
+    SpecificationError,
+    Subscription,
+    subscriptions,
+)
 from rtamt.errors import nearest
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
@@ -90,9 +97,14 @@ def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[
     return cells
 
 
-def unbounded(specification: Specification) -> str:
-    """The operator of ``always p`` and ``eventually p`` that have no bounds; else nothing."""
-    formula = specification.formula
+def unbounded(specification: Specification, formula: Formula | None = None) -> str:
+    """The operator of ``always p`` and ``eventually p`` that have no bounds; else nothing.
+
+    Args:
+        specification: The requirement.
+        formula: A part of it; None: all of it.
+    """
+    formula = specification.formula if formula is None else formula
     begin, end = specification.bounds(formula.interval)
     single = formula.op is not None and formula.op.name in ("always", "eventually")
     return formula.op.name if formula.op and single and begin == 0 and end is None else ""

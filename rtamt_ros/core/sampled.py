@@ -9,6 +9,7 @@ from typing import Any
 from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
 from rtamt.machines.readout import moved
 from rtamt_ros.core.account import Account
+from rtamt_ros.core.asked import AskedCounts
 from rtamt_ros.core.formulas import Formulas
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
@@ -80,6 +81,10 @@ class SampledJudge:
         self._formulas: Formulas | None = None
         if named and self._monitor is None:
             self._formulas = Formulas(requirement.specification, self._episode.variables, options)
+        self._asked: AskedCounts | None = None
+        if settings.combined:
+            standard = {"period": options["period"], "align": options["align"]}
+            self._asked = AskedCounts(requirement.specification, self._episode.variables, standard)
         self.lateness = {"": self._latency}
         if by_name := self._formulas or self._monitor:
             for name, samples in by_name.latencies.items():
@@ -96,6 +101,11 @@ class SampledJudge:
         if self._running:
             self._why = why
             self._running = False
+
+    def reset(self, now: int) -> RequirementReport:
+        """End the run as somebody asks for another, which begins with the next sample."""
+        self.stop("")
+        return self.account.reset(now)
 
     def sample(self, time: int, *, late: bool = False, gap: str = "") -> RequirementReport:
         """The report of a time, one period after the last; the inputs hold what came by then.
@@ -124,7 +134,7 @@ class SampledJudge:
 
     def _begin(self) -> None:
         self._episode.reset()
-        for each in (self._monitor, self._formulas):
+        for each in (self._monitor, self._formulas, self._asked):
             if each is not None:
                 each.reset()
         self._running = self._fresh = True
@@ -165,6 +175,7 @@ class SampledJudge:
             self._episode.verdict,
             self._values(robustness),
             may_rise=self._may_rise,
+            asked=None if self._asked is None else self._asked.counts,
         )
 
     def _sample(self, now: int) -> tuple[list[float], list[Input]]:
@@ -179,6 +190,8 @@ class SampledJudge:
     def _apart(self, sample: Sequence[float]) -> float:
         """Takes values of which some are not known, with which there is no robustness."""
         self._episode.update(*sample)
+        if self._asked is not None:
+            self._asked.stop()
         self._gaps = True
         for each in (self._monitor, self._formulas):
             if each is not None:
@@ -186,6 +199,8 @@ class SampledJudge:
         return math.nan
 
     def _step(self, sample: Sequence[float]) -> float:
+        if self._asked is not None:
+            self._asked.update(sample)
         if self._monitor is None:
             robustness = self._episode.update(*sample)
             if self._formulas is not None:

@@ -41,9 +41,12 @@ class Settings:
             every event: ``rtamt monitor`` finds the same robustness. A run of the monitor after a
             restart has a file of its own, ``NAME-2.csv``; of several requirements each has,
             ``NAME-REQUIREMENT.csv``.
+        combined: A topic for one message a sample with what is known of all requirements, as
+            `rtamt_ros.core.combined.Combined` says; empty: none.
 
     Raises:
-        InputError: On a period or a time that is not positive, or on `align` in dense time.
+        InputError: On a period or a time that is not positive, or on `align` or `combined` in dense
+            time.
     """
 
     period: int = 100_000_000
@@ -55,6 +58,7 @@ class Settings:
     semantics: str = "standard"
     align: str | None = None
     record: Path | None = None
+    combined: str = ""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -65,6 +69,12 @@ class Settings:
         if self.dense and self.align is not None:
             raise InputError(
                 "expected ", Argument("align"), " or dense time, which has no samples to round to"
+            )
+        if self.dense and self.combined:
+            raise InputError(
+                "expected ",
+                Argument("combined"),
+                " or dense time, where requirements are known up to times of their own",
             )
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:

@@ -5,7 +5,8 @@ STDR: it takes ``robot0/cmd_vel`` (``geometry_msgs/Twist``), moves ten times a s
 ``robot0/odom`` (``nav_msgs/Odometry``): the pose, and the twist with noise. The twist follows the
 command at once or with a lag; the pose stays where a wall is. The controller reads the odometry
 and drives through the door to the desk and on to the dock, as the baseline of the scenario does.
-Both take a fault, so that a requirement breaks when it is told to.
+Both take a fault, so that a requirement breaks when it is told to. The command line has the two
+robots of `rtamt_ros.simulator.service_robots` too.
 """
 
 from __future__ import annotations
@@ -19,13 +20,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rtamt_envs.mobile_robot import ROUTE, SCENARIO, drive, next_point
+from rtamt_envs.two_service_robots import SCENARIO as TWO
 
 from rtamt import InputError
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.middleware import Level, Middleware
+from rtamt_ros.simulator.parameters import checked_row
+from rtamt_ros.simulator.service_robots import ServiceController, ServiceRobots
 
 __all__ = ["Robot", "RobotController", "Stuck", "Surge"]
 
+_ROBOT, _TWO = "mobile-robot", "two-service-robots"
 PERIOD = round(SCENARIO.period * 1e9)
 """Nanoseconds between odometry, and between commands."""
 
@@ -62,20 +67,6 @@ def _lasts(fault: Stuck | Surge, steps: int) -> bool:
     return begin <= steps < begin + round(fault.duration / SCENARIO.period)
 
 
-def _checked(parameters: Mapping[str, float], seed: int) -> NDArray[np.float64]:
-    """The parameters of the scenario, within their ranges."""
-    row = SCENARIO.parameter_row(parameters, SCENARIO.defaults)
-    for each in SCENARIO.parameters:
-        if each.name in parameters and not each.low <= parameters[each.name] <= each.high:
-            raise InputError(
-                f"expected {each.name} from {each.low:g} to {each.high:g}, "
-                f"got {parameters[each.name]:g}"
-            )
-    if seed < 0:
-        raise InputError(f"expected a seed of at least 0, got {seed}")
-    return row
-
-
 class Robot:
     """A robot that subscribes to ``NAME/cmd_vel`` and publishes ``NAME/odom``.
 
@@ -100,7 +91,7 @@ class Robot:
         seed: int = 0,
         stuck: Stuck | None = None,
     ) -> None:
-        self._parameters = _checked(parameters or {}, seed)
+        self._parameters = checked_row(SCENARIO, parameters or {}, seed)
         self._at_once = SCENARIO.parameter_row({"lag": 0.0}, self._parameters)
         self._random = np.random.default_rng(seed)
         self._stuck = stuck
@@ -223,12 +214,18 @@ def _numbers(text: str, names: Sequence[str], example: str) -> list[float]:
     return found
 
 
-def _parser() -> argparse.ArgumentParser:
-    """The command line."""
+def _parser(model: str = _ROBOT) -> argparse.ArgumentParser:
+    """The command line of a model."""
+    is_robot = model == _ROBOT
+    scenario = SCENARIO if is_robot else TWO
+    what = (
+        "A robot that drives through two rooms, and its controller,"
+        if is_robot
+        else "Two robots that carry things through one room, and their controller,"
+    )
     parser = argparse.ArgumentParser(
         prog="python -m rtamt_ros.simulator",
-        description="A robot that drives through two rooms, and its controller, as a node of ROS. "
-        "It runs until Ctrl-C.",
+        description=f"{what} as a node of ROS. It runs until Ctrl-C.",
         epilog="Remappings go to ROS: robot0/odom:=odom on ROS 1, --ros-args -r robot0/odom:=odom "
         "on ROS 2.",
         allow_abbrev=False,
@@ -238,9 +235,16 @@ def _parser() -> argparse.ArgumentParser:
         "--ros", type=int, choices=(1, 2), help="its generation (default: what is installed)"
     )
     parser.add_argument(
-        "--name", default="robot0", help="namespace of the topics (default: robot0)"
+        "--model",
+        choices=(_ROBOT, _TWO),
+        default=_ROBOT,
+        help=f"what is simulated (default: {_ROBOT}); each has options of its own: "
+        "--model NAME --help",
     )
-    for each in SCENARIO.parameters:
+    name = "robot0" if is_robot else "robot"
+    meaning = "namespace of the topics" if is_robot else "the topics are in NAME0 and NAME1"
+    parser.add_argument("--name", default=name, help=f"{meaning} (default: {name})")
+    for each in scenario.parameters:
         unit = f" in {each.unit}" if each.unit else ""
         parser.add_argument(
             f"--{each.name.replace('_', '-')}",
@@ -250,6 +254,8 @@ def _parser() -> argparse.ArgumentParser:
             help=f"{each.about}{unit} (default: {each.default:g})",
         )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the noise")
+    if not is_robot:
+        return parser
     parser.add_argument(
         "--stuck",
         type=_stuck,
@@ -266,23 +272,42 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _fill(
+    node: Middleware, model: str, options: argparse.Namespace, parameters: Mapping[str, float]
+) -> None:
+    """Puts the robots and the controller of a model into a node, or one of both."""
+    moves, drives = options.only != "controller", options.only != "robot"
+    if model == _TWO:
+        if moves:
+            ServiceRobots(node, options.name, parameters=parameters, seed=options.seed)
+        if drives:
+            ServiceController(node, options.name, parameters=parameters)
+        return
+    if moves:
+        Robot(node, options.name, parameters=parameters, seed=options.seed, stuck=options.stuck)
+    if drives:
+        RobotController(node, options.name, surge=options.surge)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the robot, the controller or both until the node ends; returns the exit code.
 
     Args:
         arguments: The words of a command line; None: the program's own.
     """
-    parser = _parser()
-    options, of_ros = split(parser, sys.argv[1:] if arguments is None else arguments)
-    parameters = {each.name: getattr(options, each.name) for each in SCENARIO.parameters}
+    given = sys.argv[1:] if arguments is None else arguments
+    first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    first.add_argument("--model", default=_ROBOT)
+    model = first.parse_known_args(given)[0].model
+    parser = _parser(model)
+    options, of_ros = split(parser, given)
+    scenario = SCENARIO if model == _ROBOT else TWO
+    parameters = {each.name: getattr(options, each.name) for each in scenario.parameters}
     try:
-        _checked(parameters, options.seed)  # before a node waits for a master
+        checked_row(scenario, parameters, options.seed)  # before a node waits for a master
         generation = chosen(options.ros)
         node = open_node(generation, options.only or "simulator", of_ros.of(generation))
-        if options.only != "controller":
-            Robot(node, options.name, parameters=parameters, seed=options.seed, stuck=options.stuck)
-        if options.only != "robot":
-            RobotController(node, options.name, surge=options.surge)
+        _fill(node, model, options, parameters)
     except InputError as error:
         parser.error(str(error))
     code = node.spin()

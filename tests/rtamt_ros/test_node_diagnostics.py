@@ -47,6 +47,8 @@ def test_diagnostics_come_once_a_second_and_when_a_level_changes(generation: int
         "messages out of order": "0",
         "unreadable messages": "0",
         "restarts": "0",
+        "resets": "0",
+        "last reset at": "",
     }
     assert ros.lines[:5] == [
         (Level.OK, "hears /rtamt/x (std_msgs/Float64) as x"),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rtamt import InputError
+from rtamt_ros.callback import answered
 from rtamt_ros.middleware import Handle, Level, Publisher
 
 __all__ = ["CLASSES", "MemoryMiddleware", "message"]
@@ -78,7 +79,7 @@ class _Open:
     """What is open until it is closed."""
 
     of: list[Any]
-    callback: Callable[..., None]
+    callback: Callable[..., Any]
     topic: str = ""
     message: type = object
     period: int = 0
@@ -134,6 +135,7 @@ class MemoryMiddleware:
     subscriptions: list[_Open] = field(default_factory=list)
     publishers: list[_Publisher] = field(default_factory=list)
     timers: list[_Open] = field(default_factory=list)
+    services: list[_Open] = field(default_factory=list)
 
     def message_class(self, package: str, name: str) -> type:
         if package in self.missing or (package, name) not in CLASSES:
@@ -178,6 +180,12 @@ class MemoryMiddleware:
     def around(self) -> tuple[Level, str] | None:
         return self.standing
 
+    def trigger(self, name: str, act: Callable[[], str]) -> Handle:
+        if "std_srvs" in self.missing:
+            raise InputError("std_srvs is not installed")
+        self.services.append(_Open(self.services, act, name))
+        return self.services[-1]
+
     def log(self, level: Level, text: str) -> None:
         self.lines.append((level, text))
 
@@ -201,6 +209,11 @@ class MemoryMiddleware:
         self.time = self.time if time is None else time
         for each in list(self.timers):
             each.callback(self.time - (self.time - each.begin) % each.period)
+
+    def call(self, name: str) -> tuple[bool, str]:
+        """What a service of the node answers."""
+        (service,) = [each for each in self.services if each.topic == name]
+        return answered(service.callback, lambda text: self.log(Level.ERROR, text))
 
     def on(self, topic: str) -> list[Any]:
         """The messages published on a topic."""

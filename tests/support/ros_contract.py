@@ -255,6 +255,21 @@ class MiddlewareContract:
                 talker.ask(method, wrong, wrong, *FLOAT, *fields)
             assert f"InputError: topic {wrong!r}: " in str(refused.value)
 
+    def test_a_service_of_a_node_answers_and_says_what_went_wrong(self, world: World) -> None:
+        server = world.peer("server", {"__ns": "/of"})
+        name = server.ask("name")
+        server.ask("trigger", "reset", "reset", "done\nand said")
+        assert world.talker.ask("call", f"{name}/reset") == (True, "done\nand said")
+        server.ask("trigger", "cannot", "cannot", "expected a run", error="InputError")
+        assert world.talker.ask("call", f"{name}/cannot") == (False, "expected a run")
+        server.ask("trigger", "fails", "fails", "no", error="ArithmeticError")
+        assert world.talker.ask("call", f"{name}/fails") == (False, "ArithmeticError: no")
+        assert "ArithmeticError: no" in server.log()
+        assert world.talker.ask("call", f"{name}/reset")[0]  # the node goes on
+        server.ask("close", "reset")
+        server.ask("trigger", "reset", "reset", "again")
+        assert world.talker.ask("call", f"{name}/reset") == (True, "again")
+
     def test_lines_of_the_log_are_written(self, talker: Peer) -> None:
         for level in range(4):
             talker.ask("log", level, f"100% of level {level}")

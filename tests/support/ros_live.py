@@ -16,6 +16,7 @@ import pytest
 from models.unicycle import move
 from ros_messages import Heard, write_mcap
 from ros_scenario import (
+    ALL,
     CMD,
     DIAGNOSTICS,
     EVENTS,
@@ -171,6 +172,32 @@ class LiveScenario:
         published = [value for value in numbers(run.heard[EVENTS]) if math.isfinite(value)]
         assert in_order(published, offline)
         assert len(published) >= len(offline) - 3
+
+    def test_a_combined_message_has_what_is_published_of_all_at_its_stamp(self, run: Run) -> None:
+        combined = run.heard[ALL]
+        known = stamps(combined)
+        assert not [gap for gap in np.diff(known) if gap <= 0 or gap % PERIOD]
+        assert all(each.time >= stamp for each, stamp in zip(combined, known, strict=True))
+        said = [
+            {
+                row.name.partition(".")[0]: {pair.key: pair.value for pair in row.values}
+                for row in each.message.status
+            }
+            for each in combined
+        ]
+        assert {frozenset(each) for each in said} == {frozenset(("follows", "keeps", "moves"))}
+        about = {each["follows"]["at"]: each["follows"]["robustness"] for each in said}
+        heard = run.heard[FOLLOWS]
+        compared = 0
+        for value, stamp in zip(numbers(heard), stamps(heard), strict=True):
+            at = f"{stamp // 10**9}.{stamp % 10**9:09d}"
+            if math.isfinite(value) and stamp > known[0]:
+                assert float(about[at]).hex() == value.hex()
+                compared += 1
+        assert compared > 50
+        verdicts = [each["keeps"]["verdict"] for each in said]
+        assert {*verdicts[: verdicts.index("VIOLATED")]} <= {"", "UNDECIDED"}
+        assert verdicts[-1] == "UNDECIDED"  # the robot is gone
 
     def test_samples_are_what_came_last(self, run: Run) -> None:
         record = record_of(run, FOLLOWS)

@@ -17,6 +17,7 @@ from typing import Any
 
 from ros_processes import PATIENCE, Ros
 
+from rtamt import InputError
 from rtamt_ros.middleware import Level, Middleware
 
 __all__ = ["Peer", "connect"]
@@ -228,6 +229,32 @@ class Desk:
         with self._news:
             self._news.wait_for(lambda: len(self._kept.get(key, ())) >= count, patience)
             return list(self._kept.get(key, ()))
+
+    def trigger(self, key: str, name: str, text: str, error: str = "") -> None:
+        """Offers a service that answers with a text, or fails with an error of this name."""
+
+        def act() -> str:
+            if error:
+                raise {"InputError": InputError}.get(error, ArithmeticError)(text)
+            return text
+
+        self._handles[key] = self.node.trigger(name, act)
+
+    def call(self, service: str) -> tuple[bool, str]:
+        """The answer of a service of any node."""
+        node: Any = self.node
+        kind = import_module("std_srvs.srv").Trigger
+        if self.node.generation == 1:
+            rospy = import_module("rospy")
+            rospy.wait_for_service(service, PATIENCE)
+            answer = rospy.ServiceProxy(service, kind)()
+            return answer.success, answer.message
+        client = node.node.create_client(kind, service)
+        assert client.wait_for_service(PATIENCE), f"there is no {service}"
+        future, done = client.call_async(kind.Request()), threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(PATIENCE), f"{service} does not answer"
+        return future.result().success, future.result().message
 
     def close(self, key: str) -> None:
         """Closes what has a key."""

@@ -23,6 +23,7 @@ from ros_sockets import Address, listening
 PERIOD = 100_000_000
 """Nanoseconds between the samples of the sampled monitor."""
 ODOM, CMD, DIAGNOSTICS = "robot0/odom", "robot0/cmd_vel", "/diagnostics"
+ALL = "monitor/all"
 FOLLOWS, KEEPS, MOVES, EVENTS = "rtamt/follows", "rtamt/keeps", "rtamt/moves", "rtamt/events"
 STAMPED = {
     1: ("rtamt_msgs", "FloatStamped", "value"),
@@ -78,7 +79,7 @@ def statuses(heard: Sequence[Heard]) -> list[Any]:
 
 
 SAMPLED = (
-    "--stl follows.stl --stl whole.stl",
+    f"--stl follows.stl --stl whole.stl --combined {ALL}",
     f"--period {PERIOD // 1_000_000} --unit ms --stale 1 --record sampled.csv",
 )
 DRIVER = ("--surge 3:0.3:-0.5",)
@@ -112,6 +113,7 @@ def topics_of(generation: int) -> dict[str, str]:
         ODOM: "nav_msgs/Odometry",
         CMD: "geometry_msgs/Twist",
         DIAGNOSTICS: "diagnostic_msgs/DiagnosticArray",
+        ALL: "diagnostic_msgs/DiagnosticArray",
         FOLLOWS: "/".join(STAMPED[generation][:2]),
     }
     for name in (KEEPS, MOVES, EVENTS):

@@ -1,0 +1,202 @@
+"""The service that begins monitors anew, and what is left of what was before."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from memory_middleware import SECOND, MemoryMiddleware
+from memory_nodes import MS, send, started
+
+from rtamt import EpisodeMonitor, InputError, Verdict
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode
+
+START = 1000 * SECOND
+PERIOD = 100 * MS
+VALUES = st.sampled_from([-2.0, -0.0, 0.0, 1.0, 3.0])
+
+
+def play(ros: MemoryMiddleware, values: list[float], begin: int) -> None:
+    """A value of x before every sample, from a point of the grid on."""
+    for number, value in enumerate(values):
+        ros.time = begin + number * PERIOD
+        send(ros, "x", value)
+        ros.tick()
+
+
+@given(
+    before=st.lists(VALUES, max_size=8),
+    after=st.lists(VALUES, min_size=1, max_size=8),
+    late=st.integers(1, 99),
+    text=st.sampled_from(["always(x > 0)", "eventually(x > 2)", "always(once[0:0.2](x > 0))"]),
+)
+def test_after_a_reset_the_node_is_as_one_that_has_just_begun(
+    before: list[float], after: list[float], late: int, text: str
+) -> None:
+    ros, node = started(text, stale=math.inf)
+    play(ros, before, START)
+    middle = START + len(before) * PERIOD
+    ros.time = middle - late * MS
+    good, _ = ros.call("reset")
+    assert good
+    play(ros, after, middle)
+    fresh, other = started(text, begin=middle, stale=math.inf)
+    play(fresh, after, middle)
+    (found,), (expected,) = node.reports, other.reports
+    for name in ("time", "robustness", "about", "lower", "upper", "verdict", "worst", "violations"):
+        assert getattr(found, name) == getattr(expected, name), name
+    assert (found.restarts, found.resets, found.reset_at) == (0, 1, middle - late * MS)
+    episode = EpisodeMonitor(text, period="100ms")
+    for value in after:
+        episode.update(value)
+    assert (found.lower, found.upper) == episode.bounds()
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_violation_is_forgotten_and_the_answer_says_so(dense: bool) -> None:  # noqa: FBT001
+    ros, node = started("bounded = always(x < 3)", "other = always(y > 0)", dense=dense)
+    for number in range(5):
+        ros.time = START + number * PERIOD
+        send(ros, "x", 4.0 if number == 1 else 1.0)
+        ros.tick()
+    assert node.reports[0].verdict is Verdict.VIOLATED
+    ros.time += 50 * MS
+    good, said = ros.call("reset")
+    at = "1000.450 s"
+    assert good
+    first, bounded, other = said.splitlines()
+    assert first == f"2 requirements begin anew at {at}"
+    assert bounded.startswith("bounded: begins anew; was: violated, robustness -1")
+    assert "violated 1 time since start, first at 1000.100 s" in bounded
+    assert other == "other: begins anew; was: waiting for y"
+    assert ros.lines[-1] == (Level.WARN, said)
+    # Until the next sample the topics say that nothing is known; y has never come.
+    for part in ("", "/lower", "/upper"):
+        assert math.isnan(ros.latched(f"rtamt/bounded{part}"))
+        assert not ros.data(f"rtamt/other{part}")
+    assert ros.latched("rtamt/bounded/verdict") == 0
+    ros.time = START + 5 * PERIOD
+    send(ros, "x", 2.0)
+    ros.tick()
+    report = node.reports[0]
+    assert (report.level, report.verdict) == (Level.OK, Verdict.UNDECIDED)
+    said, *others = report.text.split("; ")
+    assert said.startswith("holds so far, robustness 1")
+    assert others == [f"reset 1 time, at {at}"]
+    ros.time += PERIOD
+    send(ros, "x", 5.0)
+    ros.tick()
+    assert node.reports[0].text.split("; ")[1:] == [
+        "violated 1 time since the reset, first at 1000.600 s",
+        f"reset 1 time, at {at}",
+    ]
+    ros.call("reset")
+    assert "reset 2 times, the last at 1000.600 s" in node.reports[0].text
+
+
+def test_resets_and_restarts_are_counted_apart() -> None:
+    ros, node = started("always(x < 3)")
+    play(ros, [1.0, 1.0], START)
+    ros.call("reset")
+    play(ros, [1.0], START + 2 * PERIOD)
+    ros.tick(START + 20 * PERIOD)  # stale
+    ros.call("reset")  # the run has ended already: the next is told to begin
+    play(ros, [1.0], START + 21 * PERIOD)
+    ros.tick(START + 40 * PERIOD)
+    play(ros, [1.0], START + 41 * PERIOD)
+    (report,) = node.reports
+    assert (report.restarts, report.resets) == (1, 2)
+    assert report.restarted_because == "x was stale"
+    (status,) = ros.on("/diagnostics")[-1].status
+    values = {each.key: each.value for each in status.values}
+    assert (values["restarts"], values["resets"]) == ("1", "2")
+    assert values["last reset at"] == "1002.000 s"
+
+
+def test_a_sample_that_was_due_before_the_reset_is_in_no_run() -> None:
+    ros, node = started("always(x < 3)", stale=math.inf)
+    play(ros, [1.0], START)
+    ros.time = START + PERIOD
+    send(ros, "x", 7.0)
+    ros.time += PERIOD + 10 * MS
+    send(ros, "x", 2.0)
+    ros.call("reset")
+    ros.tick(START + 3 * PERIOD)
+    (report,) = node.reports
+    assert (report.verdict, report.robustness, report.missed) == (Verdict.UNDECIDED, 1.0, 0)
+
+
+def test_a_run_in_dense_time_begins_at_the_reset_with_what_is_held() -> None:
+    ros, node = started("always[0:0.2](x < 3)", dense=True, stale=math.inf)
+    for number, value in enumerate([7.0, 1.0]):
+        ros.time = START + number * PERIOD
+        send(ros, "x", value)
+    ros.time += 50 * MS
+    ros.call("reset")
+    ros.tick(START + 2 * PERIOD)
+    (report,) = node.reports
+    assert (report.verdict, report.violations, report.lower) == (Verdict.UNDECIDED, 0, -math.inf)
+    ros.tick(START + 4 * PERIOD)
+    assert node.reports[0].verdict is Verdict.SATISFIED
+    assert min(each.header.stamp.ns for each in ros.on("/diagnostics")) >= START
+
+
+def test_a_clock_that_goes_back_behind_a_reset_begins_where_it_is() -> None:
+    ros, node = started("always[0:0.2](x < 3)", dense=True, stale=math.inf)
+    send(ros, "x", 1.0)
+    ros.time += PERIOD
+    ros.call("reset")
+    ros.tick()
+    ros.time = START - 10 * SECOND
+    for _ in range(5):
+        send(ros, "x", 1.0)
+        ros.tick()
+        ros.time += PERIOD
+    assert node.reports[0].verdict is Verdict.SATISFIED
+    assert node.reports[0].time < START
+
+
+def test_a_record_goes_on_in_the_next_file(tmp_path: Path) -> None:
+    ros, node = started("always(x < 3)", record=tmp_path / "run.csv")
+    play(ros, [1.0, 2.0], START)
+    ros.call("reset")
+    play(ros, [2.5], START + 2 * PERIOD)
+    node.stop()
+    rows = [(tmp_path / name).read_text().splitlines()[1:] for name in ("run.csv", "run-2.csv")]
+    assert [len(each) for each in rows] == [2, 1]
+
+
+def test_there_is_a_service_while_the_node_runs_and_its_messages_are_installed() -> None:
+    ros, node = started("always(x < 3)")
+    assert [each.topic for each in ros.services] == ["reset"]
+    node.stop()
+    assert not ros.services
+    with pytest.raises(InputError, match=r"^expected a monitor that runs; start it, or activate"):
+        node.reset()
+    ros = MemoryMiddleware(missing={"std_srvs"})
+    node = MonitorNode(ros, ["always(x < 3)"])
+    node.start()
+    assert ros.lines[0] == (
+        Level.WARN,
+        "there is no service ~/reset: std_srvs is not installed",
+    )
+    play(ros, [1.0], START)
+    first, second = node.reset().splitlines()
+    assert first == "1 requirement begins anew at 1000.000 s"
+    assert second == "spec: begins anew; was: holds so far, robustness 2"
+    node.stop()
+
+
+def test_before_a_simulated_clock_begins_there_is_nothing_to_reset() -> None:
+    ros = MemoryMiddleware(time=0, simulated=True)
+    node = MonitorNode(ros, ["always(x < 3)"])
+    node.start()
+    assert ros.call("reset") == (
+        False,
+        "expected a node that runs, and a clock that has begun",
+    )
+    node.stop()
