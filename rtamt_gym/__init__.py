@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rtamt_gym.search.runs.runner import Runner
     from rtamt_gym.search.runs.saved_case import SavedCase
     from rtamt_gym.search.sweeps.sweep import Sweep, sweep
+    from rtamt_gym.signals.batches import batched
     from rtamt_gym.signals.signals import Step
     from rtamt_gym.simulation.fmi import Fmus
     from rtamt_gym.simulation.run import Run
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         "VectorStlMonitor",
         "VectorStlReward",
         "Waveform",
+        "batched",
         "compare",
         "evaluate_policy",
         "evaluate_rollouts",
@@ -114,6 +116,7 @@ _MODULES = {
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
+    "batched": "rtamt_gym.signals.batches",
     "compare": "rtamt_gym.evaluation.comparison",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",

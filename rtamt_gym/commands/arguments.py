@@ -135,10 +135,10 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
         signals[name] = selector
         value, comma, reset = selector.rpartition(",")
         if comma and "]" not in reset:  # a comma before a bracket belongs to a key
-            at_reset = read_floats([reset])
+            at_reset = [None] if reset.strip() == "unknown" else read_floats([reset])
             if at_reset is None:
                 raise InputError(
-                    "--signal: expected a number behind the comma, the value at reset, "
+                    "--signal: expected a number behind the comma, the value at reset, or unknown, "
                     f"got {argument!r}"
                 )
             signals[name] = (value, *at_reset)

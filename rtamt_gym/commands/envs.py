@@ -150,7 +150,7 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
         lines += [line, notes[at]] if at in notes else [line]
     lacking = next((name for name, value, _ in rows if value == "-"), None)
     if lacking is not None:
-        lines += ["", f'-: no value at reset; a signal gives one: --signal "u={lacking},0"']
+        lines += ["", f'-: no value at reset; a signal gives one: --signal "u={lacking},VALUE"']
     if left_out:
         lines += ["", f"{left_out} more with --all"]
     return lines

@@ -1,7 +1,8 @@
 """The signals of recorded episodes: a table with a row for every sample.
 
 All steps of an episode are read at once, like one step of many environments: a selector is bound by
-`rtamt_gym.signals.columns`, to the spaces of the dataset. A callable gets a `Step` for each sample.
+`rtamt_gym.signals.columns`, to the spaces of the dataset. A function gets a `Step` for each sample,
+and one that is marked with `rtamt_gym.batched` those of an episode at once.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError, NanPolicy, RtamtError
 from rtamt_gym.datasets.episodes import RecordedEpisode, part
+from rtamt_gym.signals.batches import Batched
 from rtamt_gym.signals.columns import Floats, SignalColumns
 from rtamt_gym.signals.signals import ParsedSignal, Step
 
@@ -42,10 +45,15 @@ class SignalReader:
         nan: NanPolicy,
     ) -> None:
         self._signals = signals
-        self._selected = [at for at, each in enumerate(signals) if each.source is not None]
-        self._called = [at for at, each in enumerate(signals) if each.source is None]
-        self._spaces = {"single_observation_space": observations, "single_action_space": actions}
+        self._called = [
+            at
+            for at, each in enumerate(signals)
+            if each.source is None and not isinstance(each.reads, Batched)
+        ]
+        self._selected = [at for at in range(len(signals)) if at not in self._called]
+        self._spaces = observations, actions
         self._nan = nan
+        self._compare = True  # in the first episode, what marked functions give
         self._columns(1)  # so that a selector that does not fit is refused now
 
     def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
@@ -77,8 +85,15 @@ class SignalReader:
     def _columns(self, num: int) -> SignalColumns:
         """Reads so many steps at once."""
         signals = [self._signals[at] for at in self._selected]
-        lanes: Any = SimpleNamespace(num_envs=num, **self._spaces)
-        return SignalColumns(signals, lanes, same_step=False)
+        observations, actions = self._spaces
+        lanes: Any = SimpleNamespace(
+            num_envs=num,
+            single_observation_space=observations,
+            single_action_space=actions,
+            observation_space=batch_space(observations, num),
+            action_space=batch_space(actions, num),
+        )
+        return SignalColumns(signals, lanes, same_step=False, compare=self._compare)
 
     def _read(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
         table = np.empty((len(episode) + 1, len(self._signals)))
@@ -91,6 +106,7 @@ class SignalReader:
             table[1:, self._selected] = steps.step(
                 part(obs, slice(1, None)), actions, rewards, later
             )
+            self._compare = False
         for at, signal in enumerate(self._signals):
             # An info that has no value at reset is padded with nan in a dataset.
             if signal.default is not None and np.isnan(table[0, at]):
@@ -109,7 +125,12 @@ class SignalReader:
         return table
 
     def _check(self, table: Floats) -> None:
-        found = np.argwhere(np.isnan(table))
+        if self._nan == "unknown":
+            return
+        missing = np.isnan(table)
+        unknown = [each.default is not None and np.isnan(each.default) for each in self._signals]
+        missing[0] &= ~np.array(unknown, np.bool_)
+        found = np.argwhere(missing)
         if len(found) == 0 or (self._nan == "hold" and found[0, 0] > 0):
             return
         sample, column = found[0]

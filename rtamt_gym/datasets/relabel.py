@@ -9,14 +9,14 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError, Period, Specification
-from rtamt.errors import nearest
+from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
 from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import EpisodeReading
+from rtamt_gym.judging.reading import EpisodeReading, Reading
 from rtamt_gym.judging.specs import (
     SpecsLike,
     check_period,
@@ -24,6 +24,7 @@ from rtamt_gym.judging.specs import (
     read_period,
     why_no_period,
 )
+from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike, parse_signals
@@ -120,8 +121,8 @@ def relabel(
             ``seed`` and ``options``.
         specs: As for `StlMonitor`.
         signals: As for `StlMonitor`, but for the selectors that read a simulation. An ``info``
-            needs an entry for every step, or also for the reset, and always a default, which
-            stands where there is none for the reset, or nan. A callable gets a `Step` for every
+            needs an entry for every step, and one for the reset or a default, which stands where
+            there is none for the reset, or nan. A callable gets a `Step` for every
             sample, whose ``env`` is None.
         dataset_id: The name of a new dataset of Minari for the result, such as
             ``"cart/satisfied-v0"``; None: the result is a list.
@@ -170,7 +171,14 @@ def relabel(
     loaded = load_specs(specs)
     variables = [name for spec in loaded.values() for name in spec.variables]
     readings = parse_signals(signals, variables, STEP)
+    nan = options.get("nan", "raise")
+    needy = [Argument("cost", options["cost"])] if options.get("cost") is not None else []
+    read = {name: signals.get(name) for name in variables}
+    asked = Reading(view=options.get("view", "episode"), nan=nan)
+    judged, _ = with_unknown_start(asked, read, *needy)
     options = {**options, "period": _period(dataset, loaded, options.get("period"))}
+    if judged.nan != nan:
+        options["nan"] = judged.nan
     names = [reading.name for reading in readings]
     store = None
     if dataset_id is not None:
@@ -183,7 +191,7 @@ def relabel(
         for episodes in _parts(episodes_of(dataset)):
             if reader is None or judges is None:
                 spaces = spaces_of(dataset, episodes[0])
-                reader = SignalReader(readings, *spaces, options.get("nan", "raise"))
+                reader = SignalReader(readings, *spaces, nan)
                 playback = Playback(min(LANES, len(episodes)), len(names))
                 judges = playback, _judge(playback, loaded, names, mode, options)
             found = _judged(episodes, reader, *judges, shaped=mode is not None)

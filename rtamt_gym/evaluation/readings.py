@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -63,4 +64,7 @@ def _text(signal: ParsedSignal) -> str | None:
     """What a signal reads, and its value at reset if it was given one."""
     if signal.source is None:
         return None
-    return str(signal) if signal.default is None else f"{signal}, {signal.default!r} at reset"
+    if signal.default is None:
+        return str(signal)
+    value = "unknown" if math.isnan(signal.default) else repr(signal.default)
+    return f"{signal}, {value} at reset"

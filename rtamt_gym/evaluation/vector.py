@@ -21,6 +21,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, seconds_of
 from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
+from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.runner import CaseLike, Runner
@@ -119,11 +120,17 @@ class VectorEpisodes(Runner):
         known = {**own_signals(self._inside)}
         if self.monitor is not None:
             known |= self.monitor.judging.signals or {}
-        parsed = parse_signals(self.signals or {}, variables, SOURCES, extra=True, own=known)
+        read = {**known, **(self.signals or {})}
+        self._judged, refuse_nan = with_unknown_start(
+            self.reading, {name: read.get(name) for name in variables}
+        )
+        parsed = parse_signals(
+            self.signals or {}, variables, SOURCES, extra=True, own=known, refuse_nan=refuse_nan
+        )
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
-        self._simulators = self._simulators_of(self.reading)
+        self._simulators = self._simulators_of(self._judged)
 
     def _simulators_of(self, reading: Reading) -> list[Simulator]:
         """The simulators of the environments."""
@@ -202,7 +209,7 @@ class VectorEpisodes(Runner):
         """Plays one episode and keeps every sample, as `Runner.simulate` does."""
         simulators = self._simulators
         if at_termination is not None:
-            simulators = self._simulators_of(self.reading.having(at_termination=at_termination))
+            simulators = self._simulators_of(self._judged.having(at_termination=at_termination))
         when: Stop = self._of_runs["stop"] if stop is None else stop
         task = Task(0, Case(case), seed)
         ((_, row, run),) = self._play([task], when, above, simulators, light=False)

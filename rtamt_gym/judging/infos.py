@@ -45,13 +45,14 @@ def step_info(
     costs: Mapping[str, Lanewise] | None = None,
     of_instant: Lanewise | None = None,
     progress: Lanewise | None = None,
+    period: Lanewise | None = None,
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
     ``violated`` says whether a specification is violated; ``states`` has a `spec_state` for each
     specification; ``of_instant`` is True where the robustness is that of an instant;
-    ``progress`` is that of requirements in stages. States, costs, ``of_instant`` and ``progress``,
-    with their keys, are optional.
+    ``progress`` is that of requirements in stages; ``period`` is told at a reset. States, costs,
+    ``of_instant``, ``progress`` and ``period``, with their keys, are optional.
     """
     made = {
         "robustness": robustness,
@@ -63,6 +64,8 @@ def step_info(
         made["stl_of_instant"] = of_instant
     if progress is not None:
         made["stl_progress"] = progress
+    if period is not None:
+        made["stl_period"] = period
     if states is not None:
         made["stl"] = states
     if costs is not None:

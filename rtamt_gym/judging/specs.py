@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.logger import warn
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import MaxAndSkipObservation
+from gymnasium.wrappers import MaxAndSkipObservation, RepeatAction
 from numpy.typing import NDArray
 
 import rtamt
@@ -113,8 +113,8 @@ def read_period(env: AnyEnv) -> float | None:
     Pendulum has 30 and steps 20 times.
 
     A `SyncVectorEnv` has the period of its environments; for an `AsyncVectorEnv` there is
-    `ask_another`. Below a `MaxAndSkipObservation`, which makes several steps in one, the period is
-    not known.
+    `ask_another`. Below a `MaxAndSkipObservation` or a `RepeatAction`, which make several steps in
+    one, the period is not known.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` have different periods.
@@ -182,8 +182,8 @@ def ask_another(env: AnyEnv) -> float | None:
 
 def why_no_period(env: AnyEnv) -> str:
     """Says where the period of an environment was looked for, or why it is not known."""
-    if _skips(env):
-        return "a MaxAndSkipObservation makes several steps in one"
+    if skipping := _skips(env):
+        return f"a {skipping} makes several steps in one"
     lacking = "there is no dt, tau or config['policy_frequency']"
     if isinstance(env.unwrapped, AsyncVectorEnv | SyncVectorEnv):
         return f"{lacking} in its environments, or in an environment inside these"
@@ -280,13 +280,13 @@ def _load(spec: SpecLike) -> rtamt.Specification:
     )
 
 
-def _skips(env: AnyEnv) -> bool:
-    """Whether a `MaxAndSkipObservation` makes several steps in one."""
+def _skips(env: AnyEnv) -> str:
+    """The name of the wrapper that makes several steps in one, if there is one."""
     while isinstance(env, gym.Wrapper):
-        if isinstance(env, MaxAndSkipObservation):
-            return True
+        if isinstance(env, MaxAndSkipObservation | RepeatAction):
+            return type(env).__name__
         env = env.env
-    return False
+    return ""
 
 
 def _positive(value: object) -> float | None:

@@ -3,9 +3,9 @@
 `rtamt_gym.signals.signals` lists the selectors. ``obs[2]`` reads column 2 of the batched
 observations, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
 be true for every environment that takes a sample, and at a reset says which have the key, and which
-the default. A callable gets the whole batch and returns an
-array with a number for every environment. Selectors that read simulations, such as ``qpos[1]``,
-read the environments of a `SyncVectorEnv` one by one.
+the default. A function is called for each environment, and one that is marked with
+`rtamt_gym.batched` once, with the whole batch: see `rtamt_gym.signals.lanes`. Selectors that read
+simulations, such as ``qpos[1]``, read the environments of a `SyncVectorEnv` one by one.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
-from rtamt import InputError, InputTypeError, StateError
+from rtamt import InputError, StateError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.signals import ParsedSignal, Step
+from rtamt_gym.signals.batches import Batched
+from rtamt_gym.signals.lanes import Apart, AtOnce, EachLane
+from rtamt_gym.signals.signals import AbsentError, ParsedSignal, Step
 from rtamt_gym.signals.spaces import fit
 
 __all__ = ["Batch", "Floats", "Lanes", "SignalColumns"]
@@ -41,16 +43,30 @@ class SignalColumns:
         signals: What to read, in the order of the columns.
         env: The vector environment.
         same_step: Whether it resets an environment in the step that ends its episode.
+        compare: Whether the first calls of functions that are marked with `rtamt_gym.batched` are
+            compared with calls for each environment.
 
     Raises:
         InputError: If a selector does not fit the environment.
     """
 
-    def __init__(self, signals: Sequence[ParsedSignal], env: Batch, *, same_step: bool) -> None:
+    def __init__(
+        self,
+        signals: Sequence[ParsedSignal],
+        env: Batch,
+        *,
+        same_step: bool,
+        compare: bool = True,
+    ) -> None:
         self._signals = signals
-        self._env = env
+        given: Any = env  # of recorded episodes there is none
+        self._env: Any = env if isinstance(given, VectorEnv) else None
         self._all: Lanes = np.ones(env.num_envs, np.bool_)
-        self._reads = [_bind(signal, env, same_step=same_step) for signal in signals]
+        self._apart = Apart(env, same_step=same_step)
+        self._compare = compare
+        self._reads = [
+            _without_nan(signal, self._bind(signal, env, same_step=same_step)) for signal in signals
+        ]
         sources = [signal.source for signal in signals]
         self.reads_obs = any(source in {"obs", None} for source in sources)
         self.reads_info = any(source in {"info", None} for source in sources)
@@ -70,24 +86,34 @@ class SignalColumns:
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
+        reset = step._replace(action=None, reward=None)
+        self._apart.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
-            if begun is None or (signal.default is None and signal.source is not None):
+            as_ever = signal.default is None and signal.source not in {None, "info"}
+            if begun is None or as_ever:
                 table[:, column] = read(step, lanes)
                 continue
             if lanes.any():
                 table[:, column] = read(step, lanes)
-            reset = step._replace(action=None, reward=None)
             table[begun, column] = _at_reset(signal, read, reset, begun)[begun]
         return table
 
     def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
         """Reads the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
+        self._apart.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
             table[:, column] = _at_reset(signal, read, step, lanes)
         return table
+
+    def _bind(self, signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
+        if isinstance(signal.reads, Batched):
+            return AtOnce(signal, self._apart, compare=self._compare)
+        if signal.source is None:
+            return EachLane(signal, self._apart)
+        return _bind(signal, env, same_step=same_step)
 
     def _table(self) -> Floats:
         """A new table in Fortran's order: it is filled and read by columns."""
@@ -118,13 +144,30 @@ class SignalColumns:
 def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
     """The column of a reset: what is read, or the default where there is one."""
     if signal.default is None:
-        return read(step, lanes)
+        try:
+            return read(step, lanes)
+        except AbsentError as error:
+            raise signal.absent(error) from None
     column = np.full(len(lanes), signal.default)
     if signal.maybe_at_reset:
         there = _present(signal, step.info, lanes)
         if there.any():
             column[there] = read(step, there)[there]
     return column
+
+
+def _without_nan(signal: ParsedSignal, read: _Read) -> _Read:
+    """The function, which refuses nan where the signal does."""
+    if not signal.refuses_nan:
+        return read
+
+    def read_numbers(step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
+        column = np.asarray(read(step, lanes))
+        if np.isnan(column[lanes]).any():
+            raise signal.is_nan()
+        return column
+
+    return read_numbers
 
 
 def _bind(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
@@ -141,11 +184,8 @@ def _bind(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
             return lambda step, _: step.reward
         case "info":
             return lambda step, lanes: _from_infos(signal, step.info, lanes)
-        case str():
-            return _bind_simulations(signal, env, same_step=same_step)
         case _:
-            num = env.num_envs
-            return lambda step, _: _numbers(signal, np.asarray(signal.call(step)), num)
+            return _bind_simulations(signal, env, same_step=same_step)
 
 
 def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -206,12 +246,12 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> An
         part = path.pop(0)
         if part not in values:
             keys = listing(key for key in values if not str(key).startswith("_"))
-            raise InputError(
+            raise AbsentError(
                 f"signal {signal.name!r}: the infos have no {signal}; their keys are {keys}"
             )
         missing = lanes & ~np.asarray(values.get(f"_{part}", lanes), np.bool_)
         if missing.any():
-            raise InputError(
+            raise AbsentError(
                 f"signal {signal.name!r}: the info of environment {np.flatnonzero(missing)[0]} "
                 f"has no {signal}"
             )
@@ -228,13 +268,4 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> An
         raise InputError(
             f"signal {signal.name!r}: the infos have no number at {signal}; they have {values!r}"
         ) from None
-    return _numbers(signal, found, len(lanes))
-
-
-def _numbers(signal: ParsedSignal, found: NDArray[Any], num: int) -> NDArray[Any]:
-    if found.shape != (num,) or found.dtype.kind not in "biuf":
-        raise InputTypeError(
-            f"signal {signal.name!r}: expected {num} numbers from {signal}, one for every "
-            f"environment, got shape {found.shape} and dtype {found.dtype}"
-        )
-    return found
+    return signal.numbers(found, len(lanes))

@@ -5,12 +5,16 @@ A signal is a text selector, a callable, or a pair of one of them and its value 
 | selector | selects | value at reset |
 |---|---|---|
 | ``obs[2]``, ``obs[0][1]``, ``obs['key'][0]``, ``obs`` | one number of the observation | read |
-| ``action[0]``, ``action`` | one number of the action | the default |
-| ``reward`` | the reward | the default |
-| ``info['key']``, ``info['key'][0]`` | one number of the info | read, else the default |
+| ``action[0]``, ``action`` | one number of the action | to be given |
+| ``reward`` | the reward | to be given |
+| ``info['key']``, ``info['key'][0]`` | one number of the info | read, else what is given |
 | ``qpos[1]``, ``sensor:imu[0]``, ... | one number of a MuJoCo simulation | read |
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
-| a callable | what it returns for a `Step` | called, unless it has a default |
+| a function | what it returns for a `Step` | called, unless it has a default |
+
+The value at reset is a number, or None where nothing is known of it: then the sample of the reset
+is unknown. A function is for one environment, in a vector environment too; `rtamt_gym.batched`
+marks one that reads all of a batch at once.
 
 Where there are several agents a selector says whose it is, ``agent_0: obs[2]``: see
 `rtamt_gym.signals.agents`.
@@ -23,16 +27,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, Final, Literal, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, Message, nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.batches import Batched, batch_of_one
 from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
 
 __all__ = [
@@ -47,6 +53,7 @@ __all__ = [
     "Step",
     "own_signals",
     "parse_signals",
+    "unknown_at_reset",
 ]
 
 Env = gym.Env[Any, Any]
@@ -77,14 +84,19 @@ Number = Callable[..., float]
 
 
 class Step(NamedTuple):
-    """The argument of a callable signal; a vector environment gives the batch of all environments.
+    """The argument of a function that is a signal.
+
+    It is of one environment, of each lane of a vector environment too; a function that is marked
+    with `rtamt_gym.batched` gets the batch of all.
 
     Attributes:
         obs: The observation that `reset` or `step` returned.
         action: The action of the step; None at reset.
         reward: The reward of the step; None at reset.
         info: The environment's own info.
-        env: The monitored environment; ``env.unwrapped`` is the simulation.
+        env: The monitored environment; ``env.unwrapped`` is the simulation. In a vector
+            environment the lane's own, which only a `SyncVectorEnv` has; of a batch the vector
+            environment.
     """
 
     obs: Any
@@ -95,7 +107,7 @@ class Step(NamedTuple):
 
 
 SignalLike = str | Callable[[Step], float] | Sequence[Any]
-"""A selector, a callable, or a pair of one of them and its value at reset."""
+"""A selector, a callable, or a pair of one of them and its value at reset, None for unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,14 +134,17 @@ class ParsedSignal:
     Attributes:
         name: Variable of the formulas.
         reads: A selector, or a callable.
-        default: Value at reset, or None where reset gives one.
+        default: Value at reset, nan if nothing is known of it; None where reset gives one.
         row: The row of the selector's first word; None for a callable.
+        refuses_nan: Whether a nan that is read is refused, which the monitors would take for
+            unknown, as they do with a default of nan.
     """
 
     name: str
     reads: Selector | Callable[..., Any]
     default: float | None = None
     row: Source | None = None
+    refuses_nan: bool = False
 
     @classmethod
     def parse(
@@ -152,8 +167,13 @@ class ParsedSignal:
         # JSON knows no tuples: an environment made again from its specification has lists.
         if isinstance(value, list | tuple) and len(value) == 2:
             value, default = value
-            default = _default(name, default)
+            default = math.nan if default is None else _default(name, default)
         if callable(value):
+            if isinstance(value, Batched) and (agents or "obs" not in sources):
+                raise InputError(
+                    f"signal {name!r}: {value} is for batches of environments of Gymnasium, and "
+                    "there are none here; leave batched out, for a function of one"
+                )
             return cls(name, value, default)
         if not isinstance(value, str):
             raise InputTypeError(
@@ -162,16 +182,13 @@ class ParsedSignal:
             )
         selector = parse_selector(f"signal {name!r}", value, sources, agents)
         row = sources[selector.source]
-        if default is None and row.at_reset is not True:
-            may_have = "may have" if row.at_reset else "has"
-            raise InputError(
-                f"signal {name!r}: {value} {may_have} no value at reset; say what it is there: ",
-                Argument("signals", {name: (value, 0.0)}, words=f'"{name}": ("{value}", 0.0)'),
-            )
+        if default is None and not row.at_reset:
+            what = f"signal {name!r}: {value} has no value at reset"
+            raise InputError(*_to_give(name, value, what, "there"))
         if default is not None and row.at_reset is True:
             raise InputError(
-                f"signal {name!r}: {value} has a value at reset, which the default {default!r} "
-                "would hide; write ",
+                f"signal {name!r}: {value} has a value at reset, which "
+                f"{'None' if math.isnan(default) else default} would hide; write ",
                 Argument("signals", {name: value}, words=f'"{name}": "{value}"'),
             )
         return cls(name, selector, default, row)
@@ -197,8 +214,28 @@ class ParsedSignal:
         Raises:
             InputError: If the selector does not fit the environment.
         """
+        read = self._bound(env)
+        if not self.refuses_nan:
+            return read
+
+        def read_number(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
+            value = read(obs, action, reward, info)
+            if math.isnan(value):
+                raise self.is_nan()
+            return value
+
+        return read_number
+
+    def _bound(self, env: Env) -> Read:
         if self.row is not None:
             return self.row.bind(self, env)
+        if isinstance(self.reads, Batched):
+            shown, does = env.observation_space, env.action_space
+            return lambda obs, action, reward, info: float(
+                self.numbers(
+                    self.call(batch_of_one(Step(obs, action, reward, info, env), shown, does)), 1
+                )[0]
+            )
         return lambda obs, action, reward, info: self.number(
             self.call(Step(obs, action, reward, info, env)), _OF_STEP
         )
@@ -209,19 +246,31 @@ class ParsedSignal:
         The default of an info stands for what the info of the reset does not have.
         """
         default = self.default
-        if default is None:
-            return self.bind(env)
         if not self.maybe_at_reset:
-            return lambda *_: default
+            return self.bind(env) if default is None else lambda *_: default
         read = self.bind(env)
 
         def read_or_default(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
             try:
                 return read(obs, action, reward, info)
-            except AbsentError:
+            except AbsentError as error:
+                if default is None:
+                    raise self.absent(error) from None
                 return default
 
         return read_or_default
+
+    def absent(self, error: AbsentError) -> AbsentError:
+        """The error of a reset that does not give the value: with what to write."""
+        return AbsentError(*_to_give(self.name, str(self.reads), str(error), "at reset"))
+
+    def is_nan(self) -> InputError:
+        """The error of a value that is nan beside one that is unknown at reset."""
+        return InputError(
+            f"signal {self.name!r}: expected a number from {self}, got nan; pass ",
+            Argument("nan", "unknown"),
+            " if nothing is known of it then",
+        )
 
     @property
     def maybe_at_reset(self) -> bool:
@@ -237,10 +286,14 @@ class ParsedSignal:
         try:
             return cast("Callable[..., Any]", self.reads)(*args)
         except Exception as error:
-            if isinstance(error, RtamtError) and str(error).startswith(f"signal {self.name!r}"):
-                raise
-            what = ": ".join(filter(None, (type(error).__name__, str(error))))
-            raise InputError(f"signal {self.name!r}: {self} raised {what}") from error
+            raise self.raised(error) from error
+
+    def raised(self, error: Exception) -> RtamtError:
+        """The error of a callable that has raised one: names the signal, unless it does already."""
+        if isinstance(error, RtamtError) and str(error).startswith(f"signal {self.name!r}"):
+            return error
+        what = ": ".join(filter(None, (type(error).__name__, str(error))))
+        return InputError(f"signal {self.name!r}: {self} raised {what}")
 
     def _element(self, value: object) -> str:
         """The hint of a message about a selector that reads an array or a sequence."""
@@ -259,12 +312,35 @@ class ParsedSignal:
         Raises:
             InputTypeError: If it is no number.
         """
-        if not isinstance(value, _NUMBERS):
+        if not isinstance(value, _NUMBERS) and not _is_scalar(value):
             raise InputTypeError(
                 f"signal {self.name!r}: expected a number from {self}, got {value!r}"
                 + (way_out or self._element(value))
             )
-        return float(value)
+        return float(cast("float", value))
+
+    def numbers(self, values: object, num: int) -> NDArray[Any]:
+        """Turns what was read of many environments into an array.
+
+        Args:
+            values: The values.
+            num: The number of environments.
+
+        Raises:
+            InputTypeError: If they are not a number for each environment.
+        """
+        found = np.asarray(values)
+        if found.shape != (num,) or found.dtype.kind not in "biuf":
+            raise InputTypeError(
+                f"signal {self.name!r}: expected {num} numbers from {self}, one for every "
+                f"environment, got shape {found.shape} and dtype {found.dtype}"
+            )
+        return found
+
+
+def _is_scalar(value: object) -> bool:
+    """Whether it is an array of one number and no dimension, such as ``obs[..., 0]``."""
+    return isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf"
 
 
 _OF_STEP = "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
@@ -278,6 +354,7 @@ def parse_signals(
     agents: Collection[str] = (),
     extra: bool = False,
     own: Mapping[str, Any] | None = None,
+    refuse_nan: bool = False,
 ) -> tuple[ParsedSignal, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
 
@@ -289,6 +366,7 @@ def parse_signals(
         agents: The agents, one of which stands in front of every selector, if there are any.
         extra: Whether signals that no specification reads are allowed; they are recorded.
         own: The signals that the environment names itself, for variables without another.
+        refuse_nan: Whether each of them refuses what it reads and is nan.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.
@@ -319,7 +397,29 @@ def parse_signals(
         )
     if extra:
         names += others
-    return tuple(ParsedSignal.parse(name, known[name], sources, agents) for name in names)
+    parsed = (ParsedSignal.parse(name, known[name], sources, agents) for name in names)
+    return tuple(replace(each, refuses_nan=refuse_nan) for each in parsed)
+
+
+def unknown_at_reset(signals: Mapping[str, Any]) -> list[str]:
+    """The names of the signals that are given with None as their value at reset."""
+    return [
+        name
+        for name, each in signals.items()
+        if isinstance(each, list | tuple) and len(each) == 2 and each[1] is None
+    ]
+
+
+def _to_give(name: str, selector: str, what: str, where: str) -> tuple[object, ...]:
+    """The pieces of an error about a value at reset that is to be given."""
+    pair = f'"{name}": ("{selector}", '
+    return (
+        f"{what}; say what it is {where}, ",
+        Argument("signals", {name: (selector, "VALUE")}, words=f"{pair}VALUE)"),
+        ", or ",
+        Argument("signals", {name: (selector, "unknown")}, words=f"{pair}None)"),
+        " where that is not known: then no always over it can be satisfied",
+    )
 
 
 def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many

@@ -31,6 +31,7 @@ from rtamt_gym.judging.specs import (
     own_requirements,
     why_no_period,
 )
+from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
@@ -108,6 +109,13 @@ class Simulator:
             signals = dict.fromkeys(self.monitor.signals, "")
         else:
             self.specs = _loaded(specs, system, ran.name)
+            if isinstance(self._plain, Environment):
+                known = self._plain.known(signals)
+                read = {name: known.get(name) for name in _variables(self.specs)}
+                reading, refuse_nan = with_unknown_start(reading, read)
+                timed = any(spec.timed for spec in self.specs.values())
+                for each in (self._plain, cast("Environment", ran)):
+                    each.refuses_nan, each.timed = refuse_nan, timed
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
         self._questions: Questions | None = None  # of a `StepMonitor`

@@ -24,6 +24,7 @@ from rtamt_gym.judging.panel import Feed, Panel
 from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.step_time import StepTime, step_time_of
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.entries import refuse_unknown
 from rtamt_gym.simulation.environment_case import EnvironmentCase, baseline_of
@@ -117,11 +118,16 @@ class Environment(System):
         observation: What it has shown last, on which the policy acts next.
         reward: The sum of its rewards since the start; None if they are no numbers.
         reported: Its own ``is_success`` in the info that ended the episode; None without one.
+        refuses_nan: Whether it refuses signals that are nan, as the monitors do not.
+        timed: Whether bounds of specifications hang on its period.
     """
 
     observation: Any = None
     reward: float | None = None
     reported: bool | None = None
+    refuses_nan: bool = False
+    timed: bool = False
+    _watch: StepTime | None = None
 
     def __init__(
         self,
@@ -158,21 +164,40 @@ class Environment(System):
         """The environment with a case: options, attributes, and waveforms for its actions."""
         bound = EnvironmentCase(self._env, case, self.name)
         with bound.attributes():  # one of them may be the period
-            return Environment(
+            made = Environment(
                 self._env, self._policy, self._seed, substeps=self._substeps, case=bound
             )
+        made.refuses_nan, made.timed = self.refuses_nan, self.timed
+        return made
+
+    def known(self, signals: Signals) -> Mapping[str, SignalLike]:
+        """The signals that are given, that the monitor has, and that the environment names."""
+        of_monitor = {} if self._monitor is None else self._monitor.judging.signals or {}
+        return {**own_signals(self._env), **of_monitor, **(signals or {})}
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Binds the selectors and finds who acts."""
         self._step_period = period or Fraction(1)
+        if period is not None:
+            read = self.period is not None and math.isclose(self.period, period)
+            self._watch = step_time_of(
+                self._env,
+                float(period),
+                was_read=read,
+                timed=self.timed,
+                substeps=self._substeps,
+            )
         if self._substeps:
             self._step_period = exact(read_period(self._env) or 1)
-        own = {**own_signals(self._env)}
-        shown: Any = self._env
-        if self._monitor is not None:
-            own |= self._monitor.judging.signals or {}
-            shown = self._monitor.env
-        parsed = parse_signals(signals or {}, variables, SOURCES, extra=True, own=own)
+        shown: Any = self._env if self._monitor is None else self._monitor.env
+        parsed = parse_signals(
+            signals or {},
+            variables,
+            SOURCES,
+            extra=True,
+            own=self.known(None),
+            refuse_nan=self.refuses_nan,
+        )
         self._reads_at_reset = [signal.bind_reset(shown) for signal in parsed]
         if self._substeps:
             self._inside = Inside(self._env, parsed)
@@ -199,7 +224,7 @@ class Environment(System):
             feed: Feeds them with a step.
             most: The greatest number of steps.
         """
-        act, step, obs = self._act, self._env.step, self.observation
+        act, step, obs, watch = self._act, self._env.step, self.observation, self._watch
         settled, steps = panel.settled, 0
         while steps < most:
             steps += 1
@@ -208,6 +233,8 @@ class Environment(System):
             except SystemExit as end:
                 raise exited("the policy", end) from end
             obs, reward, terminated, truncated, info = step(action)
+            if watch is not None:
+                watch.step()
             self.observation = obs
             try:
                 self.reward += float(reward)  # type: ignore[operator]  # None: see `_earn`
@@ -236,6 +263,8 @@ class Environment(System):
             self._ends.enter_context(self._case.attributes())
             self.observation, info = self._env.reset(seed=self._seed, options=self._case.options)
             self._case.check()
+        if self._watch is not None:
+            self._watch.begin()
         seen = self.observation, None, None, info
         if self._monitor is not None:
             seen = self._tap.seen
@@ -260,6 +289,8 @@ class Environment(System):
         else:
             result = self._env.step(action)
         obs, reward, terminated, truncated, info = result
+        if self._watch is not None:
+            self._watch.step(len(self._rest) if self._substeps else 1)
         self.observation = obs
         if self._monitor is not None:
             obs, action, reward, info = self._tap.seen

@@ -43,6 +43,10 @@ class StlMonitor(
     observation after a step with the action and the reward of that step, the terminal observation
     included. Observations, actions and rewards pass through unchanged, but for ``observe=``.
 
+    The info of :meth:`reset` has ``stl_period`` (float), the seconds between two samples, where
+    there is a period. At the first steps it is compared with the time of the simulation, if that
+    has one: a wrapper inside that makes several steps in one would make bounds last longer.
+
     Every ``info``, also from :meth:`reset`, gets
 
     * ``robustness`` (float): the least robustness over the specifications, if the episode ended now
@@ -143,7 +147,7 @@ class StlMonitor(
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_watch"})
 
     @lists_reading(RunReading)
     def __init__(
@@ -171,8 +175,10 @@ class StlMonitor(
             signals: For every variable of the specifications a selector such as ``"obs[2]"``,
                 ``"obs['goal'][0]"``, ``"action[0]"``, ``"reward"``, ``"info['speed']"`` or
                 ``"qpos[1]"``, or a callable of a :class:`rtamt_gym.Step`, or a pair of one of them
-                and its value at reset, which action, reward and info need; a variable that is not
-                among them reads what the environment says in its own ``signals``, as scenarios do
+                and its value at reset, which action and reward need, and info where that of the
+                reset lacks it: a number, or ``None`` for a first sample of which nothing is known;
+                a variable that is not among them reads what the environment says in its own
+                ``signals``, as scenarios do
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode, or only ``"report"`` it
             on_satisfaction: What it does once every specification is certainly satisfied: only
@@ -252,7 +258,8 @@ class StlMonitor(
         panel.begin()
         found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
         states = panel.describe() if self._details else None
-        info = step_info(info, *found, states, None, panel.of_instant, panel.least_progress)
+        told = panel.of_instant, panel.least_progress, self._told_period
+        info = step_info(info, *found, states, None, *told)
         self._running = True
         return obs if self._state is None else self._observed(obs, self.values()), info
 
@@ -268,6 +275,8 @@ class StlMonitor(
             StateError: Before :meth:`reset` and after the end of an episode.
             InputError: If a signal is nan or cannot be read; the episode is over then, and with
                 ``substeps=True`` after any error of the environment.
+            StateError: If the step has lasted longer or shorter than the period that was read, by
+                the time of the simulation, and a specification has bounds.
         """
         if not self._running:
             self._refuse_step()
@@ -335,7 +344,8 @@ class StlMonitor(
             super()._bind_signals()
             return
         self._inside = SubSteps(self.env, self._readings(), self._panel)
-        self._feed: Feed = self._inside.read
+        watch = self._step_time(self.env, substeps=True)
+        self._feed: Feed = self._compared(self._inside.read, watch, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them

@@ -11,9 +11,11 @@ from fractions import Fraction
 from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
 from rtamt import Explanation, InputError, InputTypeError, StateError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.costs import Cost
@@ -33,6 +35,7 @@ from rtamt_gym.judging.specs import (
     own_requirements,
     why_no_period,
 )
+from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import (
@@ -45,6 +48,7 @@ from rtamt_gym.signals.signals import (
     parse_signals,
 )
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.step_time import STEPS, StepTime, step_time_of
 from rtamt_gym.wrappers.observing import Observing
 
 __all__ = [
@@ -105,6 +109,8 @@ class Monitoring(Observing):
 
     env: Any
     _panel: Panel | VectorPanel
+    _watch: StepTime | None = None
+    _compared_steps = 0
 
     def _set_up(
         self,
@@ -117,7 +123,11 @@ class Monitoring(Observing):
         sources: Mapping[str, Source] = SOURCES,
         agents: Collection[str] = (),
     ) -> Judging:
-        """Checks the options, parses specifications and signals, and finds the period."""
+        """Checks the options, parses specifications and signals, and finds the period.
+
+        Returns:
+            The specifications, the signals, and how the monitors are to judge the samples.
+        """
         _refuse_monitored(env)
         for name, choices in _CHOICES.items():
             check_choice(name, options[name], choices)
@@ -136,13 +146,18 @@ class Monitoring(Observing):
         self._cost = options["cost"]
         loaded = load_specs(specs, own_requirements(env))
         variables = [name for spec in loaded.values() for name in spec.variables]
-        given = {} if signals is None else signals
+        given, own = ({} if signals is None else signals), own_signals(env)
+        read = {name: (given if name in given else own).get(name) for name in variables}
+        cost = self._cost
+        needy = () if cost is None else (Argument("cost", cost),)
+        of_monitors, refuse_nan = with_unknown_start(reading, read, *needy)
         self._signals = parse_signals(
-            given, variables, sources, agents=agents, own=own_signals(env)
+            given, variables, sources, agents=agents, own=own, refuse_nan=refuse_nan
         )
         timed = any(spec.timed for spec in loaded.values())
-        self._read_period = read_period
+        self._read_period, self._timed = read_period, timed
         period, self._guards_period = reading.period, False
+        self._has_read_period = period is None
         if period is None:
             period = read_period(env)
             self._guards_period = timed and period is not None
@@ -150,16 +165,35 @@ class Monitoring(Observing):
             period = ask_another(env)
             check_period(loaded, period, env.unwrapped, why_no_period(env))
         self._judging = Judging(loaded, signals, reading.having(period=period).whole(RunReading))
-        return self._judging
+        self._of_monitors = of_monitors.having(period=period).whole(RunReading)
+        return self._judging._replace(reading=self._of_monitors)
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401
-        """Refuses an environment that has changed its period since the wrapper was made."""
+        """Refuses an environment that has changed its period since the wrapper was made.
+
+        Called at a reset, whose time is that of sample 0.
+        """
+        if self._watch is not None:
+            self._watch.begin()
         period = self._judging.reading.period
         if self._guards_period and self._read_period(env) != period:
             raise StateError(
                 f"expected the period of {period} s that {env.unwrapped} had at "
                 f"construction, got {self._read_period(env)} s; wrap it again, or give period="
             )
+
+    def _step_time(self, env: Env, *, substeps: bool = False) -> StepTime | None:
+        """What compares the first steps of an environment with its own time; None: nothing."""
+        period = self._panel.period
+        if period is None:
+            return None
+        return step_time_of(
+            env,
+            float(period),
+            was_read=self._has_read_period,
+            timed=self._timed,
+            substeps=substeps,
+        )
 
     def _tell(self) -> None:
         """Warns, once each, of an end that satisfied what was open and of an own ``is_success``.
@@ -182,6 +216,11 @@ class Monitoring(Observing):
     def judging(self) -> Judging:
         """What it monitors and how; every option of its reading counts as given."""
         return self._judging
+
+    @property
+    def unknown_allowed(self) -> bool:
+        """Whether its monitors take a nan for unknown."""
+        return self._of_monitors.nan == "unknown"
 
     @contextmanager
     def tapped(self, tap: Any) -> Iterator[None]:  # noqa: ANN401 - an environment, or many
@@ -214,6 +253,24 @@ class Monitoring(Observing):
         found = self._panel.track_obligations()
         self._bind_signals()  # what feeds samples was made without
         return found
+
+    def __repr__(self) -> str:
+        """The environment in its wrappers, with the time between two samples."""
+        panel = getattr(self, "_panel", None)  # an error in the construction may write it
+        period = None if panel is None else panel.period
+        told = "no period" if period is None else f"period {float(period):g} s"
+        return f"<{type(self).__name__}{self.env}, {told}>"
+
+    __str__ = __repr__
+
+    def describe(self) -> dict[str, dict[str, Any]]:
+        """The state of every specification, as ``info["stl"]`` has it, and ``period`` in seconds.
+
+        Of many environments there are arrays. Without a period there is none.
+        """
+        period = self._panel.period
+        told = {} if period is None else {"period": float(period)}
+        return {name: {**state, **told} for name, state in self._panel.describe().items()}
 
     @property
     def cost(self) -> Cost | None:
@@ -270,10 +327,6 @@ class EpisodeMonitoring(Monitoring):
         name, at = self._panel.violated_by, self._panel.violated_at
         return None if name is None or at is None else (name, at)
 
-    def describe(self) -> dict[str, dict[str, Any]]:
-        """The state of every specification, as ``info["stl"]`` has it."""
-        return self._panel.describe()
-
     @property
     def samples(self) -> int:
         """Samples fed since :meth:`reset`, counting the sample of the reset."""
@@ -325,13 +378,37 @@ class EpisodeMonitoring(Monitoring):
         formula = root if source is judge else root.args[0]  # the judge's is always(formula)
         return titled(judge.explain(), name, formula)
 
+    @property
+    def _told_period(self) -> np.float64 | None:
+        """What the info of a reset says of the period."""
+        period = self._panel.period
+        return None if period is None else np.float64(period)
+
     def _bind_signals(self) -> None:
         signals = self._readings()
         names = [signal.name for signal in signals]
         reads = [signal.bind(self.env) for signal in signals]
         reset_reads = [signal.bind_reset(self.env) for signal in signals]
-        self._feed: Feed = self._panel.feeder(names, reads)
+        self._feed: Feed = self._compared(
+            self._panel.feeder(names, reads), self._step_time(self.env)
+        )
         self._feed_reset: Feed = self._panel.feeder(names, reset_reads)
+
+    def _compared(self, feed: Feed, watch: StepTime | None, *, substeps: bool = False) -> Feed:
+        """The function that feeds; at the first steps it is one that looks at the time too."""
+        self._watch = watch
+        if watch is None or self._compared_steps >= STEPS:
+            return feed
+        panel = self._panel
+
+        def compare_and_feed(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
+            watch.step(panel.samples - 1 - watch.samples if substeps else 1)
+            self._compared_steps = STEPS - watch.left
+            if not watch.left:
+                self._feed, self._watch = feed, None
+            return feed(*step)
+
+        return compare_and_feed
 
     def _readings(self) -> Sequence[ParsedSignal]:
         """The signals; where somebody wants to see them, such that their values are kept."""
@@ -339,7 +416,8 @@ class EpisodeMonitoring(Monitoring):
         if newest is None:
             return self._signals
         return [
-            _Kept(each.name, each.reads, each.default, each.row, newest) for each in self._signals
+            _Kept(each.name, each.reads, each.default, each.row, each.refuses_nan, newest)
+            for each in self._signals
         ]
 
     def _refuse_step(self) -> NoReturn:

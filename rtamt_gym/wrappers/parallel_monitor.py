@@ -124,7 +124,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_feed", "_feed_reset"})
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_watch"})
     env: Any
 
     @lists_reading(EpisodeReading)
@@ -150,7 +150,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             signals: For every variable of the specifications a selector with its agent in front,
                 such as ``"agent_0: obs[2]"`` or ``"'agent 0': info['speed']"``, or a callable of a
                 :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
-                reset, which action, reward and info need; or in the environment's own ``signals``
+                reset, which action and reward need; or in the environment's own ``signals``
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode of all agents, or only ``"report"`` it
             on_satisfaction: The same once every specification is certainly satisfied; by default
@@ -227,7 +227,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         self._panel.reset()
         found = self._feed_reset(obs, None, None, infos)
         self._panel.begin()
-        infos = self._inform(self.env.agents, infos, *found)
+        infos = self._inform(self.env.agents, infos, *found, period=self._told_period)
         self._running = True
         return obs, infos
 
@@ -295,6 +295,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         lower: float,
         upper: float,
         costs: Mapping[str, Any] | None = None,
+        period: np.float64 | None = None,
     ) -> Infos:
         """The infos with the keys that every info has, for these agents."""
         panel = self._panel
@@ -312,6 +313,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
                 costs,
                 panel.of_instant,
                 panel.least_progress,
+                period,
             )
         return {**infos, **made}
 

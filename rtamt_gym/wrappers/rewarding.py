@@ -81,7 +81,7 @@ class Rewarding(Observing):
         Raises:
             InputError: If a specification reads an unknown value of the sample of a reset.
         """
-        if self._monitor.judging.reading.nan != "unknown":
+        if not self._monitor.unknown_allowed:
             return
         for name, (_, judge) in self._monitor.monitors.items():
             unknown = judge.unknown

@@ -8,7 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import AutoresetMode, VectorWrapper
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import StateError
@@ -29,6 +29,7 @@ from rtamt_gym.judging.vector_infos import final_infos, final_observations, key_
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.signals.step_time import STEPS
 from rtamt_gym.wrappers.monitoring import (
     Monitoring,
     OnSatisfaction,
@@ -152,11 +153,12 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     wrap each environment with :class:`StlMonitor`.
 
     Signals are read for all environments at once: ``"obs[2]"`` is column 2 of the observations. A
-    callable gets the whole batch as a :class:`rtamt_gym.Step`, and returns an array with one number
-    for each environment; for those that begin an episode it is called with ``action`` and
-    ``reward`` None. Selectors that read simulations, such as ``"qpos[1]"``, need a
-    ``SyncVectorEnv``, whose environments are read one by one. For samples inside a step,
-    ``substeps=True``, wrap each environment with :class:`StlMonitor` too.
+    function is called for each environment, with the :class:`rtamt_gym.Step` that
+    :class:`StlMonitor` around it would give; :func:`rtamt_gym.batched` marks one that gets the
+    whole batch and returns an array with one number for each environment. Selectors that read
+    simulations, such as ``"qpos[1]"``, need a ``SyncVectorEnv``, whose environments are read one by
+    one. For samples inside a step, ``substeps=True``, wrap each environment with
+    :class:`StlMonitor` too.
 
     With ``SAME_STEP``, what ``observe="state"`` appends is appended to ``final_obs`` too.
 
@@ -189,7 +191,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_columns"})
+    _UNPICKLED = frozenset({"_columns", "_times"})
     _panel: VectorPanel
 
     @lists_reading(EpisodeReading)
@@ -211,10 +213,11 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
         It takes the arguments of :class:`StlMonitor`, except that ``env`` is a vector environment,
-        that a callable signal reads all environments at once, that for the period of an
-        ``AsyncVectorEnv`` one more environment is made and closed if a specification has bounds,
-        and that ``on_violation`` is ``"report"`` by default; it and ``on_satisfaction`` may be
-        ``"terminate"`` or ``"truncate"`` only with ``AutoresetMode.DISABLED``.
+        that a function that :func:`rtamt_gym.batched` marks reads all environments at once, that
+        for the period of an ``AsyncVectorEnv`` one more environment is made and closed if a
+        specification has bounds, and that ``on_violation`` is ``"report"`` by default; it and
+        ``on_satisfaction`` may be ``"terminate"`` or ``"truncate"`` only with
+        ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
@@ -278,12 +281,14 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             self._check_period(self.env)
             if "stl_violated" in infos:  # of environments that cannot be looked into
                 refuse_monitored("StlMonitor", " around each of its environments")
+        self._begin_times(lanes)
         table = self._columns.reset(obs, infos, lanes)
         if mask is not None:
             self._columns.check_untouched(table, self._table, ~mask)
         infos = dict(infos)
         self._begin(table, mask)
         self._report(infos, mask)
+        self._report_period(infos, lanes)
         if self._done is not None:
             self._done = _some(self._done & ~lanes)
         self._running = True
@@ -311,6 +316,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         self._running = False
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
+        self._compare_times(begun if resets is None else resets)
         shown, said = (obs, infos) if resets is None else self._at_end(obs, infos, resets)
         self._table = self._columns.step(shown, actions, rewards, said, begun)
         if begun is not None:
@@ -335,8 +341,10 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             self.terminal = self.values()
             self._begin(self._columns.reset(obs, infos, resets), resets)
             self._report(infos, None, costs, ~resets)
+            self._report_period(infos, resets)
         else:
             self._report(infos, None, costs, stepped)
+            self._report_period(infos, begun)
             if ended is not None:
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
@@ -366,6 +374,41 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(self._signals, self.env, same_step=same_step)
+        base = self.env.unwrapped
+        envs = base.envs if isinstance(base, SyncVectorEnv) else ()
+        found = [self._step_time(each) for each in envs]
+        times = [each for each in found if each is not None]
+        # Of the first steps since the construction, and not of those of every copy.
+        self._times = times if len(times) == len(found) > 0 and not self._compared_steps else None
+
+    def _begin_times(self, lanes: Lanes) -> None:
+        for lane, time in enumerate(self._times or ()):
+            if lanes[lane]:
+                time.begin()
+
+    def _compare_times(self, again: Lanes | None) -> None:
+        """Compares the steps of all environments with their own times.
+
+        The step has reset the environments ``again``; None: none.
+        """
+        times = self._times
+        if times is None:
+            return
+        for lane, time in enumerate(times):
+            if again is not None and again[lane]:
+                time.begin()
+            else:
+                time.step()
+            if time.told:  # of all, once
+                break
+        if not all(time.left for time in times):
+            self._times, self._compared_steps = None, STEPS
+
+    def _report_period(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
+        """Tells the environments of the mask, whose episodes begin, the period; None: none."""
+        period = self._panel.period
+        if period is not None and lanes is not None:
+            put(infos, "stl_period", np.full(self.num_envs, float(period)), lanes, self.num_envs)
 
     def _begun(self) -> Lanes | None:
         """The environments that the next step resets; None if none."""

@@ -109,6 +109,8 @@ def report(
         }
         mark = {"of_instant": True} if options.view == "step" else {}
         info |= {f"stl_{key}": each for key, each in mark.items()}
+        if t == 0:
+            info["stl_period"] = np.float64(1.0)  # bounds count samples
         if options.details:
             info["stl"] = {name: _state(it) | mark for name, it in decided.items()}
         if t and options.cost:

@@ -183,12 +183,17 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "run CartPole-v1 --spec always(x<1) --signal x=action",
             (
                 "signal 'x': action has no value at reset; "
-                'say what it is there: --signal "x=action,0"'
+                'say what it is there, --signal "x=action,VALUE", or --signal '
+                '"x=action,unknown" where that is not known: then no always over it can be '
+                "satisfied"
             ),
         ),
         (
             "run CartPole-v1 --spec always(x<1) --signal x=action,up",
-            "--signal: expected a number behind the comma, the value at reset, got 'x=action,up'",
+            (
+                "--signal: expected a number behind the comma, the value at reset, or unknown, "
+                "got 'x=action,up'"
+            ),
         ),
         (
             "run CartPole-v1 --spec always(x<1) --signal x",

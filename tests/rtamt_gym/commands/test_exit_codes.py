@@ -205,13 +205,16 @@ def test_an_empty_cell_beside_an_odd_one_does_not_hide_it(folder: Path, capsys: 
         (
             ["--signal", "u=action[0],1_0"],
             (
-                "--signal: expected a number behind the comma, the value at reset, "
+                "--signal: expected a number behind the comma, the value at reset, or unknown, "
                 "got 'u=action[0],1_0'"
             ),
         ),
         (
             ["--signal", "u=action[0],٣"],
-            "--signal: expected a number behind the comma, the value at reset, got 'u=action[0],٣'",
+            (
+                "--signal: expected a number behind the comma, the value at reset, or unknown, "
+                "got 'u=action[0],٣'"
+            ),
         ),
         (["--seed", "٣"], "argument --seed: expected a whole number, got '٣'"),
         (

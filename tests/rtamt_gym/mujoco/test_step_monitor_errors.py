@@ -47,7 +47,7 @@ X = {"x": "qpos[0]"}
             {"signals": {"x": ("qpos[0]", 0.0)}},
             InputError,
             (
-                "signal 'x': qpos[0] has a value at reset, which the default 0.0 would hide; "
+                "signal 'x': qpos[0] has a value at reset, which 0.0 would hide; "
                 'write "x": "qpos[0]"'
             ),
         ),

@@ -190,23 +190,25 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             "action[0]",
             InputError,
             (
-                "signal 'x': action[0] has no value at reset; say what it is there: "
-                '"x": ("action[0]", 0.0)'
+                "signal 'x': action[0] has no value at reset; say what it is there, "
+                '"x": ("action[0]", VALUE), or "x": ("action[0]", None) where that is not known: '
+                "then no always over it can be satisfied"
             ),
         ),
         (
             "reward",
             InputError,
             (
-                "signal 'x': reward has no value at reset; say what it is there: "
-                '"x": ("reward", 0.0)'
+                "signal 'x': reward has no value at reset; say what it is there, "
+                '"x": ("reward", VALUE), or "x": ("reward", None) where that is not known: then '
+                "no always over it can be satisfied"
             ),
         ),
         (
             ("obs[0]", 0.0),
             InputError,
             (
-                "signal 'x': obs[0] has a value at reset, which the default 0.0 would hide; "
+                "signal 'x': obs[0] has a value at reset, which 0.0 would hide; "
                 'write "x": "obs[0]"'
             ),
         ),

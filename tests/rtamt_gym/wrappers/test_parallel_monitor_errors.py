@@ -58,8 +58,9 @@ class One(gym.Env[Any, Any]):
             {"signals": {**GAP, "x": "lead: action[0]"}},
             InputError,
             (
-                "signal 'x': lead: action[0] has no value at reset; say what it is there: "
-                '"x": ("lead: action[0]", 0.0)'
+                "signal 'x': lead: action[0] has no value at reset; say what it is there, "
+                '"x": ("lead: action[0]", VALUE), or "x": ("lead: action[0]", None) where that is '
+                "not known: then no always over it can be satisfied"
             ),
         ),
         (

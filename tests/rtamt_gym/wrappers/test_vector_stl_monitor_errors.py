@@ -14,7 +14,7 @@ from replay import Replay, X
 from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
-from rtamt_gym import VectorStlMonitor
+from rtamt_gym import VectorStlMonitor, batched
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (
@@ -269,11 +269,11 @@ def told(*infos: dict[str, Any]) -> Envs:
         ),
         (
             [{}, {}],
-            len,
+            batched(len),
             InputTypeError,
             (
-                "signal 'x': expected 2 numbers from len, one for every environment, got shape () "
-                "and dtype int64"
+                "signal 'x': expected 2 numbers from batched(len), one for every environment, got "
+                "shape () and dtype int64"
             ),
         ),
     ],

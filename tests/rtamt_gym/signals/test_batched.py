@@ -1,0 +1,335 @@
+"""A function is a signal of one environment, in vector environments too; `batched` marks others."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from pole_functions import drift, energies, energy, sideways
+from vector_environments import MODES, difference, sync, trajectory
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym import (
+    ParallelStlMonitor,
+    Step,
+    StepMonitor,
+    StlMonitor,
+    VectorStlMonitor,
+    VectorStlReward,
+    batched,
+    evaluate_policy,
+    relabel,
+    simulate,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+
+SPEC = "always[0:1](x < 1)"
+FOUR = 4
+
+
+def pole() -> gym.Env[Any, Any]:
+    return gym.make("CartPole-v1", max_episode_steps=12)
+
+
+def poles(mode: AutoresetMode = AutoresetMode.NEXT_STEP) -> Any:  # noqa: ANN401
+    return sync([pole] * FOUR, mode)
+
+
+def native(num: int = FOUR) -> Any:  # noqa: ANN401
+    return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
+
+
+def first(envs: Any, seed: int = 3) -> Any:  # noqa: ANN401
+    return envs.reset(seed=seed)[1]["robustness"].tolist()
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("read", [sideways, drift, energy], ids=["obs", "action", "marked"])
+def test_a_function_reads_each_environment_as_if_it_stood_alone(
+    mode: AutoresetMode, read: Callable[[Step], Any]
+) -> None:
+
+    signals = {"x": read}
+
+    def wrapped() -> gym.Env[Any, Any]:
+        return StlMonitor(pole(), SPEC, signals, on_violation="report")
+
+    together = VectorStlMonitor(poles(mode), SPEC, signals)
+    singles = sync([wrapped] * FOUR, mode)
+    assert difference(trajectory(together, 40), trajectory(singles, 40)) == ""
+
+
+def test_a_native_environment_is_read_lane_by_lane() -> None:
+    obs, _ = native().reset(seed=3)
+    expected = (1.0 - (obs[:, 0] - obs[:, 2]).astype(np.float64)).tolist()
+    assert first(VectorStlMonitor(native(), SPEC, {"x": sideways})) == pytest.approx(expected)
+
+
+def test_environments_in_other_processes_are_read_lane_by_lane() -> None:
+    apart = AsyncVectorEnv([pole] * FOUR)
+    both = []
+    for envs in (apart, poles()):
+        monitor = VectorStlReward(
+            envs, "always[0:1](x + u < 1)", {"x": sideways, "u": drift}, mode="add", period=0.02
+        )
+        both.append(trajectory(monitor, 15))
+        monitor.close()
+    assert difference(both[0], both[1]) == ""
+
+
+class Told(gym.Env[Any, Any]):
+    """Its numbers are its own: in the info, behind attributes, and deep in the observation."""
+
+    observation_space = spaces.Dict({"at": spaces.Discrete(9), "deep": spaces.Box(-9, 9, (2,))})
+    action_space = spaces.Box(-1, 1, (1,))
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+        super().reset(seed=seed, options=options)
+        return self.shown(), {"begun": True}
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401
+        info = {"deep": {"n": 0.5 * self.number}, "name": "told"}
+        return self.shown(), float(action[0]), False, False, info
+
+    def shown(self) -> dict[str, Any]:
+        return {"at": self.number, "deep": np.full(2, self.number, np.float32)}
+
+
+def of_told(step: Step) -> Any:  # noqa: ANN401
+    value = step.obs["at"] + 10.0 * step.obs["deep"][1] + 100.0 * step.env.unwrapped.number
+    if step.action is None:
+        return value if step.info == {"begun": True} and step.reward is None else -1.0
+    return value + step.action[0] + step.reward + step.info["deep"]["n"] + len(step.info["name"])
+
+
+def test_a_lane_has_its_own_observation_action_reward_info_and_environment() -> None:
+    makes = [functools.partial(Told, number) for number in (1, 2, 5)]
+    envs = VectorStlMonitor(sync(makes, AutoresetMode.NEXT_STEP), "always(x < 0)", {"x": of_told})
+    _, infos = envs.reset()
+    assert infos["robustness"].tolist() == [-111.0, -222.0, -555.0]
+    actions = np.array([[0.5], [-0.5], [0.25]], np.float32)
+    *_, infos = envs.step(actions)
+    assert infos["robustness"].tolist() == [-116.5, -226.0 + 0.0, -562.0]
+
+
+@pytest.mark.parametrize(
+    ("envs", "why"),
+    [
+        (native, "its environments cannot be looked into"),
+        (
+            functools.partial(poles, AutoresetMode.SAME_STEP),
+            "with AutoresetMode.SAME_STEP they are reset before the end is seen",
+        ),
+    ],
+)
+def test_an_environment_out_of_reach_is_not_taken_for_all_of_them(
+    envs: Callable[[], Any], why: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(envs(), SPEC, {"x": lambda step: step.env.unwrapped.state[0]}).reset()
+    text = str(caught.value)
+    assert text.startswith("signal 'x': ")
+    assert "step.env.unwrapped of environment 0 cannot be read from " in text
+    assert f": {why}; read step.obs or step.info, or wrap each environment" in text
+
+
+@pytest.mark.parametrize(
+    "read", [lambda step: step.obs[:, 0], lambda step: step.obs[..., :, 0].tolist()]
+)
+def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
+    read: Callable[[Step], Any],
+) -> None:
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(native(), SPEC, {"x": read}).reset(seed=3)
+    assert str(caught.value).endswith(
+        "; the function is called for each environment, and for the batch of all it gives 4 "
+        f"numbers: mark it, rtamt_gym.batched({read.__qualname__})"
+    )
+
+
+def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        VectorStlMonitor(native(3), SPEC, {"x": lambda step: step.obs}).reset()
+    assert str(caught.value).endswith(
+        "; a function is given the rtamt_gym.Step of one environment, such as "
+        "lambda step: step.obs[0]"
+    )
+
+
+def test_a_marked_function_is_called_once_a_step_after_its_first_calls() -> None:
+    sizes: list[int] = []
+
+    def count(step: Step) -> Any:  # noqa: ANN401
+        sizes.append(len(step.obs))
+        return step.obs[:, 0]
+
+    envs = VectorStlMonitor(native(), SPEC, {"x": batched(count)})
+    envs.reset(seed=3)
+    envs.step(np.ones(FOUR, np.int64))
+    assert sizes == [4, 1, 1, 1, 1] * 2
+    envs.step(np.ones(FOUR, np.int64))
+    envs.reset(seed=4)
+    assert sizes[10:] == [4, 4]
+
+
+@pytest.mark.parametrize(
+    ("read", "says"),
+    [
+        (
+            lambda step: step.obs[0] - step.obs[2],
+            "for environment 0 among all 4, and for it alone: batched(",
+        ),
+        (lambda step: step.obs[0], "for environment 1 among all 4, and "),
+        (
+            lambda step: step.obs[:, 0] - step.obs[:, 0].mean(),
+            "for environment 0 among all 4, and 0 for it alone",
+        ),
+        (
+            lambda step: step.obs.mean(axis=0)[: len(step.obs)],
+            "for environment 0 among all 4, and ",
+        ),
+        (
+            lambda step: np.zeros(4) if len(step.obs) == 4 else np.zeros((1, 2)),
+            "gives 0 for environment 0 among all 4, and for it alone an array of shape (1, 2)",
+        ),
+    ],
+)
+def test_a_marked_function_that_mixes_environments_is_refused(
+    read: Callable[[Step], Any], says: str
+) -> None:
+    envs = VectorStlMonitor(native(), SPEC, {"x": batched(read)})
+    with pytest.raises(InputError) as caught:
+        envs.reset(seed=3)
+    text = str(caught.value)
+    assert text.startswith("signal 'x': batched(")
+    assert says in text
+    assert text.endswith(
+        "; a function of batches keeps environments apart, as lambda step: step.obs[:, 0] does; "
+        "leave batched out for a function of one environment"
+    )
+
+
+def test_what_mixes_environments_at_steps_alone_is_refused_there() -> None:
+    def mixed(step: Step) -> Any:  # noqa: ANN401
+        if step.action is None:
+            return step.obs[:, 0]
+        return step.obs[:, 0] * len(step.obs)
+
+    envs = VectorStlMonitor(native(), SPEC, {"x": batched(mixed)})
+    envs.reset(seed=3)
+    with pytest.raises(InputError, match=r"gives .* for environment 0 among all 4, and .* alone"):
+        envs.step(np.ones(FOUR, np.int64))
+
+
+def test_a_marked_function_may_read_the_vector_environment_itself() -> None:
+    envs = VectorStlMonitor(
+        native(), SPEC, {"x": batched(lambda step: step.env.unwrapped.state[2])}
+    )
+    obs, infos = envs.reset(seed=3)
+    assert infos["robustness"].tolist() == pytest.approx((1.0 - obs[:, 2]).tolist(), abs=1e-6)
+
+
+@pytest.mark.parametrize("n_envs", [1, 3])
+def test_an_evaluation_reads_both_kinds_alike_however_many_run_side_by_side(n_envs: int) -> None:
+    found = [
+        evaluate_policy(
+            "zero", "CartPole-v1", "always(x < 0.2)", {"x": read}, episodes=4, n_envs=n_envs
+        )
+        for read in (sideways, batched(lambda step: step.obs[:, 0] - step.obs[:, 2]))
+    ]
+    rows = [[row.outcomes["spec"].robustness for row in each.record] for each in found]
+    assert rows[0] == rows[1]
+    vector = evaluate_policy("zero", poles(), "always(x < 0.2)", {"x": sideways}, episodes=4)
+    assert len(vector.record) == 4
+
+
+def test_one_environment_gives_a_batch_of_one() -> None:
+    shapes = []
+
+    def look(step: Step) -> Any:  # noqa: ANN401
+        shapes.append((step.obs["deep"].shape, step.obs["at"].shape, step.info))
+        return step.obs["deep"][:, 0]
+
+    run = simulate(
+        Told(2), "always(x > 0)", {"x": batched(look)}, policy=lambda _: [0.5], duration=2, period=1
+    )
+    assert run.signals["x"].tolist() == [2.0, 2.0, 2.0]
+    assert shapes[0][:2] == ((1, 2), (1,))
+    assert shapes[0][2] == {"begun": np.array([True]), "_begun": np.array([True])}
+    assert shapes[1][2]["deep"]["n"].tolist() == [1.0]
+    assert shapes[1][2]["name"].tolist() == ["told"]
+
+
+def test_recorded_episodes_are_read_at_once_by_a_marked_function() -> None:
+    episode = {
+        "observations": [[0.5, 1.0], [0.2, 2.0], [0.1, 0.5]],
+        "actions": [[0.0], [1.0]],
+        "rewards": [1.0, 2.0],
+        "terminations": [False, False],
+        "truncations": [False, True],
+    }
+    sizes = []
+
+    def difference_of(step: Step) -> Any:  # noqa: ANN401
+        assert step.env is None
+        sizes.append(len(step.obs))
+        return step.obs[:, 0] - step.obs[:, 1]
+
+    both = [
+        relabel([episode] * 3, "always(x < 1)", {"x": read})
+        for read in (batched(difference_of), lambda step: step.obs[0] - step.obs[1])
+    ]
+    assert both[0][2].infos["robustness"].tolist() == both[1][2].infos["robustness"].tolist()
+    assert sizes == [1, 1, 2, 1, 1, 1, 2, 1, 2]
+
+
+def test_marked_functions_are_refused_where_there_are_no_batches() -> None:
+    import mujoco  # type: ignore[import-untyped]
+
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody>'
+        "</mujoco>"
+    )
+    message = (
+        "signal 'x': batched(_energy) is for batches of environments of Gymnasium, and there are "
+        "none here; leave batched out, for a function of one"
+    )
+    with pytest.raises(InputError) as caught:
+        StepMonitor(model, mujoco.MjData(model), "always(x < 1)", {"x": energy})  # type: ignore[dict-item]  # what is refused
+    assert str(caught.value) == message
+
+    class Pair:
+        possible_agents = ("a", "b")
+        unwrapped: Any = None
+
+    with pytest.raises(InputError) as caught:
+        ParallelStlMonitor(Pair(), "always(x < 1)", {"x": energy})
+    assert str(caught.value) == message
+
+
+def test_a_marked_function_is_copied_pickled_and_compared_as_functions_are() -> None:
+    assert pickle.loads(pickle.dumps(energy)) == energy
+    assert copy.deepcopy(energies) is energies
+    assert pickle.loads(pickle.dumps(energies)) is energies  # marked where it is defined
+    assert batched(energy) is energy
+    assert energy == batched(energy.function)
+    assert len({energy, batched(energy.function)}) == 1
+    envs = VectorStlMonitor(poles(), SPEC, {"x": energies})
+    envs.reset(seed=1)
+    again = pickle.loads(pickle.dumps(envs))
+    actions = np.ones(FOUR, np.int64)
+    assert difference([again.step(actions)], [envs.step(actions)]) == ""
+    with pytest.raises(InputTypeError, match=r"^expected a function of a rtamt_gym.Step to mark"):
+        batched("obs[2]")  # type: ignore[arg-type]  # what is refused

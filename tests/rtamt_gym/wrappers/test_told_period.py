@@ -1,0 +1,289 @@
+"""The period of the samples is told, and compared with the time of the simulation."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import pickle
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RepeatAction
+from vector_environments import MODES, Make, difference, native, sync, trajectory
+
+from rtamt import InputError, SpecificationError, StateError
+from rtamt_gym import (
+    ParallelStlMonitor,
+    StlMonitor,
+    StlReward,
+    VectorStlMonitor,
+    VectorStlReward,
+    evaluate_policy,
+    simulate,
+)
+from rtamt_gym.judging.specs import why_no_period
+
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+
+
+TIMED, UNTIMED = "always(eventually[0:3](x < 1))", "always(x < 9)"
+X = {"x": "obs[0]"}
+
+
+class Repeat(gym.Wrapper[Any, Any, Any, Any]):
+    """An action repeat of one's own, which says nothing of itself."""
+
+    def __init__(self, env: gym.Env[Any, Any], times: int = 4) -> None:
+        super().__init__(env)
+        self.times = times
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401
+        for _ in range(self.times):
+            result = self.env.step(action)
+            if result[2] or result[3]:
+                break
+        return result
+
+
+def pole() -> gym.Env[Any, Any]:
+    return gym.make("CartPole-v1", max_episode_steps=30)
+
+
+def reacher() -> gym.Env[Any, Any]:
+    return gym.make("Reacher-v5")
+
+
+def highway() -> gym.Env[Any, Any]:
+    return gym.make("highway_env:parking-v0", disable_env_checker=True)
+
+
+def repeated(make: Make) -> gym.Env[Any, Any]:
+    return Repeat(make())
+
+
+def actions(env: Any, steps: int = 14) -> None:  # noqa: ANN401
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(steps):
+        ended = env.step(env.action_space.sample())
+        if np.any(ended[2]) or np.any(ended[3]):
+            env.reset()
+
+
+def test_the_period_is_printed_described_and_in_the_info_of_a_reset() -> None:
+    env = StlMonitor(pole(), TIMED, X)
+    assert str(env) == repr(env) == f"<StlMonitor{env.env}, period 0.02 s>"
+    assert str(StlReward(env, mode="add")) == f"<StlReward{env}>"
+    for _ in range(2):
+        _, info = env.reset(seed=1)
+        assert info["stl_period"] == 0.02
+        assert type(info["stl_period"]) is np.float64
+    *_, info = env.step(0)
+    assert "stl_period" not in info
+    assert env.describe()["spec"]["period"] == 0.02
+    counted = StlMonitor(pole(), TIMED, X, period=1)
+    assert str(counted).endswith(", period 1 s>")
+    assert counted.reset()[1]["stl_period"] == 1.0
+
+    class Untold(gym.Env[Any, Any]):
+        observation_space, action_space = spaces.Box(-1, 1, (1,)), spaces.Discrete(2)
+
+        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+            return np.zeros(1, np.float32), {}
+
+    untold = StlMonitor(Untold(), UNTIMED, X)
+    assert str(untold).endswith(", no period>")
+    assert "stl_period" not in untold.reset()[1]
+    assert "period" not in untold.describe()["spec"]
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_many_environments_tell_it_where_episodes_begin(mode: AutoresetMode) -> None:
+    def wrapped() -> gym.Env[Any, Any]:
+        return StlMonitor(pole(), TIMED, X, on_violation="report")
+
+    together = VectorStlMonitor(sync([pole] * 3, mode), TIMED, X)
+    singles = sync([wrapped] * 3, mode)
+    shown = trajectory(together, 40)
+    assert difference(shown, trajectory(singles, 40)) == ""
+    told = [row[-1].get("_stl_period", np.zeros(3, bool)) for row in shown]
+    assert told[0].all()
+    assert 1 <= sum(bool(each.any()) for each in told[1:]) < 30
+    assert str(together) == f"<VectorStlMonitor{together.env}, period 0.02 s>"
+    assert together.describe()["spec"]["period"] == 0.02
+    assert together.describe()["spec"]["robustness"].shape == (3,)
+
+
+def test_agents_are_told_it_too() -> None:
+    class One:
+        possible_agents = agents = ("a",)
+        dt = 0.25
+
+        @property
+        def unwrapped(self) -> Any:  # noqa: ANN401
+            return self
+
+        def observation_space(self, _: str) -> Any:  # noqa: ANN401
+            return spaces.Box(-1, 1, (1,))
+
+        def action_space(self, _: str) -> Any:  # noqa: ANN401
+            return spaces.Discrete(2)
+
+        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+            return {"a": np.zeros(1)}, {"a": {}}
+
+    env = ParallelStlMonitor(One(), TIMED, {"x": "a: obs[0]"})
+    assert env.reset()[1]["a"]["stl_period"] == 0.25
+    assert str(env).endswith(", period 0.25 s>")
+    assert env.describe()["spec"]["period"] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("make", "period", "time"),
+    [
+        (pole, 0.02, "the steps that its TimeLimit counts"),
+        (reacher, 0.02, "data.time"),
+        (highway, 0.2, "time"),
+    ],
+    ids=["counted", "mujoco", "highway"],
+)
+def test_an_action_repeat_of_ones_own_is_noticed(make: Make, period: float, time: str) -> None:
+    signals = {"x": "vehicle.speed"} if make is highway else X
+    actions(StlMonitor(make(), TIMED, signals, align="outward"))
+    env = repeated(make)
+    monitor = StlMonitor(env, TIMED, signals, align="outward")
+    monitor.reset(seed=1)
+    with pytest.raises(StateError) as caught:
+        monitor.step(monitor.action_space.sample())
+    says = (
+        f"expected samples {period:g} s apart, as {env.unwrapped} says, got {4 * period:g} s by "
+        f"{time}: bounds last 4 times what they say; where a wrapper inside makes several steps in "
+        f"one, give period={4 * period:g}, or put the monitor inside of it"
+    )
+    assert str(caught.value) == says
+    with pytest.raises(StateError, match="call reset"):
+        monitor.step(monitor.action_space.sample())
+    monitor.reset(seed=1)
+    with pytest.raises(StateError, match="bounds last 4 times"):
+        monitor.step(monitor.action_space.sample())
+    actions(StlMonitor(env, TIMED, signals, period=4 * period, align="outward"), 1)
+    actions(Repeat(StlMonitor(make(), TIMED, signals, align="outward")), 2)
+    with pytest.raises(StateError) as caught:
+        simulate(
+            env, TIMED, signals, policy=lambda _: env.action_space.sample(), seed=1, align="outward"
+        )
+    assert str(caught.value) == says
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("make", [pole, reacher], ids=["counted", "mujoco"])
+def test_each_of_many_environments_is_compared(make: Make, mode: AutoresetMode) -> None:
+    envs = VectorStlMonitor(sync([make, make], mode), TIMED, X)
+    trajectory(envs, 25)
+    makes: list[Make] = [make, functools.partial(repeated, make)]
+    envs = VectorStlMonitor(sync(makes, mode), TIMED, X)
+    envs.reset(seed=1)
+    with pytest.raises(StateError, match="bounds last 4 times what they say"):
+        envs.step(envs.action_space.sample())
+    with pytest.raises(StateError, match="bounds last 4 times what they say"):
+        trajectory(VectorStlReward(sync(makes, mode), TIMED, X, mode="add"), 1)
+
+
+def test_a_given_period_that_the_time_contradicts_is_told_once() -> None:
+    env = StlMonitor(reacher(), TIMED, X, period=0.1)
+    env.reset(seed=1)
+    with pytest.warns(UserWarning, match=r"as period= says, got 0\.02 s by data\.time"):
+        env.step(env.action_space.sample())
+    env.step(env.action_space.sample())
+    envs = VectorStlMonitor(sync([reacher] * 2, AutoresetMode.NEXT_STEP), TIMED, X, period=0.1)
+    envs.reset(seed=1)
+    with pytest.warns(UserWarning, match="as period= says") as told:
+        envs.step(envs.action_space.sample())
+    assert len(told) == 1
+    envs.step(envs.action_space.sample())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        actions(StlMonitor(reacher(), TIMED, X, period=1))  # bounds count steps
+        actions(StlMonitor(repeated(pole), "eventually[0:0.8](x > 1)", X, period=0.08))
+
+
+def test_without_bounds_a_wrong_period_is_told_and_nothing_ends() -> None:
+    env = StlMonitor(repeated(pole), UNTIMED, X)
+    env.reset(seed=1)
+    with pytest.warns(UserWarning, match="bounds last 4 times what they say"):
+        env.step(0)
+    env.step(1)
+
+
+def test_what_is_no_time_is_not_compared() -> None:
+    class Still(gym.Env[Any, Any]):
+        observation_space, action_space = spaces.Box(-1, 1, (1,)), spaces.Discrete(2)
+        dt, time, config = 0.5, 0.0, {"policy_frequency": 2}
+
+        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+            return np.zeros(1, np.float32), {}
+
+        def step(self, _: Any) -> Any:  # noqa: ANN401
+            return np.zeros(1, np.float32), 0.0, False, False, {}
+
+    actions(StlMonitor(Still(), TIMED, X))
+    actions(VectorStlMonitor(native(2), TIMED, X))
+
+
+def test_sub_steps_are_compared_with_the_time_of_the_simulation() -> None:
+    signals = {"x": "qpos[0]"}
+    actions(StlMonitor(reacher(), TIMED, signals, substeps=True))
+
+    class Faster(gym.Wrapper[Any, Any, Any, Any]):
+        """Steps the simulation once more, unseen."""
+
+        def step(self, action: Any) -> Any:  # noqa: ANN401
+            import mujoco  # type: ignore[import-untyped]
+
+            result = self.env.step(action)
+            inside: Any = self.env.unwrapped
+            mujoco.mj_step(inside.model, inside.data)
+            return result
+
+    env = StlMonitor(Faster(reacher()), TIMED, signals, substeps=True)
+    env.reset(seed=1)
+    with pytest.raises(StateError, match=r"expected samples 0\.01 s apart, .* got 0\.015 s by"):
+        env.step(env.action_space.sample())
+
+
+def test_only_the_first_steps_are_compared_and_copies_go_on() -> None:
+    env = StlMonitor(pole(), TIMED, X)
+    env.reset(seed=1)
+    watched = env._feed
+    for step in range(10):
+        assert env._feed is watched
+        env.step(step % 2)
+    plain = env._feed
+    assert plain is not watched
+    env.reset(seed=2)
+    assert env._feed is plain
+    early = StlMonitor(pole(), TIMED, X)
+    early.reset(seed=1)
+    early.step(0)
+    for again in (copy.deepcopy(early), pickle.loads(pickle.dumps(early))):
+        assert difference(again.step(1), copy.deepcopy(early).step(1)) == ""
+        actions(again, 20)
+
+
+def test_an_evaluation_fails_on_a_wrong_period() -> None:
+    with pytest.raises(Exception, match="bounds last 4 times what they say"):
+        evaluate_policy("zero", repeated(pole), TIMED, X, episodes=2)
+
+
+def test_a_repeat_action_of_gymnasium_has_no_period() -> None:
+    env = RepeatAction(pole(), 4)
+    assert why_no_period(env) == "a RepeatAction makes several steps in one"
+    with pytest.raises(SpecificationError, match="a RepeatAction makes several steps in one"):
+        StlMonitor(env, TIMED, X)
+    actions(StlMonitor(env, "eventually[0:0.8](x > 1)", X, period=0.08))
+    assert issubclass(InputError, Exception)

@@ -1,0 +1,33 @@
+"""Functions that are signals, importable for pickle and for other processes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rtamt_gym import Step, batched
+
+
+def sideways(step: Step) -> float:
+    """As the page shows a function: of one environment."""
+    return float(step.obs[0] - step.obs[2])
+
+
+def drift(step: Step) -> float:
+    """Reads action and reward, which are None at reset."""
+    if step.action is None or step.reward is None:
+        return 0.0
+    return float(step.obs[1]) + float(step.action) - 0.5 * float(step.reward)
+
+
+def _energy(step: Step) -> Any:  # noqa: ANN401 - an array
+    return np.square(step.obs[:, 1]) + np.square(step.obs[:, 3])
+
+
+energy = batched(_energy)
+
+
+@batched
+def energies(step: Step) -> Any:  # noqa: ANN401 - an array
+    return np.square(step.obs[:, 1])
