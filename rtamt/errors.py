@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import heapq
+import re
+import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Self
@@ -17,12 +20,15 @@ __all__ = [
     "RtamtError",
     "SpecificationError",
     "StateError",
+    "alike",
     "alternatives",
     "brief",
     "closest",
     "is_one_of",
     "name_text",
     "nearest",
+    "shown",
+    "shown_lines",
 ]
 
 
@@ -76,7 +82,9 @@ class Message(str):
 
     def __new__(cls, *pieces: object) -> Self:
         """Joins the pieces."""
-        found = tuple(each.message if isinstance(each, RtamtError) else each for each in pieces)
+        found = tuple(
+            each.message if isinstance(each, RtamtError) else _safe(each) for each in pieces
+        )
         self = super().__new__(cls, "".join(map(str, found)))
         self.pieces = found
         return self
@@ -133,7 +141,7 @@ class RtamtError(Exception):
 
     def __init__(self, *pieces: object) -> None:
         plain = len(pieces) == 1 and isinstance(pieces[0], str)
-        super().__init__(pieces[0] if plain else Message(*pieces))
+        super().__init__(_safe(pieces[0]) if plain else Message(*pieces))
 
     @property
     def message(self) -> Message:
@@ -172,9 +180,10 @@ class ParseError(SpecificationError):
         # Tabs stay tabs, so that the caret stands below its column; of a long line only the part
         # around the caret is shown.
         start = max(0, column - 1 - _CONTEXT)
-        shown = source[start : column - 1 + _CONTEXT]
-        indent = "".join("\t" if c == "\t" else " " for c in source[start : column - 1])
-        parts = [f"STL:{line}:{column}: ", reason, f"\n  {shown}\n  {indent}^"]
+        context = shown_lines(source[start : column - 1 + _CONTEXT])
+        before = shown_lines(source[start : column - 1])
+        indent = "".join("\t" if c == "\t" else " " for c in before)
+        parts = [f"STL:{line}:{column}: ", reason, f"\n  {context}\n  {indent}^"]
         super().__init__(*parts, *(["\n  hint: ", hint] if hint else []))
         self.reason = reason
         self.text = text
@@ -225,6 +234,54 @@ def brief(value: object, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
+def shown(text: str) -> str:
+    r"""A text of somebody else as it may be printed, in one line.
+
+    Control characters, marks of direction, halves of surrogates and ends of lines are written as
+    Python escapes them; so is the begin of what CI systems take for a command in a log.
+
+    Example:
+        >>> print(shown("speed [km/h]"), shown("a\x1b[31mb\n::error::c"), shown("\udcff.csv"))
+        speed [km/h] a\x1b[31mb\n::error::c \udcff.csv
+        >>> print(shown("::error::c"))
+        \x3a:error::c
+    """
+    if not text.isprintable():
+        text = "".join(map(_escaped, text))
+    return _COMMAND.sub(_escaped_begin, text) if "::" in text or "##" in text else text
+
+
+def shown_lines(text: str) -> str:
+    r"""A text of several lines as it may be printed: `shown`, but for ends of lines and tabs.
+
+    Example:
+        >>> print(shown_lines("expected text\n  got \x07"))
+        expected text
+          got \x07
+    """
+    if not text.isprintable():
+        text = "".join(c if c in "\n\t" else _escaped(c) for c in text)
+    return _COMMAND.sub(_escaped_begin, text) if "::" in text or "##" in text else text
+
+
+_COMMAND = re.compile(r"(?<!\S)(?=::|##\[|##vso\[)(.)")
+"""Where GitHub or Azure would read a command, if a line begins there or is broken there."""
+
+
+def _escaped(character: str) -> str:
+    hidden = unicodedata.category(character) in {"Cc", "Cf", "Cs", "Zl", "Zp"}
+    return character.encode("unicode_escape").decode() if hidden else character
+
+
+def _escaped_begin(found: re.Match[str]) -> str:
+    return f"\\x{ord(found[0]):02x}"
+
+
+def _safe(piece: object) -> object:
+    """A piece of a message, safe to print whatever text of a file or of a caller it repeats."""
+    return shown_lines(piece) if type(piece) is str else piece
+
+
 def name_text(name: object) -> str:
     """The text of a name, which may be anything that a mapping takes: a column may be a number."""
     return name if isinstance(name, str) else brief(name)
@@ -242,7 +299,34 @@ def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | No
     if len(name) > _CONTEXT:  # the search takes the square of the length
         return None
     known = [n for n in names if isinstance(n, str) and len(n) <= _CONTEXT]
+    if len(known) > _MANY:  # a file may have hundreds of thousands of columns
+        known = alike(name, known, _MANY)
     return next(iter(difflib.get_close_matches(name, known, 1, cutoff)), None)
+
+
+_MANY = 1000
+"""The most names of which each is compared with another letter by letter."""
+
+
+def alike(name: str, names: Iterable[str], count: int) -> list[str]:
+    """The names that share most pairs of neighbouring letters with a name, the most similar first.
+
+    Example:
+        >>> alike("speed", ["time", "speed2", "spend", "Speed"], 3)
+        ['Speed', 'speed2', 'spend']
+    """
+    wanted = _pairs(name)
+
+    def unlike(other: str) -> float:
+        pairs = _pairs(other)
+        return -2 * len(wanted & pairs) / (len(wanted) + len(pairs))
+
+    return heapq.nsmallest(count, names, unlike)
+
+
+def _pairs(name: str) -> set[str]:
+    text = f" {name.lower()} "
+    return {text[i : i + 2] for i in range(len(text) - 1)}
 
 
 def nearest(name: object, names: Iterable[object]) -> str:

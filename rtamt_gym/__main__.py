@@ -11,13 +11,14 @@ import argparse
 import os
 import sys
 import traceback
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, Final, NoReturn, TextIO, cast
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import shown_lines
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.exit_codes import INTERRUPTED
@@ -28,6 +29,15 @@ __all__ = ["main"]
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     given = sys.argv[1:] if argv is None else argv
+    if sys.stdout is None:  # as of a program without a console
+        return _run(given)
+    output = _Output(sys.stdout)
+    with redirect_stdout(cast("TextIO", output)):
+        code = _run(given)
+    return _BROKEN_PIPE if output.closed_by_reader else code
+
+
+def _run(given: Sequence[str]) -> int:
     options = None
     try:
         options = _options(given)
@@ -40,18 +50,62 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output has ended, as `head` does. Without this, Python would print an
-        # error of its own at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
+    except BrokenPipeError:  # of standard error, or of what the command runs
+        return _BROKEN_PIPE
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
         command = _command(given)
         message = refusal(error, options_of(command), command)
         if message is None:
-            return _refuse(unexpected(error), "".join(traceback.format_exception(error)))
+            above = shown_lines("".join(traceback.format_exception(error)))
+            return _refuse(unexpected(error), above)
         return _refuse(message)
     return code
+
+
+_BROKEN_PIPE: Final = 141
+"""The exit code where the reader of our output has ended, as `head` does."""
+
+
+class _Output:
+    """Standard output, whose reader may end: then the rest is dropped, and files are written still.
+
+    Attributes:
+        closed_by_reader: Whether its reader has ended.
+
+    Args:
+        stream: Standard output.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.closed_by_reader = False
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the stream has
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Writes a text."""
+        if not self.closed_by_reader:
+            with self._dropping():
+                self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Writes what was kept back."""
+        if not self.closed_by_reader:
+            with self._dropping():
+                self._stream.flush()
+
+    @contextmanager
+    def _dropping(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            self.closed_by_reader = True
+            # What is kept back goes nowhere: at exit Python would print an error of its own.
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
 
 
 def _command(argv: Sequence[str]) -> str:

@@ -12,6 +12,8 @@ from shutil import get_terminal_size
 from textwrap import wrap
 from typing import Final, Self
 
+from rtamt.errors import shown, shown_lines
+
 __all__ = [
     "Coloured",
     "Terminal",
@@ -96,7 +98,7 @@ def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str
 
 def wrapped(text: str) -> list[str]:
     """Breaks a text into lines of 80 columns at most; all but the first are indented."""
-    return wrap(text, 80, subsequent_indent="    ", break_on_hyphens=False)
+    return wrap(shown_lines(text), 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
 def shorten(text: str, width: int) -> str:
@@ -152,11 +154,11 @@ class Terminal:
 
     def cut(self, text: str, style: str = "") -> str:
         """A line that is cut at the width."""
-        return self.painted(shorten(text, self.width), style)
+        return self.painted(shorten(shown(text), self.width), style)
 
     def wrapped(self, text: str, style: str = "") -> list[str]:
         """Lines of a text that is wrapped at the width."""
-        return [self.painted(line, style) for line in wrap(text, self.width)]
+        return [self.painted(line, style) for line in wrap(shown_lines(text), self.width)]
 
     def painted(self, text: str, style: str) -> str:
         """A text in a colour, if there are colours."""
@@ -193,7 +195,7 @@ def table(
         uprigh...     50
     """
     columns = [
-        (column, side)
+        (tuple(map(_shown, column)), side)
         for column, side in zip(zip(*rows, strict=True), align, strict=True)
         if any(column[1:])
     ]
@@ -206,6 +208,12 @@ def table(
         for column, side in columns
     ]
     return ["  ".join(cells).rstrip() for cells in zip(*padded, strict=True)]
+
+
+def _shown(cell: str) -> str:
+    """A cell as it may be printed, in its colour."""
+    text = shown(cell)
+    return cell if text == cell else Coloured(text, getattr(cell, "style", ""))
 
 
 def _padded(cell: str, side: str, width: int, terminal: Terminal | None) -> str:

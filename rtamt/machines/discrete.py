@@ -87,6 +87,7 @@ class PythonDiscreteMachine(PythonSampleMachine):
 
     def update(self, *args: object, **named: object) -> float:
         values = self.reader.read(args, named, self.samples, self.inputs)
+        self.require_current()  # a value may run anything when it is read
         self.take(self.terms(values), values)
         return self.result
 

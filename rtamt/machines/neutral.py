@@ -139,6 +139,10 @@ class _NeutralMachine:
         self._show()
         return self.robustness
 
+    def retire(self) -> None:
+        for machine in (self._worst, self._best):
+            machine.retire()
+
     def reset(self) -> None:
         for machine in (self._worst, self._best):
             machine.reset()

@@ -66,6 +66,7 @@ class SampleMachine(Stateful, Protocol):
         samples: Samples taken in since the reset.
         inputs: The last sample, empty before the first.
         update: Takes in one sample, in any of the argument forms; returns the robustness.
+        retire: Refuses each further update, as the monitor has another machine.
     """
 
     @property
@@ -74,6 +75,7 @@ class SampleMachine(Stateful, Protocol):
     def inputs(self) -> Sequence[float | Between]: ...
     @property
     def update(self) -> Callable[..., float]: ...
+    def retire(self) -> None: ...
     def reset(self) -> None: ...
 
 

@@ -3,9 +3,45 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
-__all__ = ["StateFields"]
+from rtamt.errors import StateError
+
+__all__ = ["Retiring", "StateFields", "refuse_stale"]
+
+
+def refuse_stale() -> NoReturn:
+    """Raise the error of an update of a machine whose monitor has another one."""
+    msg = (
+        "this update is of a monitor whose __init__ has run again since; take the monitor's "
+        "update anew"
+    )
+    raise StateError(msg)
+
+
+class Retiring:
+    """A machine whose monitor may leave it for another, while somebody still holds its update.
+
+    Attributes:
+        reader: Reads the arguments of each update.
+    """
+
+    __slots__ = ()
+    reader: Any
+
+    def retire(self) -> None:
+        """Refuse each further update."""
+        self.reader = _Retired()
+
+    def require_current(self) -> None:
+        """Refuse an update whose own values, when they were read, have run `retire`."""
+        if isinstance(self.reader, _Retired):
+            refuse_stale()
+
+
+class _Retired:
+    def __getattr__(self, name: str) -> NoReturn:
+        refuse_stale()
 
 
 class StateFields:

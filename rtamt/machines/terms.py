@@ -9,7 +9,7 @@ import numpy as np
 
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.state import StateFields
+from rtamt.machines.state import Retiring, StateFields
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
@@ -129,8 +129,10 @@ def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
     return operation
 
 
-class PythonSampleMachine(StateFields):
+class PythonSampleMachine(Retiring, StateFields):
     """The base of the Python machines that take in samples."""
+
+    reader: SampleReader
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self.program = program

@@ -18,7 +18,7 @@ from rtamt.inputs.samples import SampleReader, SampleValues, ends_of, in_between
 from rtamt.machines.episode.machine import PythonEpisodeMachine, refuse_update
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import Readout, moved
-from rtamt.machines.state import StateFields
+from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import Registers
 from rtamt.program.placement import place
 from rtamt.program.program import Program
@@ -43,16 +43,17 @@ class SampleTerms(NamedTuple):
     greatest: Registers
 
 
-class PythonUncertainEpisode(StateFields):
+class PythonUncertainEpisode(Retiring, StateFields):
     """A machine that bounds an episode, whatever the values are that are not known."""
 
     STATE = ("_apart", "_least", "_greatest", "_moved")
+    reader: SampleReader
     _apart: bool
     _moved: float | None
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self._program = place(program).program
-        self._reader = reader
+        self.reader = reader
         self._least = PythonEpisodeMachine(program, reader)
         self._greatest = PythonEpisodeMachine(program, reader)
         self._readout: Readout | None = None
@@ -93,7 +94,10 @@ class PythonUncertainEpisode(StateFields):
     def update(self, *args: object, **named: object) -> float:
         if self.finished:
             refuse_update()
-        values = self._reader.read_sample(args, named, self.samples, self.inputs)
+        values = self.reader.read_sample(args, named, self.samples, self.inputs)
+        self.require_current()
+        if self.finished:  # by what a value runs when it is read
+            refuse_update()
         self.take(self.terms(values))
         return self.robustness
 
@@ -106,7 +110,7 @@ class PythonUncertainEpisode(StateFields):
             return SampleTerms(lower, lower, known, known)
         found = ranges_of(self._program, [of_ends(*each) for each in ends])
         if len(found) < self._program.terms:
-            self._reader.refuse(values, self.samples)
+            self.reader.refuse(values, self.samples)
         upper = [each[1] for each in ends]
         return SampleTerms(lower, upper, [x.lower for x in found], [x.upper for x in found])
 

@@ -106,7 +106,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         program = self.program.program
         observed = tuple(program.outputs.values())
         make = BACKENDS[self.backend].dense_machine
-        self._machine = make(self.program, EventReader(self.program), observed)
+        self._runs(make(self.program, EventReader(self.program), observed))
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:

@@ -116,7 +116,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         reader = event_reader(self.program, options)
         self.nan: NanPolicy = reader.nan
         self.max_gap = as_period(options.get("max_gap"), "max_gap")
-        self._machine = make(regions, reader)
+        self._runs(make(regions, reader))
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:

@@ -67,7 +67,7 @@ class _Single(DirectUpdate, Sampled[_M]):
     ) -> None:
         self._compile(spec, period, options)
         self._reader = SampleReader(self.program, self._nan, bounds=self._bounds)
-        self._machine = self._made(self._reader)
+        self._runs(self._made(self._reader))
         self.update = self._machine.update
 
     def _made(self, reader: SampleReader) -> _M:

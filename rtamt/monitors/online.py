@@ -79,6 +79,13 @@ class Online(Generic[_M, _P]):
             "backend": self.backend,
         }
 
+    def _runs(self, machine: _M) -> None:
+        """Takes a machine; that of an `__init__` before this one refuses further updates."""
+        before: Any = getattr(self, "_machine", None)
+        if before is not None:
+            before.retire()
+        self._machine = machine
+
     def _state(self) -> object:
         return self._machine.state()
 

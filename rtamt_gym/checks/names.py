@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Collection, Iterable
+from typing import Any, Final
 
-__all__ = ["listing"]
+from rtamt.errors import alike
+
+__all__ = ["listed", "listing"]
+
+_MOST: Final = 20
+"""So many names are listed whole."""
+
+_FEW: Final = 5
+"""So many of more names."""
+
+
+def listed(names: Collection[str], wanted: str = "") -> str:
+    """The names; of more than 20 the five that are most like the wanted one, and how many more.
+
+    Example:
+        >>> listed(["level", "inflow"]), listed([f"x{i}" for i in range(99)], "x42")
+        ('level, inflow', 'x42, x2, x4, x20, x21 and 94 more')
+    """
+    if len(names) <= _MOST:
+        return ", ".join(names)
+    few = alike(wanted, names, _FEW)
+    return f"{', '.join(few)} and {len(names) - _FEW} more"
 
 
 def listing(names: Iterable[Any]) -> str:

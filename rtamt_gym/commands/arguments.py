@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.judging.reading import ROWS, Reading
 
@@ -219,14 +220,14 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
     for path in filter(None, (*files, picture)):
         whole = path.resolve()
         if whole in read:
-            raise InputError(f"cannot write {path}: it is read")
+            raise InputError(f"cannot write {shown(str(path))}: it is read")
         if whole in written:
-            raise InputError(f"cannot write {path}: two options name it")
+            raise InputError(f"cannot write {shown(str(path))}: two options name it")
         written.add(whole)
         if path.is_dir():
-            raise InputError(f"cannot write {path}: it is a folder")
+            raise InputError(f"cannot write {shown(str(path))}: it is a folder")
         if not path.parent.is_dir():
-            raise InputError(f"cannot write {path}: there is no folder {path.parent}")
+            raise InputError(f"cannot write {shown(str(path))}: there is no folder {path.parent}")
     if picture:
         from rtamt_gym.drawing import check_format
 

@@ -10,7 +10,7 @@ from functools import cache
 from importlib import import_module
 from typing import Final
 
-from rtamt.errors import Argument, RtamtError
+from rtamt.errors import Argument, RtamtError, shown, shown_lines
 from rtamt_gym.checks.extras import advice, missing
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
@@ -58,14 +58,14 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
             said = error.message.worded(lambda argument: _worded(argument, options))
             # Notes on what an error carries are for Python callers.
             notes = [n for n in getattr(error, "__notes__", []) if not n.startswith("error.")]
-            return ": ".join([*notes, said])
+            return shown_lines(": ".join([*notes, said]))
         case ModuleNotFoundError():
             package = missing(error)
             if package is None:
                 return None
             return f"{package} is not installed; {advice(package, _NEEDS.get(command, ''))}"
         case OSError():
-            name = "" if error.filename is None else f" {error.filename}"
+            name = "" if error.filename is None else f" {shown(str(error.filename))}"
             return f"cannot open{name}: {error.strerror or error}"
     return None
 
@@ -120,4 +120,4 @@ def _value(value: object) -> str:
 
 def unexpected(error: Exception) -> str:
     """The message for an error that nobody expected."""
-    return f"unexpected {type(error).__name__}: {shorten(str(error), 200)}"
+    return f"unexpected {type(error).__name__}: {shorten(shown(str(error)), 200)}"

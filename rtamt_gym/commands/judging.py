@@ -14,6 +14,7 @@ from typing import Protocol, TypeVar
 
 import rtamt
 from rtamt import InputError, Verdict
+from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.exit_codes import Hollow, Required
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
@@ -250,8 +251,9 @@ class _Job:
 
     def lost(self, path: str) -> Trial:
         """The row of a trace whose process died."""
-        failure = Failure(f"{path}: the process that judged it died, perhaps for lack of memory")
-        return Trial.of_trace(path, "", dict.fromkeys(self.asked.specs, failure))
+        name = shown(path)
+        failure = Failure(f"{name}: the process that judged it died, perhaps for lack of memory")
+        return Trial.of_trace(name, "", dict.fromkeys(self.asked.specs, failure))
 
 
 _jobs: list[_Job] = []
@@ -281,7 +283,7 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = _failure(error)
     if judged.trace is None:
-        return Trial.of_trace(judged.path, "", cells)
+        return Trial.of_trace(shown(judged.path), "", cells)
     extent = judge.extent_of(judged.trace, judged.period)
     notes = [*judged.trace.notes]
     timed = any(spec.timed for spec in asked.specs.values())
@@ -296,7 +298,7 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
             f"it lasts {number(extent.length or 0.0)} s, which is shorter than "
             f"{number(float(asked.min_duration))} s (--min-duration)"
         )
-    return Trial.of_trace(judged.path, described, cells, notes, extent)
+    return Trial.of_trace(shown(judged.path), described, cells, notes, extent)
 
 
 def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
@@ -426,5 +428,5 @@ def _defaults(spec: rtamt.Specification, judged: Judged) -> dict[str, float]:
 def _failure(error: Exception) -> Failure:
     message = refusal(error, options_of("explain"))  # all commands of traces have them
     if message is None:
-        return Failure(unexpected(error), "".join(traceback.format_exception(error)))
+        return Failure(unexpected(error), shown_lines("".join(traceback.format_exception(error))))
     return Failure(message)

@@ -21,8 +21,9 @@ __all__ = ["add_arguments", "run"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Runs a case that rtamt falsify --save, or Falsification.save, has written. Exits 0 if it "
-        "has the verdict that the file expects, 1 if it has another."
+        "Runs a case that rtamt falsify --save, or Falsification.save, has written. A case is code "
+        "of its author, as a pickle is: it names modules, policies, FMUs, which are imported and "
+        "run. Exits 0 if it has the verdict that the file expects, 1 if it has another."
     )
     parser.epilog = "example: rtamt replay case.json --explain --plot run.png"
     parser.add_argument("case", metavar="CASE", help="the path of the file, case.json")

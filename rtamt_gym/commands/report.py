@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from rtamt import InputError
+from rtamt import InputError, RtamtError
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
@@ -20,8 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Writes one page of HTML that needs no network: each requirement in words, how often it is "
         "satisfied, the worst episode as a plot. Results are files: evaluations and comparisons, "
         "the Parquet files and folders of sweeps and campaigns, saved cases, and what rtamt sweep, "
-        "falsify and monitor write with --json. Exits 3 if a saved case cannot be played again, of "
-        "which the page then shows no run."
+        "falsify and monitor write with --json. Files are only read: a saved case is code of its "
+        "author, as a pickle is, and is run with --play alone. Then the exit code is 3 if it "
+        "cannot be played again, so that the page shows no run of it."
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
     parser.add_argument(
@@ -47,12 +50,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "repeated",
     )
     parser.add_argument("--title", metavar="TEXT", help="the title of the page")
+    parser.add_argument(
+        "--play",
+        action="store_true",
+        help="play saved cases again, which imports and runs what they name: modules, policies, "
+        "FMUs; it is said first what that is",
+    )
+    parser.add_argument(
+        "--traces",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="read recorded traces below this folder too; may be repeated (default: below the "
+        "present folder and the folder of the result alone)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Writes the page; returns 0, or 3 if a case could not be played again."""
+    """Writes the page; returns 0, or 3 if a case was to be played again and could not be."""
     from rtamt_gym.recorded.readers import extensions, is_bag_folder
     from rtamt_gym.reports.html import render
+    from rtamt_gym.reports.results import Access
     from rtamt_gym.reports.write import check_page, report_of
 
     check_page(options.output)
@@ -64,18 +83,38 @@ def run(options: argparse.Namespace) -> int:
                 f"expected a result, got the trace {result}; judge it first: "
                 f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"
             )
+    for folder in options.traces:
+        if not folder.is_dir():
+            raise InputError(f"--traces: expected a folder, got {folder}")
     check_outputs(options.output, picture=None, inputs=[*paths, *options.examples])
+    access = Access(options.play, tuple(options.traces))
+    if options.play:
+        _tell_imports(paths)
     with noted_ends():
-        report = report_of(*paths, title=options.title, names=names, examples=options.examples)
+        report = report_of(
+            *paths, title=options.title, names=names, examples=options.examples, access=access
+        )
     options.output.write_text(render(report), encoding="utf-8")
     print(f"report: {options.output}", flush=True)
     hollow = [
-        Hollow(f"{path} was not played again: {section.not_played}", fails=True)
+        Hollow(f"{path} was not played again: {section.not_played}", fails=options.play)
         for path, section in zip(paths, report.sections, strict=True)
         if section.not_played
     ]
     tell(hollow, stderr=True)
     return exit_code([], hollow)
+
+
+def _tell_imports(paths: Sequence[str]) -> None:
+    """Says on standard error what the cases import, before anything of it runs."""
+    from rtamt_gym.results.codec import read
+    from rtamt_gym.search.runs.saved_case import SavedCase
+
+    for path in paths:
+        with suppress(RtamtError, OSError, ValueError):  # said where the result is read
+            if Path(path).suffix.lower() == ".json" and read(path)["kind"] == "case":
+                code = ", ".join(SavedCase.load(path).imports) or "nothing"
+                print(f"playing {path}, which imports {code}", file=sys.stderr, flush=True)
 
 
 def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, get_args
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_reading, read_reading
@@ -398,6 +398,8 @@ def _files(word: str, ends: Sequence[str], *, pattern: bool, bags: bool = False)
             if f.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(f))
         )
         if not inside:
-            raise InputError(f"{path}: expected files that end in {', '.join(ends)}, found none")
+            raise InputError(
+                f"{shown(path)}: expected files that end in {', '.join(ends)}, found none"
+            )
         files += inside
     return files

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.recorded.recording import Floats, Rows, Wanted
+from rtamt.errors import shown
+from rtamt_gym.recorded.recording import Floats, RowNumbers, Rows, Wanted
 from rtamt_gym.recorded.times import RawTimes, read_dates
 
 __all__ = ["ArrayRecording", "check_gaps", "columns_in", "times_of"]
@@ -30,11 +31,12 @@ class ArrayRecording:
         arrays: Mapping[str, NDArray[Any]],
         invalid: Mapping[str, NDArray[np.bool_]] | None = None,
     ) -> None:
-        self.source = source
+        self.source = shown(source)
+        arrays = {shown(name): array for name, array in arrays.items()}
         self.names: Sequence[str] = list(arrays)
         self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
         self._arrays = arrays
-        self._invalid = invalid or {}
+        self._invalid = {shown(name): wrong for name, wrong in (invalid or {}).items()}
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns."""
@@ -47,9 +49,7 @@ class ArrayRecording:
         if not lengths:
             lengths = {max(map(len, self._arrays.values()), default=0)}
 
-        def where(row: int) -> str:
-            return f"{self.source}, row {row + 1}"
-
+        where = RowNumbers(self.source)
         numbers = {name: self._numbers(name) for name in wanted.numbers}
         for name, values in numbers.items():
             if not (name in self._invalid and self._invalid[name].any()):  # that has its own error

@@ -13,10 +13,12 @@ import pyarrow.json
 import pyarrow.parquet as pq
 
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import check_gaps, times_of
 from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_times_of
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.foreign import refusing
+from rtamt_gym.recorded.recording import Floats, Recording, RowNumbers, Rows, Wanted
 from rtamt_gym.recorded.times import RawTimes
 
 __all__ = ["ArrowRecording", "open_file"]
@@ -33,29 +35,26 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
     Path(path).stat()  # pyarrow's error for a missing file has no strerror
     match Path(path).suffix.lower():
         case ".parquet":
-            try:
+            with refusing(path, "a Parquet file"):
                 file = pq.ParquetFile(path)
-            except pa.ArrowInvalid:
-                raise InputError(f"{path}: expected a Parquet file") from None
             with file:
                 fields = _fields(file.schema_arrow)
                 own = b"rtamt.run" in (file.schema_arrow.metadata or {})
-                yield ArrowRecording(
-                    fields, lambda wanted: file.read(columns=wanted), path, "s" if own else ""
-                )
+
+                def load(wanted: list[str]) -> pa.Table:
+                    with refusing(path, "a whole Parquet file"):
+                        return file.read(columns=wanted)
+
+                yield ArrowRecording(fields, load, path, "s" if own else "")
         case ".feather" | ".arrow":
-            try:
+            with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
-            except pa.ArrowInvalid:
-                raise InputError(f"{path}: expected a Feather file") from None
+                # Arrow trusts what the file says of its own buffers, and would read beyond them.
+                table.validate(full=True)
             yield of_table(table, path)
         case _:
-            try:
+            with refusing(path, "one JSON object in each line"):
                 table = pa.json.read_json(path)
-            except pa.ArrowInvalid as error:
-                raise InputError(
-                    f"{path}: expected one JSON object in each line, got an error: {error}"
-                ) from None
             yield of_table(table, path)
 
 
@@ -96,10 +95,11 @@ class ArrowRecording:
         source: str,
         unit: str = "",
     ) -> None:
-        self.source = source
-        self.names: Sequence[str] = [field.name for field in fields]
+        self.source = shown(source)
+        self.names: Sequence[str] = [shown(field.name) for field in fields]
+        self._own = {shown(field.name): field.name for field in fields}
         self.dates: Sequence[str] = [
-            field.name
+            shown(field.name)
             for field in fields
             if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
         ]
@@ -109,11 +109,11 @@ class ArrowRecording:
         """Reads the wanted columns; nan counts as an empty cell."""
         time = wanted.time
         names = dict.fromkeys([*wanted.numbers, *wanted.texts, *([] if time is None else [time])])
-        table = _flat(self._load(list(names) or list(self.names[:1])))
+        own = [self._own[name] for name in list(names) or list(self.names[:1])]
+        table = _flat(self._load(own))
+        table = table.rename_columns(list(map(shown, table.column_names)))
 
-        def where(row: int) -> str:
-            return f"{self.source}, row {row + 1}"
-
+        where = RowNumbers(self.source)
         numbers = {name: self._numbers(table[name], name) for name in wanted.numbers}
         for name, values in numbers.items():
             absent = table[name].is_null().to_pylist() if table[name].null_count else ()

@@ -13,7 +13,7 @@ from rosbags.interfaces import Connection, Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import nearest, shown
 from rtamt_gym.recorded.bag_paths import FieldPath, path_text
 from rtamt_gym.tables import shorten
 
@@ -42,19 +42,18 @@ class Bag:
     """
 
     def __init__(self, reader: AnyReader, source: str) -> None:
-        self.source = source
+        self.source = source = shown(source)
         self.reader = reader
         self.types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         for connection in reader.connections:
-            kind = _short(connection.msgtype)
-            if self.types.setdefault(connection.topic, kind) != kind:
+            kind, topic = shown(_short(connection.msgtype)), shown(connection.topic)
+            if self.types.setdefault(topic, kind) != kind:
                 raise InputError(
-                    f"{source}: expected messages of one class on {connection.topic}, got "
-                    f"{self.types[connection.topic]} and {kind}"
+                    f"{source}: expected messages of one class on {topic}, got "
+                    f"{self.types[topic]} and {kind}"
                 )
-            counted = self.counts.get(connection.topic, 0)
-            self.counts[connection.topic] = counted + connection.msgcount
+            self.counts[topic] = self.counts.get(topic, 0) + connection.msgcount
         if not reader.message_count:
             raise InputError(f"{source}: expected a bag with messages, got one without any")
         if not self.types:
@@ -136,7 +135,7 @@ class Bag:
                 message = read(raw, connection.msgtype)
             except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
                 raise damaged(self.source, error) from None
-            yield connection.topic, time, message
+            yield shown(connection.topic), time, message
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Connection, int, bytes]]:
         """The messages of some topics, or of all: connection of rosbags, time, and bytes.
@@ -145,7 +144,8 @@ class Bag:
             InputError: If the bag is damaged.
         """
         reader = self.reader
-        wanted = [each for each in reader.connections if topics is None or each.topic in topics]
+        all_of = reader.connections
+        wanted = [each for each in all_of if topics is None or shown(each.topic) in topics]
         if not wanted:
             return  # rosbags takes none for all
         try:
@@ -197,6 +197,7 @@ def _long(name: str) -> str:
 def damaged(path: str, error: Exception) -> InputError:
     """The error about a bag that rosbags cannot read."""
     ending = Path(path).suffix.lower()
+    path = shown(path)
     kind = _KINDS.get(ending, "a bag of rosbag2")
     said = shorten(" ".join(str(error).split()) or type(error).__name__, 200)
     if "Profile" in said:

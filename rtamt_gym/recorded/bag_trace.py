@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.bag_reader import open_bag
 from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
@@ -45,12 +46,12 @@ def read_bag(
     """
     if not reading.dense and reading.period is None:
         raise InputError(
-            f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
-            "--dense, which takes them as events"
+            f"{shown(path)}: expected --period 100ms, at which the messages of a bag are sampled, "
+            "or --dense, which takes them as events"
         )
     for option, given in {"--jitter": columns.jitter, "--time-unit": columns.time_unit}.items():
         if given is not None:
-            raise InputError(f"{path}: expected {option} for a table, got it for a bag")
+            raise InputError(f"{shown(path)}: expected {option} for a table, got it for a bag")
     with open_bag(path) as bag:
         signals = read_signals(bag, specs, columns)
     if reading.seconds is None:

@@ -14,8 +14,10 @@ import io
 import itertools
 import re
 import sys
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO, NoReturn, TextIO, cast
@@ -23,6 +25,8 @@ from typing import BinaryIO, NoReturn, TextIO, cast
 import numpy as np
 
 from rtamt import InputError
+from rtamt.errors import shown
+from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.cells import DECIMAL_COMMA, DECIMAL_POINT, floats_in, times_in
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
@@ -33,6 +37,9 @@ __all__ = ["CsvRecording", "lines_of", "open_file"]
 
 _BLOCK = 1 << 14
 """Rows in a block."""
+
+_LINE = 1 << 26
+"""The most characters of a line."""
 
 _LONG = 1 << 20
 """Bytes from which on a file is worth the import of pyarrow."""
@@ -50,7 +57,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         OSError: If there is no such file.
     """
     if path == "-":
-        yield CsvRecording(sys.stdin, "stdin", columns)
+        yield CsvRecording(_bounded(sys.stdin, "stdin"), "stdin", columns)
         return
     with lines_of(path) as lines:
         long = Path(path).stat().st_size >= _LONG and find_spec("pyarrow")
@@ -68,12 +75,12 @@ def lines_of(path: str) -> Iterator[Iterator[str]]:
     with (
         Path(path).open("rb") as raw,
         _text_of(raw, path) as file,
-        progress(f"reading {path}", Path(path).stat().st_size, "B") as advance,
+        progress(f"reading {shown(path)}", Path(path).stat().st_size, "B") as advance,
     ):
         try:
-            yield _counted(file, raw, advance)
-        except (gzip.BadGzipFile, EOFError):
-            raise InputError(f"{path}: expected a whole file compressed by gzip") from None
+            yield _counted(file, raw, advance, path)
+        except (gzip.BadGzipFile, EOFError, zlib.error):
+            raise InputError(f"{shown(path)}: expected a whole file compressed by gzip") from None
 
 
 def _text_of(raw: BinaryIO, path: str) -> TextIO:
@@ -81,9 +88,20 @@ def _text_of(raw: BinaryIO, path: str) -> TextIO:
     return io.TextIOWrapper(opened, encoding="utf-8-sig", newline="")
 
 
-def _counted(file: TextIO, raw: BinaryIO, advance: Callable[[int], None]) -> Iterator[str]:
+def _bounded(file: TextIO, path: str) -> Iterator[str]:
+    """The lines of a text; one that has no end is refused before it fills the memory."""
+    for line in iter(partial(file.readline, _LINE + 1), ""):
+        if len(line) > _LINE:
+            raise InputError(f"{shown(path)}: expected lines of at most {_LINE} characters")
+        yield line
+
+
+def _counted(
+    file: TextIO, raw: BinaryIO, advance: Callable[[int], None], path: str
+) -> Iterator[str]:
     before = 0
-    while block := list(itertools.islice(file, _BLOCK)):
+    lines = _bounded(file, path)
+    while block := list(itertools.islice(lines, _BLOCK)):
         yield from block
         if raw.seekable():
             at = raw.tell()
@@ -119,7 +137,7 @@ class CsvRecording:
         path: str | None = None,
     ) -> None:
         columns = columns or Columns()
-        self.source = source
+        self.source = source = shown(source)
         self._columns, self._path = columns, path
         given = iter(lines)
         blank: list[str] = []
@@ -132,7 +150,7 @@ class CsvRecording:
         rows = self._rows_of(itertools.chain(blank, [first], given))
         self.header, names = next(rows, (1, []))
         """The line of the names, from 1."""
-        self.names: Sequence[str] = [name.strip() for name in names]
+        self.names: Sequence[str] = [shown(name.strip()) for name in names]
         if not self.names:
             raise InputError(
                 f"{source}: expected a first line with the names of the columns, got none"
@@ -243,7 +261,7 @@ class CsvRecording:
             if len(row) != len(self.names):
                 raise InputError(
                     f"{self.source}, line {line}: expected {len(self.names)} values "
-                    f"({', '.join(self.names)}), got {len(row)}"
+                    f"({listed(self.names)}), got {len(row)}"
                 )
             for name in wanted.numbers:
                 cell = row[self.names.index(name)]

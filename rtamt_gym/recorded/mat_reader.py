@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording, columns_in
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Recording
 
 __all__ = ["open_file"]
@@ -27,15 +27,14 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         InputError: If it is no such file, or of version 7.3, which SciPy does not read.
         OSError: If there is no such file.
     """
-    with Path(path).open("rb") as file:
+    with Path(path).open("rb") as file, refusing(path, "a whole MATLAB file"):
         try:
             data: dict[str, Any] = loadmat(file, simplify_cells=True)
         except NotImplementedError:
             raise InputError(
-                f"{path}: expected a MATLAB file of version 7 or before, got 7.3; "
+                f"{shown(path)}: expected a MATLAB file of version 7 or before, got 7.3; "
                 "save it with save(..., '-v7')"
             ) from None
-        except (MatReadError, ValueError, TypeError, LookupError, OSError, zlib.error):
-            raise InputError(f"{path}: expected a whole MATLAB file") from None
-    own = {name: value for name, value in data.items() if not name.startswith("__")}
-    yield ArrayRecording(path, dict(columns_in(own)))
+        own = {name: value for name, value in data.items() if not name.startswith("__")}
+        columns = dict(columns_in(own))
+    yield ArrayRecording(path, columns)

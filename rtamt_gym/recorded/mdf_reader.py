@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from asammdf import MDF
-from asammdf.blocks.utils import MdfException
 
-from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TIME
 
@@ -31,13 +30,12 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         OSError: If there is no such file.
     """
     with Path(path).open("rb") as raw:
-        try:
+        with refusing(path, "a whole MDF file"):
             # As bytes of a file, because asammdf fails again when it closes a path it cannot read.
             file = MDF(raw)
-        except (MdfException, ValueError, LookupError, OSError, struct.error):
-            raise InputError(f"{path}: expected a whole MDF file") from None
+            recording = MdfRecording(file, path)
         with file:
-            yield MdfRecording(file, path)
+            yield recording
 
 
 class MdfRecording:
@@ -52,11 +50,11 @@ class MdfRecording:
     """
 
     def __init__(self, file: MDF, source: str) -> None:
-        self.source = source
+        self.source, self._path = shown(source), source
         self._file = file
         groups: list[Any] = file.groups
         self._places: list[tuple[str, int, int]] = [
-            (channel.name, group, index)
+            (shown(channel.name), group, index)
             for group, each in enumerate(groups)
             for index, channel in enumerate(each.channels)
             if index != file.masters_db.get(group)
@@ -71,9 +69,10 @@ class MdfRecording:
         for name, group, index in self._places:
             if name in names or (not names and not signals):
                 # Else invalid samples are left out, and the one before them seems to hold.
-                signals[name] = self._file.get(
-                    name, group=group, index=index, ignore_invalidation_bits=True
-                )
+                with refusing(self._path, "a whole MDF file"):
+                    signals[name] = self._file.get(
+                        group=group, index=index, ignore_invalidation_bits=True
+                    )
         times = np.unique(np.concatenate([s.timestamps for s in signals.values()] or [np.zeros(0)]))
         arrays, invalid = {TIME: times}, {}
         for name, signal in signals.items():

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 from rtamt import InputError
 from rtamt.errors import closest, nearest
+from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME
@@ -24,9 +25,6 @@ __all__ = [
     "needed_columns",
     "recorded_variables",
 ]
-
-_MANY = 100
-"""The columns from which on a message counts them: a log of an autopilot has thousands."""
 
 VARIABLE, VALUE = "variable", "value"
 """The columns that a recording has, beside the time, where each row is one event."""
@@ -74,7 +72,7 @@ def check_recorded(
     near = next(filter(None, (nearest(column, names) for column in needed)), "")
     raise InputError(
         f"{source}: expected a record of {', '.join(map(repr, needed))}, got none: defaults alone "
-        f"say nothing of a trace; it has {', '.join(names)}{near}"
+        f"say nothing of a trace; it has {listed(names, needed[0])}{near}"
     )
 
 
@@ -201,17 +199,16 @@ def _check_header(recording: Recording, needed: Sequence[str]) -> None:
     source, names = recording.source, recording.names
     if all(map(_is_number, names)):
         raise InputError(
-            f"{source}, line 1: expected the names of the columns, got {', '.join(names)}; "
+            f"{source}, line 1: expected the names of the columns, got {listed(names)}; "
             f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *needed)))}"
         )
 
 
 def _missing(recording: Recording, name: str, reader: str, hint: str) -> InputError:
-    names = recording.names
-    has = f"the columns are {', '.join(names)}"
-    if len(names) > _MANY:
-        has = f"there are {len(names)} columns"
-    return InputError(f"{recording.source}: no column '{name}', which {reader} reads; {has}{hint}")
+    return InputError(
+        f"{recording.source}: no column '{name}', which {reader} reads; "
+        f"the columns are {listed(recording.names, name)}{hint}"
+    )
 
 
 def _is_number(text: str) -> bool:

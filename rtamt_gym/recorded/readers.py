@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Final
 
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.checks.plugins import plugins
+from rtamt_gym.recorded import contained
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 
@@ -37,12 +39,15 @@ class Format:
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
             manager that gives a `Recording`; a module for bags has ``read_bag``.
         bag: Whether they are bags, whose topics have times of their own.
+        contained: Whether another process reads them, as what reads them may crash on a damaged
+            file. Rows then come with `RowNumbers`.
     """
 
     name: str
     extensions: tuple[str, ...]
     module: str
     bag: bool = False
+    contained: bool = False
 
 
 FORMATS = [
@@ -51,8 +56,8 @@ FORMATS = [
     Format("Feather", (".feather", ".arrow"), "rtamt_gym.recorded.arrow_reader"),
     Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader"),
     Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader"),
-    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader"),
-    Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader"),
+    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader", contained=True),
+    Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True),
     Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
     Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),
     Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
@@ -113,7 +118,7 @@ def format_of(path: str) -> Format:
             return row
     if Path(path).suffix:
         raise InputError(
-            f"{path}: expected a name that ends in {', '.join(extensions()[:-1])} or "
+            f"{shown(path)}: expected a name that ends in {', '.join(extensions()[:-1])} or "
             f"{extensions()[-1]}"
         )
     return FORMATS[0]
@@ -145,9 +150,12 @@ def open_recording(path: str, columns: Columns | None = None) -> Iterator[Record
     """
     row = format_of(path)
     if row.bag:
-        raise InputError(f"{path}: expected a table, got a bag; rtamt monitor reads it")
-    reader = import_module(row.module)
-    opened: AbstractContextManager[Recording] = reader.open_file(path, columns or Columns())
+        raise InputError(f"{shown(path)}: expected a table, got a bag; rtamt monitor reads it")
+    opened: AbstractContextManager[Recording]
+    if row.contained:
+        opened = contained.open_file(row.module, path, columns or Columns())
+    else:
+        opened = import_module(row.module).open_file(path, columns or Columns())
     try:
         with opened as recording:
             yield recording

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Recording", "Rows", "Wanted"]
+__all__ = ["Floats", "Recording", "RowNumbers", "Rows", "Wanted"]
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +64,25 @@ class Rows:
     unit: str = ""
     sparse: bool = False
     invalid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RowNumbers:
+    """Says where a row of a file without lines stands; another process can hand it over.
+
+    Attributes:
+        source: Name of the file.
+
+    Example:
+        >>> RowNumbers("trace.npz")(0)
+        'trace.npz, row 1'
+    """
+
+    source: str
+
+    def __call__(self, row: int) -> str:
+        """The file and the number of the row, from 1."""
+        return f"{self.source}, row {row + 1}"
 
 
 class Recording(Protocol):

@@ -11,6 +11,7 @@ import numpy as np
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
@@ -39,7 +40,7 @@ def read_ruled(
         )
         return read
     if columns.stale is not None:
-        raise InputError(f"{path}: expected --stale for a bag, got it for a table")
+        raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     columns = replace(columns, starts=starts_of(specs, columns))
     with open_recording(path, columns) as recording:

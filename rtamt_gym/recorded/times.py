@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
 from rtamt.errors import nearest
-from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows
 from rtamt_gym.tables import number
@@ -48,7 +48,7 @@ def find_times(recording: Recording, columns: Columns) -> str | None:
         if columns.time not in names:
             raise InputError(
                 f"{recording.source}: no column '{columns.time}', which --time names; the columns "
-                f"are {', '.join(names)}{nearest(columns.time, names)}"
+                f"are {listed(names, columns.time)}{nearest(columns.time, names)}"
             )
         return columns.time
     if TIME in names:

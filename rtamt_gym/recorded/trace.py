@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
 from rtamt_gym.recorded.grid import HOLE, Grid, Resampled, resampled
@@ -19,7 +20,7 @@ from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.starts import take_default
-from rtamt_gym.recorded.times import TimeAxis, find_times
+from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
 from rtamt_gym.results.extent import Extent, Gap
 
 __all__ = ["EventTrace", "Trace", "read_rows", "read_trace"]
@@ -219,7 +220,7 @@ def read_trace(
     if time is None and option is not None:
         raise InputError(
             f"{recording.source}: expected a column of times, which {option} speaks of; the "
-            f"columns are {', '.join(recording.names)}; give --time COLUMN"
+            f"columns are {listed(recording.names, TIME)}; give --time COLUMN"
         )
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)

@@ -15,8 +15,10 @@ from pyulog import ULog
 from pyulog.exceptions import ULogException
 
 from rtamt import InputError
+from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TIME
 from rtamt_gym.tables import counted, number
@@ -36,18 +38,18 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         InputError: If it is none, is damaged, or holds no data.
         OSError: If there is no such file.
     """
-    with Path(path).open("rb") as raw:
+    with Path(path).open("rb") as raw, refusing(path, "a ULog file"):
         file = _Bytes(raw)
         try:
             with redirect_stdout(io.StringIO()):  # pyulog prints what it says here too
                 log = ULog(file)
         except (ULogException, ValueError, LookupError) as error:
             why = str(error).partition("(")[2].rstrip(")") or str(error)
-            raise InputError(f"{path}: expected a ULog file; {why}") from None
+            raise InputError(f"{shown(path)}: expected a ULog file; {why}") from None
     if log.file_corruption:
-        raise InputError(f"{path}: expected a whole ULog file; bytes of it are no messages")
+        raise InputError(f"{shown(path)}: expected a whole ULog file; bytes of it are no messages")
     if not log.data_list:
-        raise InputError(f"{path}: expected a ULog file with data; it holds none")
+        raise InputError(f"{shown(path)}: expected a ULog file with data; it holds none")
     yield ULogRecording(log, path, cut=file.cut)
 
 
@@ -95,7 +97,7 @@ class ULogRecording:
     """
 
     def __init__(self, log: ULog, source: str, *, cut: bool = False) -> None:
-        self.source = source
+        self.source = shown(source)
         self.dates: Sequence[str] = ()
         self._fields = _fields(log)
         self.names: Sequence[str] = [TIME, *self._fields]
@@ -172,7 +174,7 @@ def _fields(log: ULog) -> dict[str, _Field]:
                 else:
                     field = field._replace(topic=f"{topic}.{data.multi_id}")
                 found[f"{topic}.{data.multi_id}.{name}"] = field
-    return found
+    return {shown(name): field for name, field in found.items()}
 
 
 def _dropouts(log: ULog) -> list[str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any, Final
 
+from rtamt.errors import shown_lines
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.reports import texts
 from rtamt_gym.reports.charts import NOUNS, Chart, charts_of, episode_chart, pairs_chart
@@ -71,6 +72,7 @@ def render(report: Report) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("rtamt_gym.reports", "page"),
         autoescape=True,
+        finalize=_finalized,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -259,7 +261,24 @@ def _read(name: str) -> str:
     return (resources.files("rtamt_gym.reports") / "page" / name).read_text(encoding="utf-8")
 
 
+def _finalized(value: object) -> object:
+    """A value as the page writes it: texts of files without control characters."""
+    return shown_lines(value) if type(value) is str else value
+
+
+def _shown(value: Any) -> Any:  # noqa: ANN401 - what JSON holds
+    """The same with all texts as they may be shown."""
+    match value:
+        case str():
+            return shown_lines(value)
+        case dict():
+            return {_shown(key): _shown(each) for key, each in value.items()}
+        case list() | tuple():
+            return [each if type(each) is float else _shown(each) for each in value]
+    return value
+
+
 def _json(value: object) -> str:
     """Strict JSON that no name in it can leave: what HTML would read is written in escapes."""
-    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_shown(value), allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

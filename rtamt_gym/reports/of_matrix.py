@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -10,7 +10,7 @@ from typing import Any, Final, get_args
 import numpy as np
 
 import rtamt
-from rtamt import EpisodeMonitor, InputError
+from rtamt import EpisodeMonitor
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
@@ -19,14 +19,15 @@ from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
-from rtamt_gym.reports.rows import DIGITS, TRIALS, judged, made_of, requirement_of, trials_of
+from rtamt_gym.reports.rows import TRIALS, judged, made_of, requirement_of, trials_of
 from rtamt_gym.reports.series import six
+from rtamt_gym.reports.trace_folders import NotShownError, TraceFolders
 from rtamt_gym.reports.views import Cell, MutantView, TraceLine, TraceTable
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Outcome, Word, word
-from rtamt_gym.results.provenance import file_hash, provenance_of
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
@@ -38,14 +39,16 @@ _LONGEST: Final = 20_000
 _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 
 
-def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
+def of_matrix(
+    kept: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
+) -> Section:
     """The section of recorded traces; the worst of each requirement is read again, if it is there.
 
     Args:
         kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
-        folder: The folder of the result: traces that the present folder does not have are looked
-            for from there, then from each folder above it.
+        folder: The folder of the result: traces are read below the present folder and below it.
         room: How many numbers all episodes together may have.
+        traces: Further folders below which they are read.
 
     Raises:
         KeyError: If the result lacks something.
@@ -56,7 +59,8 @@ def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
     facts = [Fact("traces", str(len(matrix)))]
     facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]
     share = room // len(formulas)
-    requirements = [_requirement(matrix, reading, name, folder, share) for name in formulas]
+    below = TraceFolders((Path.cwd(), folder.absolute()), tuple(traces))
+    requirements = [_requirement(matrix, reading, name, below, share) for name in formulas]
     words = get_args(Word)
     places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
     return Section(
@@ -105,7 +109,7 @@ def _robustness(outcome: Outcome | None) -> float | None:
 
 
 def _requirement(
-    matrix: Matrix, reading: Mapping[str, Any], name: str, folder: Path, room: int
+    matrix: Matrix, reading: Mapping[str, Any], name: str, below: TraceFolders, room: int
 ) -> ShownRequirement:
     """A requirement with its worst trace in full, or a note that says why it has none."""
     formula, outcomes = matrix.requirements[name], judged(matrix, name)
@@ -115,43 +119,13 @@ def _requirement(
     if known:
         row = next(row for row in matrix if row.name == known[0] and row.judged(name))
         try:
-            path = _found(row.name, folder, matrix.provenance.files.get(row.name, ""))
+            path = below.found(row.name, matrix.provenance.files.get(row.name, ""))
             worst = [_episode(row.name, row.outcomes[name], reading, formula, path, room)]
-        except (rtamt.RtamtError, OSError) as error:
-            message = str(error).partition("\n")[0]
-            note = f"The worst trace, `{row.name}`, is not shown in full: {message}."
+        except NotShownError as error:
+            note = f"The worst trace, `{row.name}`, is not shown in full: {error}."
     words = in_words_of(formula, _period(matrix), step=reading.get("view") == "step")
     known_id = matrix.provenance.ids.get(name)
     return requirement_of(name, words, formula, trials, worst, note=note, id=known_id)
-
-
-def _found(name: str, folder: Path, sha256: str) -> Path:
-    """The file of a trace: from here, from the folder of the result, or from one above it.
-
-    Args:
-        name: The path of the trace, as it was judged.
-        folder: The folder of the result.
-        sha256: The hash of the trace when it was judged; empty if it is not known.
-
-    Raises:
-        InputError: If there is none, or none is as it was.
-    """
-    folder = folder.absolute()
-    places = [Path.cwd(), folder, *folder.parents]
-    files = [path for place in dict.fromkeys(places) if (path := place / name).exists()]
-    if not files:
-        beside = "a folder" if folder == Path.cwd() else f"{folder} or a folder"
-        raise InputError(
-            f"it was found neither from {Path.cwd()} nor from {beside} above it; "
-            "make the page in the folder where the trace was judged"
-        )
-    alike = (path for path in files if not sha256 or file_hash(path) in {sha256, ""})
-    if (found := next(alike, None)) is None:
-        raise InputError(
-            f"{files[0]} is not the file that was judged, whose SHA-256 begins with "
-            f"{sha256[:DIGITS]}, but {file_hash(files[0])[:DIGITS]}; judge it again"
-        )
-    return found
 
 
 def _episode(
@@ -165,21 +139,26 @@ def _episode(
     """A trace in full.
 
     Raises:
-        RtamtError: If it cannot be read again, or is of another kind.
-        OSError: If it is not there.
+        NotShownError: If it cannot be read again, or is of another kind.
     """
     if kept["time"] == "dense" or kept["semantics"] not in EXACT:
-        raise InputError("this page shows samples under the standard or the boolean semantics")
+        raise NotShownError("this page shows samples under the standard or the boolean semantics")
     period = Fraction(kept["period"]) if "period" in kept else None
     said = {each: kept[each] for each in ("view", "semantics", "align") if each in kept}
     reading = Reading(period=period, **said)
     spec = rtamt.parse(formula)
     columns = Columns(**kept.get("columns", {}))
-    trace, period = read_ruled(str(path), {"": spec}, reading, columns)
+    try:
+        trace, period = read_ruled(str(path), {"": spec}, reading, columns)
+    except (rtamt.RtamtError, OSError):
+        # What a reader says of a file may repeat what stands in it.
+        raise NotShownError(
+            "it cannot be read as it was when it was judged; rtamt monitor says why"
+        ) from None
     if not isinstance(trace, Trace):
-        raise InputError("this page shows samples")
+        raise NotShownError("this page shows samples")
     if unknown := [name for name in spec.variables if name in trace.unknown]:
-        raise InputError(f"values of {', '.join(unknown)} are not known")
+        raise NotShownError(f"values of {', '.join(unknown)} are not known")
     whole = viewed(spec, reading.view)
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start

@@ -97,15 +97,17 @@ def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Convergence:
     return Convergence(name, tuple(i + 1 for i in places), robustness, words, least_so_far)
 
 
-def of_case(saved: SavedCase, room: int) -> Section:
-    """The section of a saved case; it is played again if its system can be made here.
+def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
+    """The section of a saved case.
 
     Args:
         saved: The case.
         room: How many numbers the episode may have.
+        play: Whether it is played again, which runs the code that it names, if its system can be
+            made here.
     """
     formula = str(saved.requirement.formula)
-    run, note = _played(saved)
+    run, note = _played(saved) if play else (None, _unplayed(saved))
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
     step = saved.reading.get("view") == "step"
@@ -149,6 +151,12 @@ def of_case(saved: SavedCase, room: int) -> Section:
         versions=dict(saved.versions),
         not_played=note if run is None else "",
     )
+
+
+def _unplayed(saved: SavedCase) -> str:
+    """Why a case is shown without a run where nobody has asked for one."""
+    code = ", ".join(saved.imports) or "nothing"
+    return f"a report only reads; --play runs the case, which imports {code}"
 
 
 def _played(saved: SavedCase) -> tuple[Run | None, str]:

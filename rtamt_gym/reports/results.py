@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,19 +27,37 @@ from rtamt_gym.search.runs.saved_case import SavedCase
 from rtamt_gym.search.sweeps.sweep import Sweep
 from rtamt_gym.simulation.run import Run
 
-__all__ = ["SECTIONS", "section_of"]
+__all__ = ["SECTIONS", "Access", "section_of"]
 
 Result = (
     Evaluation | Comparison | Sweep | Record | Falsification | SavedCase | str | os.PathLike[str]
 )
 
 
-def section_of(result: Result, room: int) -> Section:
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What a section may do beside reading the file of its result.
+
+    Attributes:
+        play: Whether a saved case is played again, which runs the code that it names.
+        traces: Folders below which recorded traces are read, beside the folder of the result and
+            the present one.
+    """
+
+    play: bool = False
+    traces: tuple[Path, ...] = ()
+
+
+_READING: Final = Access()
+
+
+def section_of(result: Result, room: int, access: Access = _READING) -> Section:
     """The section of a result, or of the file of one.
 
     Args:
         result: The result, or the path of its file or folder.
         room: How many numbers its episodes together may have.
+        access: What may be read and run for it.
 
     Raises:
         InputError: If a file holds no result; says what does.
@@ -55,22 +74,22 @@ def section_of(result: Result, room: int) -> Section:
         case Falsification():
             return of_search(result, room)
         case SavedCase():
-            return of_case(result, room)
+            return of_case(result, room, play=access.play)
         case str() | os.PathLike():
-            return _of_file(Path(result), room)
+            return _of_file(Path(result), room, access)
     raise InputTypeError(
         "expected an Evaluation, a Comparison, a Sweep, a Record, a Falsification, a SavedCase or "
         f"the path of the file of one, got {type(result).__name__}"
     )
 
 
-def _of_file(path: Path, room: int) -> Section:
+def _of_file(path: Path, room: int, access: Access) -> Section:
     if path.suffix.lower() == ".parquet" or path.is_dir():
         return _of_table(path, room)
     kept = read(
         path, SECTIONS, others=", or the Parquet file or the folder of a sweep, a campaign or a run"
     )
-    return made(path, kept, lambda found: SECTIONS[found["kind"]](found, path, room))
+    return made(path, kept, lambda found: SECTIONS[found["kind"]](found, path, room, access))
 
 
 def _of_table(path: Path, room: int) -> Section:
@@ -85,6 +104,14 @@ def _of_table(path: Path, room: int) -> Section:
     return of_record(Sweep(record, space, also["sampler"], also["seed"]), room)
 
 
+def _traces(kept: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
+    return of_matrix(kept, path.parent, room, traces=access.traces)
+
+
+def _case(_: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
+    return of_case(SavedCase.load(path), room, play=access.play)
+
+
 def _record(kept: Mapping[str, Any], room: int) -> Section:
     facts = {name: str(kept[name]) for name in ("sampler", "seed", "stop") if name in kept}
     return of_record(
@@ -94,14 +121,14 @@ def _record(kept: Mapping[str, Any], room: int) -> Section:
     )
 
 
-SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int], Section]]] = {
-    "runs": lambda kept, _, room: of_runs(kept, room),
-    "traces": lambda kept, path, room: of_matrix(kept, path.parent, room),
-    "record": lambda kept, _, room: _record(kept, room),
-    "search": lambda kept, _path, _room: of_search_json(kept),
-    "case": lambda _, path, room: of_case(SavedCase.load(path), room),
-    "evaluation": lambda kept, _, room: of_evaluation(Evaluation.of_kept(kept), room),
-    "comparison": lambda kept, _path, _room: of_comparison(Comparison.of_kept(kept)),
-    "mined": lambda kept, _path, _room: of_mined(kept),
+SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Section]]] = {
+    "runs": lambda kept, _path, room, _: of_runs(kept, room),
+    "traces": _traces,
+    "record": lambda kept, _path, room, _: _record(kept, room),
+    "search": lambda kept, _path, _room, _: of_search_json(kept),
+    "case": _case,
+    "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.of_kept(kept), room),
+    "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.of_kept(kept)),
+    "mined": lambda kept, _path, _room, _: of_mined(kept),
 }
 """The section of each kind of result that a file can hold."""

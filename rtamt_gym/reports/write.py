@@ -14,7 +14,7 @@ from rtamt.errors import Argument
 from rtamt_gym.reports.examples import ExamplesLike, with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section, ShownFile
-from rtamt_gym.reports.results import Result, section_of
+from rtamt_gym.reports.results import Access, Result, section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.tables import counted
@@ -29,12 +29,15 @@ def write_report(
     names: Sequence[str] | None = None,
     date: datetime | None = None,
     examples: ExamplesLike | None = None,
+    play: bool = False,
+    traces: Sequence[str | os.PathLike[str]] = (),
 ) -> None:
     """Writes results as one page of HTML, which needs no network and no other file.
 
     Each result is a section, in their order: every requirement in words, what became of it, the
-    worst episodes as plots. The simulation that a search has found, and the worst of a sweep, run
-    again for that; a case or an evaluation in a file has all that is shown. Episodes with more than
+    worst episodes as plots. The simulation that a `Falsification` has found, and the worst of a
+    `Sweep`, run again for that, as the program has their systems; files are only read, and a saved
+    case, which is code of its author, is played with ``play=True`` alone. Episodes with more than
     600 samples are shown without some of them, with fewer where episodes are many: never without
     the first, the last, the extremes of a series or the samples that decided. Needs the extra
     ``report``.
@@ -52,6 +55,10 @@ def write_report(
             page; without it now.
         examples: Traces that satisfy and violate requirements, drawn beside their words: what
             `rtamt.examples` returns, or the path of what ``rtamt examples --json`` wrote.
+        play: Whether saved cases are played again, which imports and runs what they name:
+            `SavedCase.imports`.
+        traces: Folders below which recorded traces are read for the page, beside the folder of
+            their result and the present one; elsewhere no file that a result names is opened.
 
     Raises:
         InputError: If there is no result, a file holds none, the page has another ending, names
@@ -79,9 +86,10 @@ def write_report(
         True
     """
     check_page(path)
-    several = () if examples is None else (examples,)
-    page = render(report_of(*results, title=title, names=names, date=date, examples=several))
-    Path(path).write_text(page, encoding="utf-8")
+    shown = () if examples is None else (examples,)
+    access = Access(play, tuple(map(Path, traces)))
+    page = report_of(*results, title=title, names=names, date=date, examples=shown, access=access)
+    Path(path).write_text(render(page), encoding="utf-8")
 
 
 def report_of(
@@ -90,6 +98,7 @@ def report_of(
     names: Sequence[str] | None = None,
     date: datetime | None = None,
     examples: Sequence[ExamplesLike] = (),
+    access: Access = Access(),  # noqa: B008 - it is frozen
 ) -> Report:
     """What the page of results shows; arguments are those of `write_report`, examples several."""
     if not results:
@@ -97,7 +106,7 @@ def report_of(
             "expected one result at least, such as an Evaluation or its file, got none"
         )
     made_on = _date(date)
-    sections = tuple(_section(each, ROOM // len(results)) for each in results)
+    sections = tuple(_section(each, ROOM // len(results), access) for each in results)
     sections = _named(sections, results, names)
     if examples:
         sections = with_examples(sections, examples)
@@ -106,9 +115,9 @@ def report_of(
     return Report(title, f"rtamt {rtamt.__version__}", sections, made_on)
 
 
-def _section(result: Result, room: int) -> Section:
+def _section(result: Result, room: int, access: Access) -> Section:
     """The section of a result, and of a file with its hash."""
-    section = section_of(result, room)
+    section = section_of(result, room, access)
     if not isinstance(result, str | os.PathLike):
         return section
     return replace(section, source=ShownFile(os.fspath(result), file_hash(result)))

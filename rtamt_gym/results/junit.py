@@ -8,6 +8,7 @@ from fractions import Fraction
 from xml.etree import ElementTree as ET
 
 from rtamt import RequirementId, Verdict
+from rtamt.errors import shown_lines
 from rtamt_gym.results.asked import never_asked_word
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
@@ -140,4 +141,4 @@ def _counts(words: Sequence[Word]) -> dict[str, str]:
 
 
 def _xml(text: str) -> str:
-    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", shown_lines(text))

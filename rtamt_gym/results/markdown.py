@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rtamt.errors import shown, shown_lines
 from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
 from rtamt_gym.results.matrix import Matrix, cell_text, label, legend, summary, times_text
 from rtamt_gym.results.outcome import Failure, Outcome
@@ -47,8 +48,8 @@ def to_markdown(matrix: Matrix, unmet: Unmet = _NONE) -> str:
     said = [*never_asked_lines(matrix), *partly_asked_lines(matrix)]
     lines += [""] * bool(said) + [f"{_escaped(text)}  " for text in said]
     explained = list(_explained(matrix))
-    for head, text in explained[:_MOST]:
-        fence = "`" * 3
+    for head, why in explained[:_MOST]:
+        fence, text = "`" * 3, shown_lines(why)
         while fence in text:
             fence += "`"
         lines += ["", f"<details><summary>{_html(head)}</summary>", "", fence, text, fence]
@@ -77,8 +78,8 @@ def _why(cell: Outcome, formula: str) -> str:
 
 def _escaped(text: str) -> str:
     r"""Keeps what Markdown would read as its own: ``a_b|c`` becomes ``a\_b\|c``."""
-    return "".join(f"\\{c}" if c in "\\`*_{}[]<>#|~" else c for c in text)
+    return "".join(f"\\{c}" if c in "\\`*_{}[]<>#|~" else c for c in shown(text))
 
 
 def _html(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return shown(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from rtamt import RequirementId, Specification
+from rtamt.errors import shown
 
 __all__ = [
     "Provenance",
@@ -34,7 +35,7 @@ class Provenance:
         ids: The ids of requirements, by name, of those that have one.
         versions: The versions of Python and of the packages that were in use.
         files: The SHA-256 of each file that was read, in hexadecimal digits, by its path as it was
-            given: traces, specifications, models.
+            given, `rtamt.errors.shown`: traces, specifications, models.
     """
 
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
@@ -53,7 +54,7 @@ class Provenance:
 
     def with_files(self, paths: Iterable[str | os.PathLike[str]]) -> Self:
         """The same with the hashes of files; a path that is no file has none."""
-        known = ((os.fspath(path), file_hash(path)) for path in paths)
+        known = ((shown(os.fspath(path)), file_hash(path)) for path in paths)
         return replace(self, files={**self.files, **{path: sha for path, sha in known if sha}})
 
 

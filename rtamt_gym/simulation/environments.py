@@ -15,7 +15,7 @@ from rtamt_gym.checks.extras import EXTRAS
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.imported import imported
 
-__all__ = ["PACKAGES", "families", "make", "register"]
+__all__ = ["PACKAGES", "families", "make", "package_of", "register"]
 
 PACKAGES: Final[Mapping[str, str]] = {"rtamt": "rtamt_envs", "": "highway_env"}
 """The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, when it is
@@ -89,6 +89,23 @@ def families() -> dict[str, list[str]]:
         module = entry.partition(":")[0].removeprefix("gymnasium.envs.")
         found.setdefault(module.partition(".")[0] or "others", []).append(spec.id)
     return {family: sorted(ids) for family, ids in sorted(found.items())}
+
+
+def package_of(env_id: str) -> str:
+    """The module that `make` imports for an id: its own, one of `PACKAGES`, or ``gymnasium``.
+
+    Example:
+        >>> package_of("rtamt/RequestGrant-v0"), package_of("CartPole-v1"), package_of("a.b:C-v0")
+        ('rtamt_envs', 'gymnasium', 'a.b')
+    """
+    module, colon, own = env_id.rpartition(":")
+    if colon:
+        return module
+    name = own.partition("-v")[0]
+    namespace = name.rpartition("/")[0]
+    if not namespace and _known(name):
+        return "gymnasium"
+    return PACKAGES.get(namespace, "gymnasium")
 
 
 def register(package: str) -> None:

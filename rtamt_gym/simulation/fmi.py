@@ -234,7 +234,7 @@ class Fmus(System):
         weakref.finalize(self, shutil.rmtree, top, ignore_errors=True)
         folders = [top / str(i) for i in range(len(self.paths))]
         for path, folder in zip(self.paths.values(), folders, strict=True):
-            _fmpy().extract(path, folder)
+            _unpack(path, folder)
         self._folders = folders
 
     def _reader(self, variables: Sequence[Variable]) -> Reader:
@@ -335,6 +335,20 @@ def _named(fmus: object) -> dict[str, Path]:
     if not fmus:
         raise InputError("expected at least one FMU, got none")
     return {str(name): Path(path) for name, path in fmus.items()}
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpacks an FMU into a folder.
+
+    Raises:
+        InputError: If it is damaged, or a file in it would lie outside the folder.
+    """
+    try:
+        _fmpy().extract(path, folder)
+    except OSError:
+        raise
+    except Exception as error:  # FMPy has no class of its own for what it refuses
+        raise InputError(f"cannot unpack the FMU {path}: {error}") from error
 
 
 def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is not typed

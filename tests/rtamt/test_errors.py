@@ -10,7 +10,7 @@ from paths import ROOT
 from steps import StepCounter
 
 import rtamt
-from rtamt.errors import Advice, Argument, Message, closest, nearest
+from rtamt.errors import Advice, Argument, Message, closest, nearest, shown_lines
 
 LETTERS = st.text("abc", min_size=1, max_size=12)
 
@@ -65,10 +65,14 @@ PIECES = st.recursive(
 )
 
 
+def printed(piece: object) -> str:
+    return shown_lines(piece) if type(piece) is str else str(piece)
+
+
 @given(st.lists(PIECES, min_size=1))
 def test_a_message_is_the_text_that_a_python_caller_reads(pieces: list[object]) -> None:
     error = rtamt.InputError(*pieces)
-    assert str(error) == error.message == "".join(map(str, pieces))
+    assert str(error) == error.message == "".join(map(printed, pieces))
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), again.arguments) == (type(error), str(error), error.arguments)
     around = rtamt.InputError("trace 3: ", error)
@@ -80,7 +84,7 @@ def test_a_message_is_the_text_that_a_python_caller_reads(pieces: list[object]) 
 def test_a_program_without_options_gives_no_advice(text: str, pieces: list[object]) -> None:
     message = Message(text, Advice(*pieces))
     helpful = not any(isinstance(piece, Argument) for piece in pieces)
-    assert message.worded(lambda _: None) == (message if helpful else text)
+    assert message.worded(lambda _: None) == (message if helpful else printed(text))
     assert message.worded(str) == message
 
 

@@ -34,7 +34,7 @@ from rtamt.machines.dense.waiting import Waiting, together
 from rtamt.machines.protocols import End
 from rtamt.machines.ranges import FindRanges, term_ranges
 from rtamt.machines.readout import moved, verdict_of
-from rtamt.machines.state import StateFields
+from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import FindTerms, Registers, term_columns
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS
@@ -179,7 +179,7 @@ class RegionRegisters(Protocol):
     def restore(self, state: list[Any]) -> None: ...
 
 
-class PythonDenseEpisodeMachine(StateFields):
+class PythonDenseEpisodeMachine(Retiring, StateFields):
     """Bounds the robustness at the begin of a trace, from events in chunks of any size.
 
     From the first value on that is not known, twins of the last registers go on from their state:
@@ -207,6 +207,7 @@ class PythonDenseEpisodeMachine(StateFields):
         "_readings",
         "_greatest",
     )
+    reader: EventReader
     finished: bool
     robustness: float
     lower: float
@@ -261,7 +262,11 @@ class PythonDenseEpisodeMachine(StateFields):
         given = self.reader.given(events, named)
         after = self._declared.after(self._first, self._last)
         heard = [math.isfinite(tick) for tick in self._last]
-        self._take(*self.reader.read(given, after, self._dated, heard))
+        columns, dated = self.reader.read(given, after, self._dated, heard)
+        self.require_current()
+        if self.finished:  # by what a value runs when it is read
+            self.reader.refuse_update()
+        self._take(columns, dated)
         return self.robustness
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:

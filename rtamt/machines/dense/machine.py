@@ -21,7 +21,7 @@ from rtamt.machines.dense.streams import (
     just_after,
 )
 from rtamt.machines.dense.windows import SuffixNode, WindowNode
-from rtamt.machines.state import StateFields
+from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import Registers, Terms
 from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
@@ -30,7 +30,7 @@ from rtamt.program.instructions import Map, Window
 __all__ = ["PythonDenseMachine"]
 
 
-class PythonDenseMachine(StateFields):
+class PythonDenseMachine(Retiring, StateFields):
     """Runs a program on events, in chunks of any size, each variable at its own pace.
 
     The trace begins with the latest of the variables' first events, and is known up to the earliest
@@ -45,6 +45,7 @@ class PythonDenseMachine(StateFields):
     """
 
     STATE = ("finished", "_dated", "_first", "_last", "_begin", "_end", "_waits", "_parts")
+    reader: EventReader
     finished: bool
     _dated: Dated
     _first: list[float]
@@ -97,7 +98,11 @@ class PythonDenseMachine(StateFields):
             self.reader.refuse_update()
         given = self.reader.given(events, named)
         after = self._declared.after(self._first, self._last)
-        return self._with_times(self._take(*self.reader.read(given, after, self._dated)))
+        columns, dated = self.reader.read(given, after, self._dated)
+        self.require_current()
+        if self.finished:  # by what a value runs when it is read
+            self.reader.refuse_update()
+        return self._with_times(self._take(columns, dated))
 
     def _with_times(self, steps: Sequence[Breakpoint]) -> list[tuple[float, float]]:
         return [(self.reader.time(tick, self._dated), value) for tick, value in steps]

@@ -126,6 +126,9 @@ class PythonEpisodeMachine(PythonSampleMachine):
         if self.finished:
             refuse_update()
         values = self.reader.read(args, named, self.samples, self.inputs)
+        self.require_current()
+        if self.finished:  # by what a value runs when it is read
+            refuse_update()
         self.take(self.terms(values), values)
         return self.robustness
 

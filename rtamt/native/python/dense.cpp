@@ -152,6 +152,7 @@ void bind_dense(nb::module_& m) {
         .def("run", run, nb::arg("given"),
              "Take in a whole trace, with times as they were given; return the times and values of\n"
              "the result. The machine is of no use after that.")
+        .def("retire", retire<DenseObject>, "Refuse each further update: the monitor has another machine.")
         .def("reset", reset<DenseObject>, "Return to the state before the first event.");
 }
 

@@ -145,6 +145,7 @@ void bind_dense_episode(nb::module_& m) {
         .def("complete", complete,
              "Return the robustness if the trace is all there is, with neutral predicates -0.0\n"
              "and 0.0.")
+        .def("retire", retire<Self>, "Refuse each further update: the monitor has another machine.")
         .def("reset", reset<Self>, "Return to the state before the first event.");
 }
 

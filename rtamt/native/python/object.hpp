@@ -20,7 +20,8 @@ template <class M>
 struct Object {
     M machine;
     nb::object reader;
-    bool running = false;  // in another thread, without the lock of the interpreter
+    bool running = false;  // in another thread, without the lock of the interpreter; or stale
+    bool stale = false;    // its monitor has another machine
 };
 
 // The object of a machine whose update takes arguments by name.
@@ -38,6 +39,8 @@ template <class... Args>
 
 template <class M>
 void require_idle(const Object<M>& object) {
+    if (object.stale) [[unlikely]]
+        refuse(nb::module_::import_("rtamt.machines.state"), "refuse_stale");
     if (object.running) [[unlikely]]
         refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
 }
@@ -163,6 +166,13 @@ void reset(T& object) {
     require_idle(object);
     object.machine.reset();
     refresh(object);
+}
+
+// Refuses each further call that changes the machine.
+template <class T>
+void retire(T& object) {
+    require_idle(object);
+    object.running = object.stale = true;
 }
 
 // Adds a class with what all machines have to a module.

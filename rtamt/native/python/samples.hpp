@@ -90,6 +90,10 @@ void take_slowly(NamedObject<M>& object, PyObject* const* args, Py_ssize_t n, Py
     const nb::object values =
         object.reader.attr(form)(positional, named, machine.samples(), inputs(object));
     require_idle(object);
+    // What the reader converts may run code of a caller.
+    if constexpr (requires { machine.finished(); }) {
+        if (machine.finished()) [[unlikely]] refuse_state("refuse_update");
+    }
     if (nb::len(values) != machine.variables())
         throw std::runtime_error("the reader gave another number of values");
     if constexpr (Uncertain<M>) {
@@ -151,6 +155,7 @@ nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, Py
                      "The number of samples since the reset.")
         .def_prop_ro("inputs", [](const T& object) { return inputs(object); },
                      "The last sample; empty before the first.")
+        .def("retire", retire<T>, "Refuse each further update: the monitor has another machine.")
         .def("reset", reset<T>, "Return to the state before the first sample.");
     return made;
 }

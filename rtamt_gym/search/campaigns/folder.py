@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +19,16 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.files import CAMPAIGN, PARTS, RECORD, finished, parts, read
+from rtamt_gym.search.runs.files import (
+    CAMPAIGN,
+    PARTS,
+    RECORD,
+    finished,
+    part_name,
+    part_number,
+    parts,
+    read,
+)
 from rtamt_gym.search.runs.record import Record, storage
 
 __all__ = ["Folder", "digest"]
@@ -75,9 +85,7 @@ class Folder:
                 left.unlink()
             if not found:
                 self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
-            self._number = max(
-                (int(part.stem.rpartition("-")[2]) for part in self.path.glob(PARTS)), default=0
-            )
+            self._number = max(map(part_number, self.path.glob(PARTS)), default=0)
         except BaseException:
             self.close()
             raise
@@ -111,8 +119,9 @@ class Folder:
         numbers = [number for number, _ in rows]
         self._number += 1
         self._write(
-            f"part-{self._number:06d}.parquet",
+            "part.parquet",
             lambda path: record.write(path, _WHAT, {**(also or {}), "tasks": numbers}),
+            lambda path: part_name(self._number, path),
         )
 
     def finish(self, record: Record, also: Mapping[str, Any] | None = None) -> None:
@@ -150,12 +159,23 @@ class Folder:
                 )
         return True
 
-    def _write(self, name: str, write: Callable[[Path], object]) -> None:
-        """Writes a file that has its name when it is complete, and on the disk."""
+    def _write(
+        self,
+        name: str,
+        write: Callable[[Path], object],
+        called: Callable[[Path], str] | None = None,
+    ) -> None:
+        """Writes a file that has its name when it is complete, and on the disk.
+
+        Args:
+            name: The name.
+            write: Writes the file of a path.
+            called: Gives another name to the file of a path, as by its content.
+        """
         unfinished = self.path / f"{_WRITING}{name}"
         write(unfinished)
         _to_disk(unfinished)
-        unfinished.replace(self.path / name)
+        unfinished.replace(self.path / (name if called is None else called(unfinished)))
         _to_disk(self.path)
 
 
@@ -168,8 +188,24 @@ def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
 
 
 def _locked(path: Path) -> IO[str]:
-    """The lock of a folder; the system frees it when the process ends, however it ends."""
-    lock = (path / "lock").open("w", encoding="utf-8")
+    """The lock of a folder; the system frees it when the process ends, however it ends.
+
+    Raises:
+        InputError: If it is a link, which could lead to a file of somebody else's, or no file.
+    """
+    name = path / "lock"
+    try:
+        opened = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    except OSError as error:
+        if not name.is_symlink():
+            raise
+        raise InputError(
+            f"expected the lock of a campaign as a file, got the link {name}"
+        ) from error
+    if not stat.S_ISREG(os.fstat(opened).st_mode):
+        os.close(opened)
+        raise InputError(f"expected the lock of a campaign as a file, got {name}")
+    lock = os.fdopen(opened, "r+", encoding="utf-8")
     try:
         import fcntl
     except ModuleNotFoundError:  # not on Windows

@@ -16,11 +16,18 @@ import gymnasium as gym
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.simulation.crashes import no_exit
-from rtamt_gym.simulation.environments import PACKAGES, make
+from rtamt_gym.simulation.environments import PACKAGES, make, package_of
 from rtamt_gym.simulation.fmi import Fmus
 from rtamt_gym.simulation.imported import find_object
 
-__all__ = ["import_path", "named_object", "named_system", "system_name"]
+__all__ = [
+    "import_path",
+    "named_object",
+    "named_system",
+    "policy_text",
+    "system_name",
+    "system_texts",
+]
 
 _KNOWN: Final = ("gymnasium", *PACKAGES.values())
 """Packages whose environments `make` finds by their ids alone."""
@@ -97,6 +104,36 @@ def named_object(path: str) -> Any:  # noqa: ANN401
         with no_exit(path):
             return found()
     return found
+
+
+def system_texts(name: Mapping[str, Any]) -> list[str]:
+    """What `named_system` imports or loads for the system that a file names.
+
+    Example:
+        >>> system_texts({"object": "os:abort"}), system_texts({"environment": "CartPole-v1"})
+        (['os'], ['gymnasium (CartPole-v1)'])
+    """
+    match {**name}:
+        case {"environment": str(env_id)}:
+            return [f"{package_of(env_id)} ({env_id.rpartition(':')[2]})"]
+        case {"fmus": dict(paths)}:
+            return [str(path) for path in paths.values()]
+        case {"object": str(path)}:
+            return [path.partition(":")[0]]
+    return []
+
+
+def policy_text(policy: str) -> str:
+    """What is imported or unpickled for a policy; nothing for one that is no code of a file's.
+
+    Example:
+        >>> policy_text("pilot:steer"), policy_text("zero"), policy_text("sb3:PPO:model.zip")
+        ('pilot', '', 'PPO:model.zip, which is unpickled')
+    """
+    kind, _, rest = policy.partition(":")
+    if not rest:
+        return ""
+    return f"{rest}, which is unpickled" if kind == "sb3" else kind
 
 
 def import_path(thing: object) -> str | None:

@@ -23,7 +23,14 @@ from rtamt_gym.results.codec import check_name, document, read_as
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.results.provenance import versions_in_use
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
+from rtamt_gym.search.runs.naming import (
+    import_path,
+    named_object,
+    named_system,
+    policy_text,
+    system_name,
+    system_texts,
+)
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.simulation.policies import policy_of
 from rtamt_gym.simulation.run import Run
@@ -65,6 +72,10 @@ _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
 @dataclass(frozen=True, kw_only=True)
 class SavedCase:
     """One case of a system with a requirement, and what the requirement became; `load` reads one.
+
+    A case is code of its author, as a pickle is: `load` only reads, and `replay` imports and runs
+    what the file names, `imports`: modules, policies, models, FMUs. Replay cases of people whose
+    programs you would run.
 
     `Falsification.save` writes it as strict JSON, in which infinities are the strings ``"inf"`` and
     ``"-inf"``. ``rtamt replay case.json`` runs it.
@@ -151,8 +162,14 @@ class SavedCase:
             folder=folder,
         )
 
+    @property
+    def imports(self) -> tuple[str, ...]:
+        """What `replay` imports, loads and runs: ``os``, ``gymnasium (CartPole-v1)``, ``a.fmu``."""
+        policy = [] if self.policy is None else [policy_text(self.policy)]
+        return tuple(dict.fromkeys(filter(None, [*system_texts(self.system), *policy])))
+
     def replay(self) -> Run:
-        """Runs the case; the run is stopped at a certain violation.
+        """Runs the case, and so the code that it names; the run is stopped at a certain violation.
 
         Raises:
             InputError: If there is no such system or policy, with what the file names.

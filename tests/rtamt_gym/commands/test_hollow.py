@@ -213,7 +213,12 @@ SHOWN: dict[str, Shown] = {
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),
     "the run of a saved case has another verdict": Shown("replay other.json"),
-    "a page shows a case that cannot be played again": Shown("report gone.json -o page.html"),
+    "a page shows a saved case without playing it": Shown(
+        "report gone.json -o page.html", "--play"
+    ),
+    "a page shows a case that cannot be played again": Shown(
+        "report gone.json --play -o page.html"
+    ),
 }
 
 

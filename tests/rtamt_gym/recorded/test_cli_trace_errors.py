@@ -98,7 +98,14 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "cannot draw r.doc: expected a name that ends in .png, .svg or .pdf",
         ),
         ("monitor calm.stl no.parquet", "cannot open no.parquet: No such file or directory"),
-        ("monitor calm.stl bad.parquet", "bad.parquet: expected a Parquet file"),
+        (
+            "monitor calm.stl bad.parquet",
+            (
+                "bad.parquet: expected a Parquet file, got an error: ArrowInvalid: Parquet magic "
+                "bytes not found in footer. Either the file is corrupted or this is not a "
+                "parquet file."
+            ),
+        ),
         (
             "monitor calm.stl odd.parquet",
             (

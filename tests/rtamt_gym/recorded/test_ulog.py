@@ -280,8 +280,10 @@ def test_a_column_that_is_missing_in_a_log_of_many_is_named_with_the_nearest(
     with pytest.raises(rtamt.InputError) as caught:
         events(path, "vehicle_local_position.z_vald > 0")
     assert str(caught.value) == (
-        f"{path}: no column 'vehicle_local_position.z_vald', which the specification reads; there "
-        "are 141 columns; did you mean 'vehicle_local_position.z_valid'?"
+        f"{path}: no column 'vehicle_local_position.z_vald', which the specification reads; the "
+        "columns are vehicle_local_position.z_valid, vehicle_local_position.0.z_valid, "
+        "vehicle_local_position.z, vehicle_local_position.0.z, vehicle_local_position.x and 136 "
+        "more; did you mean 'vehicle_local_position.z_valid'?"
     )
 
 

@@ -76,7 +76,7 @@ def test_the_options_of_the_columns_are_read_again(
     assert episode.times == (0.0, 0.0005, 0.001)
 
 
-def test_traces_are_found_beside_the_file_or_above_it_and_else_it_says_so(
+def test_traces_are_found_below_the_folders_that_are_allowed_and_else_it_says_so(
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
@@ -85,20 +85,19 @@ def test_traces_are_found_beside_the_file_or_above_it_and_else_it_says_so(
     outcomes = judged(tmp_path, monkeypatch, capsys)
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     monkeypatch.chdir(elsewhere)
-    for folder in (tmp_path, tmp_path / "results" / "of" / "today"):
-        shown = of_matrix(outcomes, folder, ROOM).requirements[0]
-        assert shown.worst
-        assert shown.note == ""
-    for folder, beside in (
-        (elsewhere, "a folder"),
-        (elsewhere / "results", f"{elsewhere / 'results'} or a folder"),
+    for folder, traces in ((tmp_path, []), (elsewhere, [tmp_path]), (elsewhere, [tmp_path.parent])):
+        shown = of_matrix(outcomes, folder, ROOM, traces=traces).requirements[0]
+        assert bool(shown.worst) is (tmp_path.parent not in traces)
+    for folder, below in (
+        (elsewhere, f"{elsewhere}"),
+        (elsewhere / "results", f"{elsewhere} or {elsewhere / 'results'}"),
     ):
         section = of_matrix(outcomes, folder, ROOM)
         near = section.requirements[0]
         assert near.worst == ()
         assert near.note.endswith(
-            f"is not shown in full: it was found neither from {elsewhere} nor from {beside} above "
-            "it; make the page in the folder where the trace was judged."
+            f"is not shown in full: no regular file of this name lies below {below}; rtamt report "
+            "--traces DIR reads below another folder."
         )
         assert section.notes == ()
 

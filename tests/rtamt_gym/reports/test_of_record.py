@@ -12,10 +12,12 @@ from rtamt_gym import Record, SavedCase, Sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_search import convergence_of, of_case, of_search
-from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.results import Access, section_of
 from rtamt_gym.reports.rows import cases_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.standing import standing_of
+
+PLAY = Access(play=True)
 
 
 def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
@@ -129,7 +131,7 @@ def test_a_saved_case_says_how_often_its_run_was_asked(
     formula = f"shut = always(level >= {least} implies valve > 0)"
     words = [formula, "--vary", "inflow=0:1", "--budget", "3", "--period", "1"]
     assert main(["falsify", "tank_of_case:tank", *words, "--save", "case.json"]) == 0
-    section = section_of("case.json", ROOM)
+    section = section_of("case.json", ROOM, PLAY)
     (trial,) = section.requirements[0].trials
     assert (trial.asked, trial.vacuous) == ((0, True) if least else (1, False))
     assert section.requirements[0].asked == (1 - bool(least), 1)
@@ -140,14 +142,14 @@ def test_a_saved_case_says_how_often_its_run_was_asked(
     other = json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
     other["expected"]["verdict"] = "VIOLATED"
     (tmp_path / "case.json").write_text(json.dumps(other), encoding="utf-8")
-    assert section_of("case.json", ROOM).requirements[0].asked is None
+    assert section_of("case.json", ROOM, PLAY).requirements[0].asked is None
 
 
 def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "case.json"
     searched().save(path, system="tank_of_test:tank")
     saved = SavedCase.load(path)
-    alone = of_case(saved, ROOM)
+    alone = of_case(saved, ROOM, play=True)
     assert alone.notes == (f"The case was not played again: {alone.not_played}",)
     assert alone.not_played.startswith("InputError: there is no module 'tank_of_test'")
     assert alone.requirements[0].worst == ()
@@ -160,12 +162,12 @@ def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
         "        level += inflow - leak * level\n",
         encoding="utf-8",
     )
-    played = of_case(saved, ROOM)
+    played = of_case(saved, ROOM, play=True)
     assert played.notes == ("Played again for this page, the case gave the same robustness.",)
     assert played.not_played == ""
     assert played.requirements[0].worst[0].verdict == "violated"
     other = json.loads(path.read_text(encoding="utf-8"))
     other["expected"]["robustness"] = -9.0
     path.write_text(json.dumps(other), encoding="utf-8")
-    (note,) = of_case(SavedCase.load(path), ROOM).notes
+    (note,) = of_case(SavedCase.load(path), ROOM, play=True).notes
     assert note.startswith("Played again for this page, the case gave another robustness: -0.0")

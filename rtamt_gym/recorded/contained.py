@@ -1,0 +1,227 @@
+"""Files that another process reads: a library that crashes, or hangs, ends that process alone.
+
+The process is there against damaged files. It is no sandbox: it has the rights of this one. One
+process reads many files, one after the other, and only the columns that are wanted come back.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from threading import Lock, Timer
+from typing import Any, Final
+
+from rtamt import InputError
+from rtamt.errors import shown
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.progress import silence
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+
+__all__ = ["LIMIT", "open_file", "serve"]
+
+LIMIT: Final = 60.0
+"""The seconds that a file may take, and one more for each megabyte."""
+
+
+@contextmanager
+def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
+    """Opens a file of recorded values in another process.
+
+    Args:
+        module: The module whose ``open_file(path, columns)`` reads the format.
+        path: The file.
+        columns: How its columns are read.
+
+    Raises:
+        InputError: As the reader does, or if its process crashes or takes too long.
+        OSError: If there is no such file.
+        ModuleNotFoundError: If the reader needs a package that is not installed.
+    """
+    limit = LIMIT + Path(path).stat().st_size / 1e6
+    with _taken() as process:
+        names, dates = process.ask(("open", Path.cwd(), module, path, columns), path, limit)
+        try:
+            yield _Contained(process, path, names, dates, limit)
+        finally:
+            process.tell(("close",))
+
+
+class _Contained:
+    """A recording that another process has opened."""
+
+    def __init__(
+        self, process: _Process, path: str, names: Sequence[str], dates: Sequence[str], limit: float
+    ) -> None:
+        self.source = shown(path)
+        self.names = names
+        self.dates = dates
+        self._process, self._path, self._limit = process, path, limit
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Reads the wanted columns."""
+        rows: Rows = self._process.ask(("read", wanted), self._path, self._limit)
+        return rows
+
+
+class _Process:
+    """A process that reads files, and the pipes to it.
+
+    It imports what this one would, and not what lies in the working directory; its standard input
+    ends when this process ends, however it does.
+    """
+
+    def __init__(self) -> None:
+        self.owner = os.getpid()
+        code = (
+            f"import sys; sys.path[:] = {sys.path!r}\n"
+            "from rtamt_gym.recorded.contained import serve; serve()"
+        )
+        self._process = subprocess.Popen(  # noqa: S603 - our own code
+            [sys.executable, "-P", "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def ask(self, request: object, path: str, limit: float) -> Any:  # noqa: ANN401
+        """What the process answers.
+
+        Raises:
+            InputError: If it ends before, or takes too long; then it is of no further use.
+            Exception: What it has raised.
+        """
+        late: list[bool] = []
+
+        def end() -> None:
+            late.append(True)
+            self._process.kill()
+
+        watch = Timer(limit, end)
+        watch.daemon = True
+        watch.start()
+        try:
+            self.tell(request)
+            fine, answer = pickle.load(self._process.stdout)  # type: ignore[arg-type]  # noqa: S301 - of our own process
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            ending = self._ending()
+            if late:
+                ending = f"took more than {limit:.0f} s"
+            raise InputError(
+                f"{shown(path)}: expected a whole file, but its reader {ending}"
+            ) from None
+        except BaseException:  # an interrupt: what it answers is nobody's
+            self.end()
+            raise
+        finally:
+            watch.cancel()
+        if fine:
+            return answer
+        raise answer
+
+    def tell(self, request: object) -> None:
+        """Sends what needs no answer; a process that has ended hears nothing."""
+        with suppress(OSError, ValueError):
+            pickle.dump(request, self._process.stdin)  # type: ignore[arg-type]
+            self._process.stdin.flush()  # type: ignore[union-attr]
+
+    @property
+    def ended(self) -> bool:
+        """Whether it can be asked no more."""
+        return self._process.poll() is not None
+
+    def end(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                pipe.close()  # type: ignore[union-attr]
+
+    def _ending(self) -> str:
+        self.end()
+        code = self._process.returncode
+        if code >= 0:
+            return f"ended with exit status {code}"
+        name = signal.Signals(-code).name
+        memory = ", perhaps for lack of memory" if name == "SIGKILL" else ""
+        return f"crashed by {name}{memory}"
+
+
+_lock: Final = Lock()
+_idle: Final[list[_Process]] = []
+
+
+@contextmanager
+def _taken() -> Iterator[_Process]:
+    """A process that reads for nobody else meanwhile."""
+    with _lock:
+        # After a fork those of the parent are not ours.
+        own = [each for each in _idle if each.owner == os.getpid() and not each.ended]
+        _idle[:] = own[:-1]
+    process = own[-1] if own else _Process()
+    try:
+        yield process
+    finally:
+        if process.ended:
+            process.end()
+        else:
+            with _lock:
+                _idle.append(process)
+
+
+@atexit.register
+def _end_idle() -> None:
+    for process in _idle:
+        if process.owner == os.getpid():
+            process.end()
+    _idle.clear()
+
+
+def serve() -> None:
+    """What the process does: it answers requests until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has asked
+    silence()
+    requests = sys.stdin.buffer
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # a library that prints must not answer
+    with ExitStack() as opened:
+        recording: Recording | None = None
+        while True:
+            try:
+                request = pickle.load(requests)  # noqa: S301 - of the process that has started us
+            except EOFError:
+                return
+            if request[0] == "close":
+                recording = None
+                opened.close()
+                continue
+            try:
+                if request[0] == "open":
+                    _, folder, module, path, columns = request
+                    os.chdir(folder)  # a path may be relative
+                    recording = opened.enter_context(import_module(module).open_file(path, columns))
+                    answer: Any = [*recording.names], [*recording.dates]
+                else:
+                    answer = recording.read(request[1])  # type: ignore[union-attr]  # it was opened
+            except Exception as error:  # noqa: BLE001 - the process that has asked raises it
+                pickle.dump((False, _portable(error)), replies)
+            else:
+                pickle.dump((True, answer), replies, protocol=pickle.HIGHEST_PROTOCOL)
+            replies.flush()
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, or one with its words if it cannot be sent."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301 - what was dumped
+    except Exception:  # noqa: BLE001 - whatever an error of a library raises
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error

@@ -1,0 +1,281 @@
+"""Damaged and hostile traces: each is refused in words, and costs its own row alone."""
+
+import json
+import os
+import random
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.parquet as pq
+import pytest
+from asammdf import MDF, Signal
+from scipy.io import savemat
+
+from rtamt import InputError
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded import contained, csv_reader
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.foreign import refusing
+from rtamt_gym.recorded.readers import FORMATS, open_recording
+from rtamt_gym.recorded.recording import Wanted
+
+Output = pytest.CaptureFixture[str]
+SPEC = "always(x < 9)"
+
+READER = """\
+import ctypes
+import os
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from rtamt import InputError
+from rtamt_gym.recorded.arrays import ArrayRecording
+
+
+@contextmanager
+def open_file(path, columns):
+    match Path(path).read_text():
+        case "crash":
+            ctypes.string_at(0)
+        case "hang":
+            time.sleep(1e6)
+        case "leave":
+            os._exit(3)
+        case "print":
+            print("printed", flush=True)
+        case "raise":
+            raise KeyError("no such thing")
+        case "read":
+            yield Crashing(path, {"x": np.ones(2)})
+    yield ArrayRecording(path, {"x": np.ones(3), "pid": np.full(3, os.getpid())})
+
+
+class Crashing(ArrayRecording):
+    def read(self, wanted):
+        ctypes.string_at(0)
+"""
+
+
+@pytest.fixture
+def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Path]]:
+    """Writes files of a reader that does what they say."""
+    (tmp_path / "strange_reader.py").write_text(READER, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    own: list[Any] = []
+    monkeypatch.setattr(contained, "_idle", own)  # processes that look here for modules
+
+    def write(what: str) -> Path:
+        path = tmp_path / f"{what}.strange"
+        path.write_text(what, encoding="utf-8")
+        return path
+
+    yield write
+    for process in own:
+        process.end()
+
+
+def read(path: Path) -> dict[str, list[float]]:
+    with contained.open_file("strange_reader", str(path), Columns()) as recording:
+        rows = recording.read(Wanted(["x", "pid"]))
+        assert rows.where(1) == f"{path}, row 2"
+        return {name: values.tolist() for name, values in rows.numbers.items()}
+
+
+def test_one_process_reads_many_files_and_another_one_after_a_crash(
+    strange: Callable[[str], Path],
+) -> None:
+    first = read(strange("good"))
+    assert first["x"] == [1, 1, 1]
+    assert first["pid"][0] != os.getpid()
+    assert read(strange("print")) == first == read(strange("good"))
+    for what, said in (
+        ("crash", "its reader crashed by SIGSEGV"),
+        ("leave", "its reader ended with exit status 3"),
+        ("read", "its reader crashed by SIGSEGV"),
+    ):
+        with pytest.raises(InputError, match=f"{what}.strange: expected a whole file, but {said}"):
+            read(strange(what))
+        other = read(strange("good"))
+        assert other["pid"] != first["pid"]
+        first = other
+    with pytest.raises(KeyError, match="no such thing"):
+        read(strange("raise"))
+    assert read(strange("good")) == first
+
+
+def test_a_reader_that_hangs_is_ended(
+    strange: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contained, "LIMIT", 0.2)
+    with pytest.raises(InputError, match=r"hang.strange: .* took more than 0 s"):
+        read(strange("hang"))
+
+
+@pytest.mark.usefixtures("strange")
+def test_the_process_looks_for_modules_where_this_one_does_and_nowhere_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    (here / "scipy.py").write_text("raise SystemExit('a module of a stranger')", encoding="utf-8")
+    savemat(here / "t.mat", {"x": np.arange(3.0)})
+    monkeypatch.chdir(here)
+    path = [each for each in sys.path if each not in ("", str(here))]
+    monkeypatch.setattr(sys, "path", path)
+    with open_recording("t.mat") as recording:
+        assert recording.read(Wanted(["x"])).numbers["x"].tolist() == [0, 1, 2]
+
+
+def test_files_of_matlab_and_of_measurements_are_read_by_another_process() -> None:
+    assert {row.name for row in FORMATS if row.contained} >= {"MATLAB", "MDF"}
+
+
+def whole_files(folder: Path) -> dict[str, bytes]:
+    """A good file of each binary format, by the end of its name."""
+    table = pa.table({"x": np.arange(30.0), "note": [f"n{i}" for i in range(30)]})
+    savemat(folder / "w.mat", {"x": np.arange(30.0), "t": {"a": np.arange(9), "b": "text"}})
+    np.savez_compressed(folder / "w.npz", x=np.arange(30.0))
+    pq.write_table(table, folder / "w.parquet")
+    pyarrow.feather.write_feather(table, folder / "w.feather")
+    with MDF(version="4.10") as file:
+        file.append(Signal(np.arange(30.0), np.arange(30.0), name="x"))
+        file.save(folder / "w.mf4", overwrite=True)
+    return {p.suffix: p.read_bytes() for p in folder.glob("w.*")}
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet", ".feather", ".mf4"])
+def test_a_damaged_file_is_read_or_refused_with_its_name(suffix: str, tmp_path: Path) -> None:
+    raw = whole_files(tmp_path)[suffix]
+    chance = random.Random(suffix)
+    refusals = []
+    for i in range(60):
+        changed = bytearray(raw)
+        for _ in range(chance.randint(1, 6)):
+            changed[chance.randrange(len(raw))] = chance.randrange(256)
+        path = tmp_path / f"damaged{i}{suffix}"
+        path.write_bytes(bytes(changed[: chance.choice([len(raw), chance.randrange(len(raw))])]))
+        try:
+            with open_recording(str(path)) as recording:
+                if "x" in recording.names:
+                    recording.read(Wanted(["x"], gaps=["x"]))
+        except InputError as error:
+            refusals.append((path, str(error)))
+    assert len(refusals) > 10
+    assert all(said.startswith(f"{path}") for path, said in refusals)
+
+
+def crashing_mat(path: Path) -> None:
+    """A file of MATLAB of 840 bytes, two of them changed, of which SciPy 1.17 ends the process."""
+    cell = np.array(["a", 2.0], dtype=object)
+    savemat(path, {"x": np.arange(30.0), "t": {"a": np.arange(9), "b": "text"}, "c": cell})
+    raw = bytearray(path.read_bytes())
+    raw[326], raw[644] = 15, 3
+    path.write_bytes(bytes(raw))
+
+
+def test_a_damaged_file_of_matlab_costs_its_own_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.mat", "c.mat"):
+        savemat(name, {"x": np.arange(3.0)})
+    crashing_mat(Path("b.mat"))
+    assert main(["monitor", SPEC, "--json", "--", "a.mat", "b.mat", "c.mat"]) == 2
+    out, err = capsys.readouterr()
+    words = [trial["outcomes"]["spec"]["verdict"] for trial in json.loads(out)["trials"]]
+    assert words == ["SATISFIED", "ERROR", "SATISFIED"]
+    assert "rtamt: error: b.mat: expected a whole file, but its reader crashed by SIGSEGV" in err
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        zlib.error("incorrect header check"),
+        TypeError("no header"),
+        UnboundLocalError("block"),
+        MemoryError("1e12 numbers"),
+        pa.ArrowMemoryError("malloc"),
+        pa.ArrowTypeError("no column"),
+        RecursionError(),
+        OSError("seek"),
+    ],
+)
+def test_what_a_library_raises_is_a_refusal_with_file_and_reason(error: Exception) -> None:
+    kind = type(error).__name__
+    with (
+        pytest.raises(InputError, match=rf"t.csv: expected a file, got an error: {kind}"),
+        refusing("t.csv", "a file"),
+    ):
+        raise error
+    for passed in (InputError("as it is"), ModuleNotFoundError("x"), FileNotFoundError(2, "", "f")):
+        with pytest.raises(type(passed)), refusing("t.csv", "a file"):
+            raise passed
+
+
+def test_a_header_that_claims_more_numbers_than_there_are_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "huge.npz"
+    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+    array = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header) + 1) + header.encode() + b"\n"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("x.npy", array + b"\0" * 64)
+    with (
+        pytest.raises(InputError, match=r"huge.npz: expected an archive"),
+        open_recording(str(path)),
+    ):
+        pass
+
+
+def test_a_line_without_an_end_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.setattr(csv_reader, "_LINE", 1000)
+    path = tmp_path / "long.csv"
+    for text in ("x" * 1001, "x\n" + "1" * 1001, "x\n" + "1\n" * 20000 + "1" * 2000):
+        path.write_text(text, encoding="utf-8")
+        assert main(["monitor", SPEC, str(path)]) == 2
+        assert "long.csv: expected lines of at most 1000 characters" in capsys.readouterr().err
+    path.write_text("x" * 999 + "\n" + "\n".join(["1"] * 9), encoding="utf-8")
+    assert main(["monitor", "always(x < 9)", str(path)]) == 2
+    assert "no column 'x'" in capsys.readouterr().err
+
+
+def test_an_error_over_many_columns_lists_the_nearest(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "wide.csv"
+    names = [f"c{i:06d}" for i in range(300_000)] + ["Speed"]
+    path.write_text(",".join(names) + "\n" + ",".join(["1"] * len(names)), encoding="utf-8")
+    assert main(["monitor", "always(speeed < 9)", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert len(err) < 500
+    assert "the columns are Speed, " in err
+    assert "and 299996 more" in err
+    assert main(["monitor", "always(x < 9)", "--time", "when", str(path)]) == 2
+    assert len(capsys.readouterr().err) < 500
+
+
+def test_the_process_ends_with_the_one_that_has_started_it(tmp_path: Path) -> None:
+    savemat(tmp_path / "t.mat", {"x": np.arange(3.0)})
+    code = (
+        "import os\n"
+        "from rtamt_gym.recorded import contained\n"
+        "from rtamt_gym.recorded.readers import open_recording\n"
+        f"with open_recording({str(tmp_path / 't.mat')!r}): pass\n"
+        "print(contained._idle[0]._process.pid)\n"
+    )
+    command = [sys.executable, "-W", "error", "-c", code]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(ran.stdout), 0)
