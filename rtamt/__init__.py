@@ -17,7 +17,7 @@ from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalenc
 from rtamt.checking.check import check
 from rtamt.checking.equivalence import equivalent
 from rtamt.checking.examples import Example, RequirementExamples, examples
-from rtamt.checking.search import ExampleTrace
+from rtamt.checking.witness import ExampleTrace
 from rtamt.errors import (
     InputError,
     InputTypeError,

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rtamt.checking.search import ExampleTrace, SearchAnswer
+from rtamt.checking.search import SearchAnswer
+from rtamt.checking.witness import ExampleTrace
 
 __all__ = [
     "Answer",
@@ -41,8 +42,8 @@ class Answer:
         samples: Of a no, 0 if it is proved for all traces; else there is no trace of up to that
             many samples that then repeats its last 1 to 4 for ever, and no shorter one that ends.
         why: Why it is unknown.
-        clash: Of a no, the parts that cannot hold together, as text, with the ranges on which
-            that rests; empty if that says nothing.
+        clash: Of a no, the parts that cannot hold together, as text, with the ranges and rates on
+            which that rests; empty if that says nothing.
         places: Line and column in the text of each of `clash`, from 1; None of what is assumed or
             declared, and of what has no place.
     """
@@ -84,8 +85,7 @@ class Equivalence:
         says: ``"yes"``, ``"no"`` or ``"unknown"``.
         trace: Of a no, a trace that satisfies one and violates the other, as the monitors judge.
         satisfied: Of a no, which of the two the trace satisfies: ``"one"`` or ``"other"``.
-        samples: Of a yes, 0 if it is proved for all traces; else as those of an `Answer` that says
-            no.
+        samples: Of a yes, 0 if it is proved for all traces; else as in an `Answer` that says no.
         why: Why it is unknown.
     """
 
@@ -115,7 +115,7 @@ class Idle:
         text: The part.
         instead: The requirement stays the same with ``"true"`` in its place, so that it demands
             nothing, or with ``"false"``, so that it allows nothing.
-        samples: As those of an `Answer` that says no.
+        samples: As in an `Answer` that says no.
     """
 
     text: str

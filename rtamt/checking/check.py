@@ -9,15 +9,16 @@ from typing import Literal, cast
 
 from rtamt.checking.answers import Answer, Check, CheckedRequirement, Clashing, Idle
 from rtamt.checking.equivalence import paired, same
+from rtamt.checking.limits import ValueRange
 from rtamt.checking.questions import impossible, prepared
-from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
+from rtamt.checking.search import SearchAnswer, WitnessSearch
+from rtamt.checking.witness import Goal
 from rtamt.language.formula import Formula, make, replaced
 from rtamt.language.node import Node
-from rtamt.language.ranges import range_text
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.options import Spec
-from rtamt.program.implications import implications, unanswered
+from rtamt.program.implications import implications, signs, unanswered
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
@@ -33,8 +34,9 @@ def check(
     *,
     end: End = "cut",
     assume: Spec | None = None,
+    rates: Mapping[str, ValueRange] | None = None,
     same_as: Spec | Mapping[str, Spec] | None = None,
-    horizon: int = 1000,
+    horizon: int = 10_000,
     timeout: float = 10.0,
 ) -> Check:
     """Whether requirements say what was meant.
@@ -51,10 +53,13 @@ def check(
         period: Seconds between samples; None: bounds are numbers of samples.
         end: How the end of a trace is read, as in `judge`.
         assume: What is taken to hold of every trace, such as ``always(abs(x) < 3)``. Declared
-            ranges and those of types are taken to hold too.
+            ranges, and the ranges of types, are taken to hold too.
+        rates: How much variables change in a second at least and at most, in a sample if there is
+            no period, such as ``{"x": (-2, 2)}``; taken to hold too.
         same_as: Requirements with the same names, or one where there is one: then only this is
             asked, whether each is satisfied by the same traces as its namesake.
-        horizon: The most samples of a trace. A requirement that needs more is unknown.
+        horizon: The most samples of a trace. A requirement is asked with as many as it needs; if it
+            needs more than these it may be unknown.
         timeout: The most seconds for each question.
 
     Returns:
@@ -84,9 +89,9 @@ def check(
     if same_as is not None:
         pairs = paired(specs, same_as)
         every = {f"{name} {i}": spec for name, pair in pairs.items() for i, spec in enumerate(pair)}
-        _, seconds, search, given = prepared(every, period, end, assume, horizon, timeout)
+        _, seconds, search, given = prepared(every, period, end, assume, horizon, timeout, rates)
         return Check({}, same=same(pairs, seconds, search, given))
-    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
+    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout, rates)
     checkers = {name: _Checker(spec, seconds, search, given) for name, spec in named.items()}
     found = {name: checker.checked() for name, checker in checkers.items()}
     return _set(found, checkers, search, given)
@@ -100,6 +105,7 @@ class _Checker:
     ) -> None:
         self.spec, self._period, self._search, self._given = spec, period, search, given
         self.program = compile_program(spec, period)
+        self._signs = signs(spec.formula)
         self._first = 1  # the samples of a trace on which parts may decide something
 
     def checked(self) -> CheckedRequirement:
@@ -108,7 +114,7 @@ class _Checker:
         clash = self._clash(satisfied) if impossible(satisfied) else []
         satisfiable = Answer.of(satisfied, clash)
         violated = self._find((self.program, False))
-        falsifiable = Answer.of(violated, self.declared(violated))
+        falsifiable = Answer.of(violated, _limiting(violated))
         asked, idle, unknown = {}, [], {}
         if satisfiable.says == "yes":
             for implication in implications(self.spec.formula):
@@ -136,9 +142,11 @@ class _Checker:
         """The program of the requirement where nothing answers one of its implications."""
         return self._with(unanswered(self.spec.formula, [implication]))
 
-    def _find(self, *demands: tuple[Program, bool], first: int = 1) -> SearchAnswer:
-        wanted = [Goal(program, holds) for program, holds in demands]
-        return self._search.find([*wanted, *self._given], first)
+    def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
+        return self._search.find(self._goals(*demands))
+
+    def _goals(self, *demands: tuple[Program, bool]) -> list[Goal]:
+        return [*(Goal(program, holds) for program, holds in demands), *self._given]
 
     def _with(self, formula: Formula) -> Program:
         return compile_program(self.spec.with_result(formula), self._period)
@@ -155,17 +163,18 @@ class _Checker:
         why = ""
         for instead in _CONSTANTS:
             other = self._with(replaced(self.spec.formula, {node: make(instead, ())}))
-            bound = 0
-            for holds in (True, False):
-                found = self._find((other, holds), (self.program, not holds), first=self._first)
-                if found.trace is not None:
-                    break
-                if not (found.none or found.samples):
-                    why = why or found.why
-                    break
-                bound = max(bound, found.samples)
-            else:
-                return Idle(str(node), instead, bound)
+            # Where the requirement rises with the part alone, it only rises with true in its place.
+            ways = [
+                self._goals((other, holds), (self.program, not holds))
+                for holds in {sign == (instead == "true") for sign in self._signs[node]}
+            ]
+            if len(ways) > 1 and any(map(self._search.seldom_changing, ways)):
+                continue
+            found = [self._search.find(way, self._first) for way in ways]
+            if all(map(impossible, found)):
+                return Idle(str(node), instead, max(each.samples for each in found))
+            if all(each.trace is None for each in found):
+                why = why or next(each.why for each in found if not impossible(each))
         return why
 
     def _clash(self, found: SearchAnswer) -> list[Clashing]:
@@ -186,16 +195,16 @@ class _Checker:
         if len(parts) > 1:
             kept = _fewest(list(range(len(parts))), find)
             found = find(kept)
-        more += self.declared(found)
+        more += _limiting(found)
         if len(parts) == 1 and not more:
             return []
         positions = self.spec.positions
         return [(str(parts[k][0]), positions.get(parts[k][1])) for k in kept] + more
 
-    def declared(self, found: SearchAnswer) -> list[Clashing]:
-        """The ranges on which an answer rests."""
-        ranges = self._search.ranges
-        return [(f"declared: {name} in {range_text(ranges[name])}", None) for name in found.ranged]
+
+def _limiting(found: SearchAnswer) -> list[Clashing]:
+    """The ranges and rates on which an answer rests."""
+    return [(text, None) for text in found.limits]
 
 
 def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:

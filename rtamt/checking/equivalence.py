@@ -7,8 +7,10 @@ from fractions import Fraction
 from typing import Literal, cast
 
 from rtamt.checking.answers import Equivalence
+from rtamt.checking.limits import ValueRange
 from rtamt.checking.questions import impossible, named_requirements, prepared
-from rtamt.checking.search import Goal, WitnessSearch
+from rtamt.checking.search import WitnessSearch
+from rtamt.checking.witness import Goal
 from rtamt.errors import Argument, InputError
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
@@ -31,7 +33,8 @@ def equivalent(
     *,
     end: End = "cut",
     assume: Spec | None = None,
-    horizon: int = 1000,
+    rates: Mapping[str, ValueRange] | None = None,
+    horizon: int = 10_000,
     timeout: float = 10.0,
 ) -> Equivalence:
     """Whether two requirements are satisfied by the same traces.
@@ -45,6 +48,7 @@ def equivalent(
         period: Seconds between samples; None: bounds are numbers of samples.
         end: How the end of a trace is read, as in `judge`.
         assume: What is taken to hold of every trace.
+        rates: How fast variables change, as for `check`.
         horizon: The most samples of a trace. What needs more is unknown.
         timeout: The most seconds for each of the two ways in which they may differ.
 
@@ -67,7 +71,7 @@ def equivalent(
             names = ", ".join(spec.requirements)
             msg = f"{name}: expected one requirement, got {names}; give spec.requirements[NAME]"
             raise InputError(msg)
-    _, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
+    _, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout, rates)
     return _answer(specs["one"], specs["other"], seconds, search, given)
 
 

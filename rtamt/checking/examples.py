@@ -10,9 +10,11 @@ from typing import Final
 
 from rtamt.checking.answers import Answer, Says, worst
 from rtamt.checking.kinds import ExampleKind, Sought, kinds_of
+from rtamt.checking.limits import ValueRange
 from rtamt.checking.plain import Plainness, made_plain
 from rtamt.checking.questions import prepared
-from rtamt.checking.search import ExampleTrace, Goal, WitnessSearch
+from rtamt.checking.search import WitnessSearch
+from rtamt.checking.witness import ExampleTrace, Goal
 from rtamt.errors import InputError
 from rtamt.language.formula import Formula
 from rtamt.language.specification import Specification
@@ -98,6 +100,7 @@ def examples(
     count: int = 10,
     end: End = "cut",
     assume: Spec | None = None,
+    rates: Mapping[str, ValueRange] | None = None,
     horizon: int = 1000,
     timeout: float = 10.0,
 ) -> dict[str, RequirementExamples]:
@@ -116,6 +119,7 @@ def examples(
         end: How the end of a trace is read, as in `judge`.
         assume: What holds of every trace, such as ``always(abs(x) < 3)``. Ranges that variables
             are declared with are assumed too.
+        rates: How fast variables change, as for `check`.
         horizon: The most samples of a trace.
         timeout: The most seconds for a requirement's satisfaction, for its violation, and for all
             that is shown beside.
@@ -143,11 +147,11 @@ def examples(
     if count < 1:
         msg = f"count: expected 1 example or more, got {count}"
         raise InputError(msg)
-    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout)
+    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout, rates)
     assumed = [each.program.specification.formula for each in given]
     shown = {}
     for name, spec in named.items():
-        plainness = Plainness([spec.formula, *assumed], search.whole, search.ranges)
+        plainness = Plainness([spec.formula, *assumed], search.whole, search.limits.ranges)
         shower = _Shower(spec, seconds, search, given, plainness, checked_end(end), horizon)
         shown[name] = shower.shown(count, timeout)
     return shown

@@ -9,11 +9,11 @@ from typing import Any, Final, cast
 
 from rtamt.checking.graph import Atom, Graph, TermKey, Truth
 from rtamt.checking.kinds import last_digit
-from rtamt.checking.search import ExampleTrace
+from rtamt.checking.samples import function_of
 from rtamt.checking.solver import reached
+from rtamt.checking.witness import ExampleTrace
 from rtamt.language.formula import Formula, Term
 from rtamt.language.scaling import predicates
-from rtamt.program.algebra import FUNCTIONS
 
 __all__ = ["Plainness", "made_plain"]
 
@@ -28,7 +28,7 @@ _WORK: Final = 1_000_000
 _FEW: Final = 12
 """In traces of that many samples at most every run is tried."""
 
-_PlainColumns = Mapping[str, Sequence[float]]
+_Columns = Mapping[str, Sequence[float]]
 
 
 class Plainness:
@@ -123,7 +123,7 @@ def made_plain(
         plainness: Which values are plain.
     """
     holds = _Test(graph, truths)
-    columns: _PlainColumns = trace.columns
+    columns: _Columns = trace.columns
     if not holds(columns):
         return trace
     work = _WORK // holds.size
@@ -144,9 +144,9 @@ def made_plain(
 
 
 def _coarsely(
-    columns: _PlainColumns, holds: _Test, plainness: Plainness, work: int
-) -> tuple[_PlainColumns, int]:
-    """_PlainColumns with plain values in halves, quarters and so on, and the work that is left."""
+    columns: _Columns, holds: _Test, plainness: Plainness, work: int
+) -> tuple[_Columns, int]:
+    """Columns with plain values in halves, quarters and so on, and the work that is left."""
     count = max((len(values) for values in columns.values()), default=0)
     size = count
     while size:
@@ -169,7 +169,7 @@ def _coarsely(
     return columns, work
 
 
-def _cost(columns: _PlainColumns, plainness: Plainness) -> float:
+def _cost(columns: _Columns, plainness: Plainness) -> float:
     rows = [*zip(*columns.values(), strict=True)]
     rows.append(tuple(plainness.of(name)[0] for name in columns))
     total = _RUN * sum(x != y for x, y in itertools.pairwise(rows))
@@ -183,9 +183,7 @@ def _own_cost(name: str, values: Sequence[float], plainness: Plainness) -> float
     return total + sum(costs[v] * (1 + _LATE * i) for i, v in enumerate(values) if costs[v])
 
 
-def _changes(
-    columns: _PlainColumns, plainness: Plainness, cost: float, *, loop: int
-) -> list[_PlainColumns]:
+def _changes(columns: _Columns, plainness: Plainness, cost: float, *, loop: int) -> list[_Columns]:
     """Plainer columns, the plainest first."""
     offers = [
         *({**columns, name: values} for name, values in _runs(columns, plainness)),
@@ -195,8 +193,8 @@ def _changes(
     return [offers[place] for now, place in sorted(ranked) if now < cost - 1e-9]
 
 
-def _runs(columns: _PlainColumns, plainness: Plainness) -> Iterator[tuple[str, list[float]]]:
-    """_PlainColumns with a plain value in a run of samples."""
+def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[float]]]:
+    """Columns with a plain value in a run of samples."""
     rows = [*zip(*columns.values(), strict=True)]
     cuts = {0, 1, len(rows) - 1, len(rows)}
     for i, (x, y) in enumerate(itertools.pairwise(rows)):
@@ -218,8 +216,8 @@ def _runs(columns: _PlainColumns, plainness: Plainness) -> Iterator[tuple[str, l
                     yield name, [*values[:first], *[value] * (last - first), *values[last:]]
 
 
-def _earlier(columns: _PlainColumns, plainness: Plainness) -> Iterator[_PlainColumns]:
-    """_PlainColumns, of all variables or of one, that are one sample earlier."""
+def _earlier(columns: _Columns, plainness: Plainness) -> Iterator[_Columns]:
+    """Columns, of all variables or of one, that are one sample earlier."""
     moved = {name: [*values[1:], plainness.of(name)[0]] for name, values in columns.items()}
     yield moved
     yield from ({**columns, name: values} for name, values in moved.items())
@@ -249,7 +247,7 @@ class _Test:
         self.size = len(order) + len(self._terms)
 
     def _step(self, found: Atom | tuple[Truth, ...] | None, places: Mapping[int, int]) -> _Step:
-        """How the truth of a node is found from those of nodes before it."""
+        """How the truth of a node is found from nodes before it."""
         if found is None:
             return lambda *_: False
         if isinstance(found[0], str):
@@ -276,11 +274,11 @@ class _Test:
             return lambda columns, _: columns[name][sample]
         if function == "const":
             return lambda *_: parts[0]
-        apply = FUNCTIONS[cast("str", function)].apply
+        apply = function_of(cast("str", function))
         places = [self._number(cast("TermKey", part)) for part in parts]
         return lambda _, values: apply(*(values[place] for place in places))
 
-    def __call__(self, columns: _PlainColumns) -> bool:
+    def __call__(self, columns: _Columns) -> bool:
         values: list[float] = []
         for made in self._terms:
             value = made(columns, values)

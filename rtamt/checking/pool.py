@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import Final, cast
 
 from rtamt.checking.graph import Atom, Graph, TermKey, Truth
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.checking.samples import function_of
 
 __all__ = ["KnownTrace", "TracePool"]
 
@@ -62,7 +63,7 @@ class KnownTrace:
             return None
         return x >= y if atom[0] == "at_least" else x == y
 
-    def _value(self, key: TermKey) -> float:
+    def _value(self, key: TermKey) -> float | Fraction:
         function, *parts = key
         if function == "load":
             name, sample = cast("tuple[str, int]", tuple(parts))
@@ -71,7 +72,7 @@ class KnownTrace:
         if function == "const":
             return cast("float", parts[0])
         values = (self._value(cast("TermKey", part)) for part in parts)
-        return FUNCTIONS[cast("str", function)].apply(*values)
+        return function_of(cast("str", function))(*values)
 
 
 class TracePool:

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
-from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
+from rtamt.checking.limits import ValueRange, VariableLimits, checked_rates
+from rtamt.checking.search import SearchAnswer, WitnessSearch
+from rtamt.checking.witness import Goal
 from rtamt.errors import InputError, InputTypeError
 from rtamt.language.parser import as_specification
 from rtamt.language.ranges import is_whole, range_text
@@ -26,10 +28,11 @@ def prepared(
     assume: Spec | None,
     horizon: int,
     timeout: float,
+    rates: Mapping[str, ValueRange] | None = None,
 ) -> tuple[dict[str, Specification], Fraction | None, WitnessSearch, list[Goal]]:
     """The requirements by name, the period in seconds, a search for traces, and what is assumed.
 
-    Arguments and errors are those of `check`.
+    Takes the arguments and raises the errors of `check`.
     """
     if horizon < 1:
         msg = f"horizon: expected 1 sample or more, got {horizon}"
@@ -47,9 +50,9 @@ def prepared(
         for name, declared in spec.declarations.items()
         if is_whole(declared.type)
     }
-    search = WitnessSearch(
-        seconds, checked_end(end), horizon, timeout, frozenset(whole), _ranges(every)
-    )
+    checked = checked_rates(rates, (name for spec in every for name in spec.variables))
+    limits = VariableLimits(_ranges(every), checked, seconds)
+    search = WitnessSearch(seconds, checked_end(end), horizon, timeout, frozenset(whole), limits)
     given = [Goal(compile_program(assumed, seconds), holds=True)] if assumed else []
     if assumed and impossible(search.find(given)):
         msg = f"assume: expected what some trace fulfils, got {assumed.formula}, which none does"

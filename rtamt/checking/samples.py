@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from typing import Protocol, cast
 
 from rtamt.checking.graph import FALSE, TRUE, Graph, TermKey, Truth
@@ -11,7 +12,7 @@ from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map
 from rtamt.program.program import Program
 
-__all__ = ["TermTruths", "known_samples", "unknown_samples"]
+__all__ = ["TermTruths", "function_of", "known_samples", "unknown_samples"]
 
 
 class TermTruths(Protocol):
@@ -81,7 +82,7 @@ class _Unknown:
 
 
 def _counted(function: str, parts: Sequence[TermKey]) -> TermKey | None:
-    """The value of a function of constants, which is that of doubles."""
+    """The value of a function of constants, counted with doubles."""
     if any(part[0] != "const" for part in parts):
         return None
     value = FUNCTIONS[function].apply(*(cast("float", part[1]) for part in parts))
@@ -115,6 +116,20 @@ def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
         return TRUE if _clear(value(program, register, sample)) else FALSE
 
     return holds
+
+
+def function_of(name: str) -> Callable[..., float | Fraction]:
+    """What a function of terms gives for doubles; ``"minus"`` is a difference that is not rounded.
+
+    Example:
+        >>> function_of("sub")(2.0**53, -1.0) == function_of("minus")(2.0**53, -1.0)
+        False
+    """
+    return _minus if name == "minus" else FUNCTIONS[name].apply
+
+
+def _minus(x: float, y: float) -> float | Fraction:
+    return Fraction(x) - Fraction(y) if math.isfinite(x) and math.isfinite(y) else math.nan
 
 
 def _clear(value: float) -> bool:

@@ -13,74 +13,41 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from types import MappingProxyType
 from typing import Final, TypedDict
 
-from rtamt.checking.graph import TRUE, Graph, Truth
+from rtamt.checking.graph import FALSE, TRUE, Graph, Truth
+from rtamt.checking.limits import VariableLimits
+from rtamt.checking.points import PointChoices
 from rtamt.checking.pool import TracePool
-from rtamt.checking.samples import known_samples, unknown_samples
+from rtamt.checking.runs import change_times, truth_of_runs
+from rtamt.checking.samples import unknown_samples
 from rtamt.checking.solver import Solution, Solver, is_exact
 from rtamt.checking.truths import World, truth
+from rtamt.checking.witness import ExampleTrace, Goal, judged_so, shortened
 from rtamt.machines.protocols import End
-from rtamt.monitors.judgement import judge
-from rtamt.monitors.monitor import Verdict
 from rtamt.program.instructions import Window
 from rtamt.program.outlook import look_out
 from rtamt.program.program import Program
 
-__all__ = ["ExampleTrace", "Goal", "SearchAnswer", "WitnessSearch"]
+__all__ = ["SearchAnswer", "WitnessSearch"]
 
 _LOOPS: Final = (1, 2, 3, 4)
 _PROOFS: Final = (1, 2, 4)
+_SHORT: Final = 32
+"""Samples up to which any trace is sought first; above, one that changes seldom."""
+
+_REPEATED: Final = 1000
+"""The most samples of a trace that repeats its last ones."""
+
+_ROOM: Final = 1e-9
+"""The share of the room for a step that is kept for the rounding of values."""
+
+_FREE: Final = VariableLimits()
 _ENDS: Final[Mapping[End, tuple[World, World]]] = {
     "complete": (World.COMPLETE, World.COMPLETE),
     "cut": (World.CUT_LOWER, World.CUT_UPPER),
     "open": (World.LOWER, World.UPPER),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """What a trace is to be like.
-
-    Attributes:
-        program: The program of a formula.
-        holds: Whether the formula is to hold; else it is to fail.
-    """
-
-    program: Program
-    holds: bool
-
-
-@dataclass(frozen=True, slots=True)
-class ExampleTrace:
-    """A trace that the monitors have judged as asked for.
-
-    Attributes:
-        columns: The value of each variable at each sample.
-        samples: How many samples there are.
-        loop: How many of the last samples repeat for ever; 0: it ends.
-    """
-
-    columns: Mapping[str, tuple[float, ...]]
-    samples: int
-    loop: int
-
-    @property
-    def described(self) -> str:
-        """How long it is, in words."""
-        count = f"{self.samples} sample{'s' * (self.samples != 1)}"
-        if not self.loop:
-            return f"in {count}"
-        last = "sample" if self.loop == 1 else f"{self.loop} samples"
-        return f"by {count}, the last {last} again and again"
-
-    def unrolled(self, variable: str) -> list[float]:
-        """The values of a variable, for thrice the samples if the last ones repeat."""
-        values = [*self.columns[variable]]
-        more = 2 * self.samples if self.loop else 0
-        again = values[self.samples - self.loop :]
-        return values + (again * (more // max(1, self.loop) + 1))[:more]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +62,7 @@ class SearchAnswer:
         why: Why it is not known.
         core: Which of the demands cannot be fulfilled together, by their places; empty if there
             is a trace, or nobody knows.
-        ranged: The variables on whose ranges that rests.
+        limits: The ranges and rates on which that rests, in words.
     """
 
     trace: ExampleTrace | None = None
@@ -103,12 +70,27 @@ class SearchAnswer:
     samples: int = 0
     why: str = ""
     core: tuple[int, ...] = ()
-    ranged: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
 
 
 class _Core(TypedDict):
     core: tuple[int, ...]
-    ranged: tuple[str, ...]
+    limits: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Which traces are meant.
+
+    Attributes:
+        samples: How many samples they have.
+        loop: How many of the last samples repeat for ever; 0: they end.
+        times: The samples at which values may change; None: each.
+    """
+
+    samples: int
+    loop: int = 0
+    times: tuple[int, ...] | None = None
 
 
 class WitnessSearch:
@@ -120,12 +102,12 @@ class WitnessSearch:
         horizon: The most samples of a trace.
         timeout: The most seconds of one search.
         whole: The variables that are whole numbers.
-        ranges: The least and the greatest value of variables.
+        limits: What the values of variables keep to.
 
     Attributes:
         graph: The truths of the traces.
         whole: The variables that are whole numbers.
-        ranges: The least and the greatest value of variables.
+        limits: What the values of variables keep to.
     """
 
     def __init__(
@@ -135,15 +117,17 @@ class WitnessSearch:
         horizon: int,
         timeout: float,
         whole: frozenset[str] = frozenset(),
-        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+        limits: VariableLimits = _FREE,
     ) -> None:
         self._period, self._end, self._horizon, self._timeout = period, end, horizon, timeout
-        self.graph, self.whole, self.ranges = Graph(), whole, ranges
+        self.graph, self.whole, self.limits = Graph(), whole, limits
         self._samples = unknown_samples(self.graph)
         self._solver = Solver(self.graph, whole)
         self._truths: dict[tuple[Program, int, World, int], Truth] = {}
-        self._kept: dict[tuple[str, int], Truth] = {}
+        self._runs: dict[tuple[Program, tuple[int, ...]], Truth] = {}
+        self._times: dict[tuple[tuple[Program, ...], int], list[tuple[int, ...]]] = {}
         self._pool = TracePool(self.graph, self._usual)
+        self._points = PointChoices(self.graph, whole, limits.ranges)
 
     def find(self, demands: Sequence[Goal], first: int = 1) -> SearchAnswer:
         """A trace that is as demanded.
@@ -153,9 +137,16 @@ class WitnessSearch:
             first: The least length that is tried; a trace that was found before may be shorter.
         """
         deadline = time.monotonic() + self._timeout
-        needed = [_needed(demand.program) for demand in demands]
-        decisive = None if None in needed else max(n or 1 for n in needed)
-        most = min(self._horizon, _ample(demands) if decisive is None else decisive)
+        try:
+            return self._found(demands, first, deadline)
+        except TimeoutError:
+            return SearchAnswer(why=self._late)
+
+    def _found(self, demands: Sequence[Goal], first: int, deadline: float) -> SearchAnswer:
+        trace = self.seldom_changing(demands)
+        if trace is not None:
+            return SearchAnswer(trace)
+        decisive, most = self._length(demands)
         why = ""
         lengths = _lengths(most, first)
         for count in lengths:
@@ -180,45 +171,109 @@ class WitnessSearch:
             count: How many samples it has.
             deadline: When to give up, as `time.monotonic` tells the time.
         """
-        asked = self.truths(demands, count, 0)
-        trace, why, _ = self._tried(asked, demands, count, 0, deadline)
+        try:
+            asked = self.truths(demands, count, 0, deadline)
+        except TimeoutError:
+            return None, self._late
+        trace, why, _ = self._tried(asked, demands, _Shape(count), deadline)
         return trace, why
 
-    def truths(self, demands: Sequence[Goal], count: int, loop: int) -> list[Truth]:
-        """What holds in `graph` of traces that are as demanded: of each demand, then of ranges.
+    def truths(
+        self, demands: Sequence[Goal], count: int, loop: int, deadline: float = math.inf
+    ) -> list[Truth]:
+        """What holds in `graph` of traces that are as demanded: of each demand, then of limits.
 
         Args:
             demands: The demands.
             count: How many samples the traces have.
             loop: How many of the last samples repeat for ever; 0: they end.
+            deadline: When to give up, as `time.monotonic` tells the time.
+
+        Raises:
+            TimeoutError: If it is too late.
         """
         lower, upper = _ENDS[self._end] if not loop else (World.ENDLESS, World.ENDLESS)
-        asked = [self._truth(d, count, lower if d.holds else upper, loop or 1) for d in demands]
-        return [*asked, *self._within(demands, count)]
+        asked = [
+            self._truth(each, count, lower if each.holds else upper, loop or 1, deadline)
+            for each in demands
+        ]
+        return [*asked, *self._limited(demands, _Shape(count, loop))]
+
+    def _limited(self, demands: Sequence[Goal], shape: _Shape, room: float = 0.0) -> list[Truth]:
+        """Whether each limit of the demands' variables is kept."""
+        times = shape.times or range(shape.samples)
+        # What changes seldom does not change between these times, nor after the last.
+        loop = 1 if shape.times else shape.loop
+        return self.limits.truths(self.graph, _variables(demands), times, loop, room)
+
+    def _length(self, demands: Sequence[Goal]) -> tuple[int | None, int]:
+        """How many samples decide demands, None if no number does, and the most that are asked."""
+        needed = [_needed(demand.program) for demand in demands]
+        decisive = None if None in needed else max(n or 1 for n in needed)
+        return decisive, min(self._horizon, _ample(demands) if decisive is None else decisive)
+
+    def seldom_changing(self, demands: Sequence[Goal]) -> ExampleTrace | None:
+        """A long trace that changes at few times, soon found; None says nothing."""
+        deadline = time.monotonic() + self._timeout
+        _, most = self._length(demands)
+        if most <= _SHORT:
+            return None
+        for times in self._change_times(demands, most):
+            asked = [self._truth_of_runs(each, times) for each in demands]
+            shape = _Shape(most, times=times)
+            asked += self._limited(demands, shape)
+            if FALSE in asked:
+                continue
+            for columns, known in self._pool.of_length(most) if len(times) > 1 else ():
+                if known.fulfils(asked):
+                    values = Solution(possible=True, loads=_loads(columns))
+                    trace = self._shown(values, demands, _Shape(most))
+                    if trace is not None:
+                        return trace
+            trace, _, _ = self._tried(asked, demands, shape, deadline)
+            if trace is not None:
+                return trace
+        return None
+
+    def _change_times(self, demands: Sequence[Goal], most: int) -> list[tuple[int, ...]]:
+        programs = tuple(dict.fromkeys(each.program for each in demands))
+        key = programs, most
+        if key not in self._times:
+            self._times[key] = [*map(tuple, change_times(programs, most))]
+        return self._times[key]
+
+    def _truth_of_runs(self, demand: Goal, times: tuple[int, ...]) -> Truth:
+        key = demand.program, times
+        if key not in self._runs:
+            self._runs[key] = truth_of_runs(self.graph, self._samples, demand.program, times)
+        found = self._runs[key]
+        return found if demand.holds else self.graph.no(found)
 
     def _finite(
         self, demands: Sequence[Goal], count: int, deadline: float, *, proves: bool
     ) -> SearchAnswer:
         """A trace of some samples; or whether no trace begins like one of them."""
-        asked = self.truths(demands, count, 0)
+        asked = self.truths(demands, count, 0, deadline)
         for columns, known in self._pool.of_length(count):
             if known.fulfils(asked):
                 values = Solution(possible=True, loads=_loads(columns))
-                before = self._witness(values, demands, count, 0)
-                if self.confirmed(before, demands):
+                before = self._shown(values, demands, _Shape(count))
+                if before is not None:
                     return SearchAnswer(before)
-        trace, why, _ = self._tried(asked, demands, count, 0, deadline)
+        trace, why, _ = self._tried(asked, demands, _Shape(count), deadline)
         if trace is not None:
-            self._pool.add(trace.columns)
             return SearchAnswer(trace)
         # What fails for certain after each prefix of this length fails on each shorter trace too.
-        hoped = [self._truth(d, count, World.UPPER if d.holds else World.LOWER) for d in demands]
+        hoped = [
+            self._truth(d, count, World.UPPER if d.holds else World.LOWER, 1, deadline)
+            for d in demands
+        ]
         if all(truth == TRUE for truth in hoped) or not proves:
             return SearchAnswer(why=why)
-        hoped += self._within(demands, count)
+        hoped += self._limited(demands, _Shape(count))
         solution = self._solver.solve(hoped, deadline, wide=not is_exact(self.graph, hoped))
         none = solution.possible is False
-        why = why or self._late(solution)
+        why = why or (self._late if solution.possible is None else "")
         return SearchAnswer(none=none, why=why, **self._core(demands, solution.core))
 
     def _endless(
@@ -228,8 +283,9 @@ class WitnessSearch:
         core: set[int] = set()
         for loop in _LOOPS:
             for count in sorted({min(2 * loop, most), most}):
-                asked = self.truths(demands, count, loop)
-                trace, reason, clash = self._tried(asked, demands, count, loop, deadline)
+                asked = self.truths(demands, count, loop, deadline)
+                shape = _Shape(count, loop)
+                trace, reason, clash = self._tried(asked, demands, shape, deadline)
                 if trace is not None:
                     return SearchAnswer(trace)
             if clash is None:
@@ -237,51 +293,25 @@ class WitnessSearch:
             core |= {*clash}
         return SearchAnswer(samples=most, **self._core(demands, sorted(core)))
 
-    def _ranged(self, demands: Sequence[Goal]) -> list[str]:
-        """The variables of demands that have a range."""
-        names = dict.fromkeys(name for each in demands for name in each.program.variables)
-        return [name for name in names if name in self.ranges]
-
-    def _within(self, demands: Sequence[Goal], count: int) -> list[Truth]:
-        """Whether each variable that has a range keeps it."""
-        return [self._keeps(name, count) for name in self._ranged(demands)]
-
-    def _keeps(self, name: str, count: int) -> Truth:
-        key = name, count
-        if key not in self._kept:
-            lower, upper = self.ranges[name]
-            kept = []
-            for sample in range(count):
-                load = ("load", name, sample)
-                if lower > -math.inf:
-                    kept.append(self.graph.atom(("at_least", load, ("const", lower))))
-                if upper < math.inf:
-                    kept.append(self.graph.atom(("at_least", ("const", upper), load)))
-            self._kept[key] = self.graph.all(kept)
-        return self._kept[key]
-
     def _core(self, demands: Sequence[Goal], places: Sequence[int]) -> _Core:
-        """Which demands and which ranges clash, by places among the truths that were asked."""
-        ranged, most = self._ranged(demands), len(demands)
+        """Which demands and which limits clash, by places among the truths that were asked."""
+        limits, most = self.limits.of(_variables(demands)), len(demands)
         return {
             "core": tuple(place for place in places if place < most),
-            "ranged": tuple(ranged[place - most] for place in places if place >= most),
+            "limits": tuple(limits[place - most] for place in places if place >= most),
         }
 
-    def _truth(self, demand: Goal, count: int, world: World, loop: int = 1) -> Truth:
+    def _truth(self, demand: Goal, count: int, world: World, loop: int, deadline: float) -> Truth:
         key = demand.program, count, world, loop
         if key not in self._truths:
-            self._truths[key] = truth(self.graph, self._samples, demand.program, count, world, loop)
+            self._truths[key] = truth(
+                self.graph, self._samples, demand.program, count, world, loop, deadline
+            )
         found = self._truths[key]
         return found if demand.holds else self.graph.no(found)
 
     def _tried(
-        self,
-        asked: Sequence[Truth],
-        demands: Sequence[Goal],
-        count: int,
-        loop: int,
-        deadline: float,
+        self, asked: Sequence[Truth], demands: Sequence[Goal], shape: _Shape, deadline: float
     ) -> tuple[ExampleTrace | None, str, tuple[int, ...] | None]:
         """A trace on which truths hold; else why there may be one, or which of them clash."""
         why = ""
@@ -289,22 +319,61 @@ class WitnessSearch:
         for wide in (False,) if exact else (False, True):
             solution = self._solver.solve(asked, deadline, wide=wide)
             if solution.possible:
-                trace = self._witness(solution, demands, count, loop)
-                if self.confirmed(trace, demands):
+                trace = self._shown(solution, demands, shape)
+                if trace is None and not wide:
+                    trace = self._nearer(asked, demands, shape, solution, deadline)
+                if trace is not None:
                     return trace, "", None
                 why = why or _doubt(solution)
             elif solution.possible is None:
-                return None, self._late(solution), None
+                return None, self._late, None
             elif wide or exact:
                 return None, "", solution.core
         return None, why, None
 
+    def _nearer(
+        self,
+        asked: Sequence[Truth],
+        demands: Sequence[Goal],
+        shape: _Shape,
+        before: Solution,
+        deadline: float,
+    ) -> ExampleTrace | None:
+        """A trace whose values bear rounding, where the values of a solution do not."""
+        more = self._limited(demands, shape, _ROOM) if self.limits.steps else []
+        if before.free:
+            more += self._points.choices(asked)
+        if not more:
+            return None
+        solution = self._solver.solve([*asked, *more], deadline, wide=False)
+        return self._shown(solution, demands, shape) if solution.possible else None
+
+    def _shown(
+        self, solution: Solution, demands: Sequence[Goal], shape: _Shape
+    ) -> ExampleTrace | None:
+        """The trace of a solution if the monitors judge it as demanded, as short as it may be."""
+        trace = self._witness(solution, demands, shape.samples, shape.loop)
+        if self.confirmed(trace, demands):
+            shown = trace
+            if not shape.loop and shape.samples > _SHORT:
+                shown = shortened(trace, demands, self._period, self._end)
+        elif shape.times is None or self._length(demands)[0] is not None:
+            return None
+        else:  # without an end it may be as demanded
+            count = shape.times[-1] + 1
+            columns = {name: values[:count] for name, values in trace.columns.items()}
+            shown = ExampleTrace(columns, count, 1)
+            if not self.confirmed(shown, demands):
+                return None
+        if not shape.loop:
+            self._pool.add(trace.columns)
+        return shown
+
     def _witness(
         self, solution: Solution, demands: Sequence[Goal], samples: int, loop: int
     ) -> ExampleTrace:
-        variables = dict.fromkeys(name for demand in demands for name in demand.program.variables)
         columns = {}
-        for variable in variables:
+        for variable in _variables(demands):
             values: list[float] = []
             for sample in range(samples):  # a value that does not matter is the one before
                 before = values[-1] if values else self._usual(variable)
@@ -314,36 +383,22 @@ class WitnessSearch:
 
     def _usual(self, variable: str) -> float:
         """The value of a variable where it does not matter."""
-        lower, upper = self.ranges.get(variable, (0.0, 0.0))
+        lower, upper = self.limits.ranges.get(variable, (0.0, 0.0))
         return min(max(0.0, lower), upper)
 
-    def _late(self, solution: Solution) -> str:
-        return f"no answer within {self._timeout:g} s" if solution.possible is None else ""
+    @property
+    def _late(self) -> str:
+        return f"no answer within {self._timeout:g} s"
 
     def confirmed(self, trace: ExampleTrace, demands: Sequence[Goal]) -> bool:
-        """Whether the monitors judge the trace as demanded, and its values keep their ranges."""
-        for name, (lower, upper) in self.ranges.items():
-            if not all(lower <= value <= upper for value in trace.columns.get(name, ())):
-                return False
-        for demand in demands:
-            program = demand.program
-            try:
-                if trace.loop:
-                    samples, world = known_samples(trace.columns), World.ENDLESS
-                    found = truth(Graph(), samples, program, trace.samples, world, trace.loop)
-                    if (found == TRUE) is not demand.holds:
-                        return False
-                # The monitors see a part of a trace that does not end; it must not say otherwise.
-                columns = {name: trace.unrolled(name) for name in program.variables}
-                end = "open" if trace.loop else self._end
-                n = None if columns else trace.samples
-                verdict = judge(program.specification, columns, self._period, end, n=n).verdict
-            except ValueError:
-                return False
-            wanted = Verdict.SATISFIED if demand.holds else Verdict.VIOLATED
-            if verdict is not wanted and not (trace.loop and verdict is Verdict.UNDECIDED):
-                return False
-        return True
+        """Whether the monitors judge the trace as demanded, and its values keep their limits."""
+        return self.limits.kept(trace.columns, trace.loop) and judged_so(
+            trace, demands, self._period, self._end
+        )
+
+
+def _variables(demands: Sequence[Goal]) -> list[str]:
+    return [*dict.fromkeys(name for each in demands for name in each.program.variables)]
 
 
 def _loads(columns: Mapping[str, Sequence[float]]) -> dict[tuple[str, int], float]:
@@ -368,7 +423,7 @@ def _ample(demands: Sequence[Goal]) -> int:
         for bound in {each.lo, each.hi} - {None}
         if bound is not None
     )
-    return max(16, 2 * reach + 4)
+    return min(_REPEATED, max(16, 2 * reach + 4))
 
 
 def _needed(program: Program) -> int | None:

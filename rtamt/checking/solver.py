@@ -19,7 +19,7 @@ from typing import Any, Final, cast
 
 from rtamt.checking.graph import FALSE, Atom, Graph, TermKey, Truth
 
-__all__ = ["Solution", "Solver", "is_exact", "solver_library"]
+__all__ = ["Solution", "Solver", "is_exact", "is_linear", "reached", "solver_library"]
 
 _INFINITE: Final = Fraction(2) ** 1024
 _LARGEST: Final = Fraction(2) ** 1023
@@ -63,7 +63,7 @@ class Solution:
 def is_exact(graph: Graph, truths: Sequence[Truth]) -> bool:
     """Whether the truths compare samples and constants alone, where doubles are as reals are."""
     return all(
-        part[0] in {"load", "const"}
+        part[0] in {"load", "const", "minus"}
         for node in reached(graph, truths)
         if (atom := _atom(graph, node)) is not None
         for part in atom[1:]
@@ -299,7 +299,8 @@ class _Written:
     def _applied(self, function: str, operands: Sequence[_Number], keys: Sequence[TermKey]) -> Any:  # noqa: ANN401
         """The result of a function; None if it is not linear."""
         call, x, y = self._call, operands[0].written, operands[-1].written
-        constant = [each[0] == "const" for each in keys]
+        if not _linear(function, keys):
+            return None
         match function:
             case "neg":
                 return call("unary_minus", x)
@@ -310,16 +311,37 @@ class _Written:
                 return call("ite", call("le", x, y), x, y)
             case "max":
                 return call("ite", call("le", x, y), y, x)
-            case "add" | "sub":
+            case "add" | "mul":
                 return call.many(function, [x, y])
-            case "mul" if any(constant):
-                return call.many("mul", [x, y])
-            case "div" if constant[1] and keys[1][1] not in {0.0, math.inf, -math.inf}:
+            case "sub" | "minus":
+                return call.many("sub", [x, y])
+            case "div":
                 return call("div", x, y)
         return None
 
 
 _ROUNDS: Final = frozenset({"add", "sub", "mul", "div"})
+_LINEAR: Final = frozenset({"load", "const", "neg", "abs", "min", "max", "add", "sub", "minus"})
+
+
+def is_linear(term: TermKey) -> bool:
+    """Whether the solver knows all functions of a term."""
+    function, *parts = term
+    if function in {"load", "const"}:
+        return True
+    keys = [cast("TermKey", part) for part in parts]
+    return _linear(cast("str", function), keys) and all(map(is_linear, keys))
+
+
+def _linear(function: str, keys: Sequence[TermKey]) -> bool:
+    """Whether the solver knows a function of some terms."""
+    constant = [each[0] == "const" for each in keys]
+    match function:
+        case "mul":
+            return any(constant)
+        case "div":
+            return constant[1] and keys[1][1] not in {0.0, math.inf, -math.inf}
+    return function in _LINEAR
 
 
 def _sign(value: float) -> int:

@@ -2,14 +2,16 @@
 
 The sign bit of the robustness is the truth of the formula, so a register is a truth here, not a
 number: a minimum is a conjunction, a maximum a disjunction, and folds of windows act on truths as
-they do on numbers. The worlds and what a window skips in them are those of
-`rtamt.machines.episode.machine`; here a world may be endless too: a trace that repeats its last
-samples for ever.
+they do on numbers. `rtamt.machines.episode.machine` tells of the worlds, and of
+what a window skips in them; here a world may be endless too: a trace that repeats its last samples
+for ever.
 """
 
 from __future__ import annotations
 
 import functools
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -21,7 +23,7 @@ from rtamt.program.instructions import Const, Window
 from rtamt.program.polarity import positive
 from rtamt.program.program import Program
 
-__all__ = ["World", "truth"]
+__all__ = ["COMBINED", "World", "read_until", "truth"]
 
 _Element = tuple[Truth, ...]
 
@@ -53,7 +55,13 @@ class World(Enum):
 
 
 def truth(
-    graph: Graph, samples: TermTruths, program: Program, count: int, world: World, loop: int = 1
+    graph: Graph,
+    samples: TermTruths,
+    program: Program,
+    count: int,
+    world: World,
+    loop: int = 1,
+    deadline: float = math.inf,
 ) -> Truth:
     """Whether the result holds at the first sample.
 
@@ -64,9 +72,13 @@ def truth(
         count: How many samples there are.
         world: What follows the last sample.
         loop: How many of the last samples repeat for ever in the endless world.
+        deadline: When to give up, as `time.monotonic` tells the time.
+
+    Raises:
+        TimeoutError: If it is too late.
     """
     read = positive(program).reading(0.0 if world.best else -0.0)
-    return _Encoding(graph, samples, read, count, loop).at_begin(world)
+    return _Encoding(graph, samples, read, count, loop, deadline).at_begin(world)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +100,17 @@ class _Course:
 
 class _Encoding:
     def __init__(
-        self, graph: Graph, samples: TermTruths, program: Program, count: int, loop: int
+        self,
+        graph: Graph,
+        samples: TermTruths,
+        program: Program,
+        count: int,
+        loop: int,
+        deadline: float,
     ) -> None:
         self.graph, self.samples, self.program, self.loop = graph, samples, program, loop
-        self.last = count - 1
-        self.until = _read_until(program)
+        self.last, self.deadline = count - 1, deadline
+        self.until = read_until(program)
         self.known: dict[tuple[int, World], _Course] = {}
 
     def at_begin(self, world: World) -> Truth:
@@ -131,10 +149,15 @@ class _Encoding:
 
     def _made(self, register: int, start: int, value: Callable[[int], Truth]) -> _Course:
         """A course that repeats from a time on; without the times that nobody reads."""
-        until = self.until[register]
-        if until is not None and until < start + self.loop:
-            return _Course([value(i) for i in range(until + 1)], 1)
-        return _Course([value(i) for i in range(start + self.loop)], self.loop)
+        until, loop = self.until[register], self.loop
+        if until is not None and until < start + loop:
+            start, loop = until, 1
+        values = []
+        for i in range(start + loop):
+            if time.monotonic() > self.deadline:
+                raise TimeoutError
+            values.append(value(i))
+        return _Course(values, loop)
 
     def _predicate(self, register: int, world: World) -> _Course:
         if isinstance(self.program.instructions[register], Const):
@@ -184,7 +207,7 @@ def _behind(window: Window, loop: int) -> int:
     return max(0, -window.lo)
 
 
-def _read_until(program: Program) -> list[int | None]:
+def read_until(program: Program) -> list[int | None]:
     """The last time at which each register is read; None: there is none."""
     until: list[int | None] = [0] * len(program.instructions)
     for register in range(program.result, program.terms - 1, -1):
@@ -215,7 +238,7 @@ class _Folds:
         if end is not None:
             self.start = max(self.start, end + 1)
         self._operands, self._end, self._loop = operands, end, loop
-        self._combine = functools.partial(_COMBINED[fold], graph)
+        self._combine = functools.partial(COMBINED[fold], graph)
         self._blocks: dict[tuple[int, int], _Element] = {}
         self._prefixes: list[_Element] = []
         self._suffixes: dict[int, _Element] = {}
@@ -310,7 +333,7 @@ def _trigger(g: Graph, x: _Element, y: _Element) -> _Element:
     return g.any([x[0], y[0]]), g.all([y[1], g.any([y[0], x[1]])])
 
 
-_COMBINED: Mapping[str, Callable[[Graph, _Element, _Element], _Element]] = {
+COMBINED: Mapping[str, Callable[[Graph, _Element, _Element], _Element]] = {
     "min": lambda g, x, y: (g.all([x[0], y[0]]),),
     "max": lambda g, x, y: (g.any([x[0], y[0]]),),
     "until": _until,

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import rtamt
 from rtamt import Answer, Check, CheckedRequirement, Specification
+from rtamt_gym.commands.arguments import add_output, check_outputs
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
@@ -18,9 +20,12 @@ from rtamt_gym.commands.example_traces import (
     drawn,
     equivalence_data,
     read_period,
+    read_rates,
     write,
 )
 from rtamt_gym.commands.specs import files_of, read_constants, read_requirements
+from rtamt_gym.results.codec import document
+from rtamt_gym.results.provenance import Provenance, plain_provenance
 
 __all__ = ["add_arguments", "run"]
 
@@ -32,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "comes with a trace that the monitors have judged, every no says how far it reaches."
     )
     parser.epilog = "example: rtamt check requirements.stl --period 100ms --assume 'always(v >= 0)'"
-    add_search(parser)
+    add_search(parser, horizon=10_000)
+    add_output(parser, "--plot", "draw the traces")
     parser.add_argument(
         "--same-as",
         action="append",
@@ -45,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
+    check_outputs(picture=options.plot, inputs=files_of(options.specs))
     specs = read_requirements(options.specs, read_constants(options.constant))
     others = read_requirements(options.same_as)
     period = read_period(options, specs, others)
@@ -53,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         period,
         end=options.end,
         assume=options.assume,
+        rates=read_rates(options.rate),
         same_as=others or None,
         horizon=options.horizon,
         timeout=options.timeout,
@@ -61,12 +69,26 @@ def run(options: argparse.Namespace) -> int:
         named = (("-".join(filter(None, [n, what])), trace) for n, what, trace in found.traces())
         write(named, options.save)
     if options.json:
-        print(json.dumps(_data(found, specs, others), indent=2))
+        print(document(*_data(found, specs, others, period, options)))
     elif others:
         print(*_compared(found, specs, others), sep="\n")
     else:
         print(*_lines(found, specs, _files(options.specs)), sep="\n")
+    if options.plot:
+        print(_drawn(found, period, options.plot), file=sys.stderr if options.json else sys.stdout)
     return code_of([found.says])
+
+
+def _drawn(found: Check, period: Fraction | None, path: Path) -> str:
+    """Draws the traces and says where, or that there are none."""
+    from rtamt_gym.commands.trace_pictures import draw
+    from rtamt_gym.drawing import save
+
+    traces = [(" ".join(filter(None, [name, what])), trace) for name, what, trace in found.traces()]
+    if not traces:
+        return f"no picture: there is no trace to draw in {path}"
+    save(draw(traces, period), path)
+    return f"picture: {path}"
 
 
 def _files(arguments: Sequence[str]) -> dict[str, str]:
@@ -177,37 +199,43 @@ def _row(what: str, text: str) -> list[str]:
 
 
 def _data(
-    found: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
-) -> dict[str, Any]:
+    found: Check,
+    specs: Mapping[str, Specification],
+    others: Mapping[str, Specification],
+    period: Fraction | None,
+    options: argparse.Namespace,
+) -> tuple[str, dict[str, Any]]:
+    """The kind of a result, and what is in it beside its head."""
+    asked = {
+        "period": period,
+        "end": options.end,
+        "horizon": options.horizon,
+        **({"assume": options.assume} if options.assume else {}),
+        **({"rates": read_rates(options.rate)} if options.rate else {}),
+        "requirements": {name: str(spec.formula) for name, spec in specs.items()},
+    }
+    asked |= plain_provenance(Provenance.of(specs).with_files(files_of(options.specs)))
     if others:
-        return {
-            "says": found.says,
-            "same": {
-                name: {
-                    "one": str(specs[name].formula),
-                    "other": str(_other(name, others).formula),
-                    **equivalence_data(same),
-                }
-                for name, same in found.same.items()
-            },
+        same = {
+            name: {"other": str(_other(name, others).formula), **equivalence_data(each)}
+            for name, each in found.same.items()
         }
-    requirements = {
+        return "equivalence", {**asked, "says": found.says, "results": same}
+    results = {
         name: {
-            "formula": each.text,
-            **({} if (identity := specs[name].id) is None else {"id": identity.id}),
             "says": each.says,
             "satisfiable": answer_data(each.satisfiable),
             "falsifiable": answer_data(each.falsifiable),
             "asked": {text: answer_data(answer) for text, answer in each.asked.items()},
             "idle": [
-                {"text": idle.text, "instead": idle.instead, "samples": idle.samples}
+                {"text": idle.text, "instead": idle.instead, "samples": idle.samples or None}
                 for idle in each.idle
             ],
             "unknown": dict(each.unknown),
         }
         for name, each in found.requirements.items()
     }
-    data: dict[str, Any] = {"says": found.says, "requirements": requirements}
+    data: dict[str, Any] = {**asked, "says": found.says, "results": results}
     if found.together is not None:
         data |= {
             "together": answer_data(found.together),
@@ -220,4 +248,4 @@ def _data(
             "equal": [[*pair] for pair in found.equal],
             "unknown": [[*pair, why] for pair, why in found.unknown.items()],
         }
-    return data
+    return "check", data

@@ -21,6 +21,7 @@ _CALLED: Final[Mapping[str, str]] = {
     "constants": "constant",
     "nan": "missing",
     "ranges": "range",
+    "rates": "rate",
     "signals": "signal",
     "space": "vary",
 }

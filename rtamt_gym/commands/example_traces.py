@@ -28,6 +28,7 @@ __all__ = [
     "drawn",
     "equivalence_data",
     "read_period",
+    "read_rates",
     "strict",
     "trace_data",
     "write",
@@ -41,11 +42,19 @@ _WORDS: Final[Mapping[str, Word]] = {
 }
 
 
-def add_search(parser: argparse.ArgumentParser) -> None:
-    """Adds the specifications and how traces are searched for."""
+def add_search(parser: argparse.ArgumentParser, horizon: int) -> None:
+    """Adds the specifications and how traces are searched for, by default up to a horizon."""
     parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
     add_constant(parser)
     parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
+    parser.add_argument(
+        "--rate",
+        action="append",
+        default=[],
+        metavar="'NAME in [LOW, HIGH]'",
+        help="how much a variable changes at least and at most in a second, in a sample without "
+        "--period; may be repeated",
+    )
     parser.add_argument(
         "--end",
         choices=("complete", "cut", "open"),
@@ -55,9 +64,9 @@ def add_search(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--horizon",
         type=positive,
-        default=1000,
+        default=horizon,
         metavar="N",
-        help="the most samples of a trace (default: 1000)",
+        help=f"the most samples of a trace (default: {horizon})",
     )
     parser.add_argument(
         "--timeout",
@@ -71,6 +80,30 @@ def add_search(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     add_reading(parser, "period")
+
+
+def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """How fast variables change, as ``--rate`` says it.
+
+    Raises:
+        InputError: If a text is none of a rate, or a variable is there twice.
+    """
+    rates: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        found = re.fullmatch(r"\s*([\w.]+)\s+in\s+\[([^,]*),([^,]*)\]\s*", text)
+        try:
+            lower, upper = map(float, found.groups()[1:]) if found else (math.nan, math.nan)
+        except ValueError:
+            lower = upper = math.nan
+        if found is None or math.isnan(lower) or math.isnan(upper):
+            raise InputError(
+                f"--rate: expected a variable and what it changes by at least and at most, such as "
+                f"'x in [-2, 2]', got {text!r}"
+            )
+        if found[1] in rates:
+            raise InputError(f"--rate: '{found[1]}' has two rates; give one of them")
+        rates[found[1]] = lower, upper
+    return rates
 
 
 def read_period(

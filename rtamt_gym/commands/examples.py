@@ -16,6 +16,7 @@ from rtamt_gym.commands.example_traces import (
     code_of,
     drawn,
     read_period,
+    read_rates,
     trace_data,
     write,
 )
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "at a threshold. Read them before a requirement is trusted. The monitors have judged each."
     )
     parser.epilog = "example: rtamt examples requirements.stl --period 100ms --save traces"
-    add_search(parser)
+    add_search(parser, horizon=1000)
     parser.add_argument(
         "--count",
         type=positive,
@@ -53,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
         count=options.count,
         end=options.end,
         assume=options.assume,
+        rates=read_rates(options.rate),
         horizon=options.horizon,
         timeout=options.timeout,
     )

@@ -338,7 +338,7 @@ def _headed(kept: dict[str, Any]) -> dict[str, Any] | None:
     """A result of version 2 or later; None if it is none."""
     if kept.get("format") != FORMAT:
         return upgraded(kept)
-    known = isinstance(kept.get("version"), int) and kept.get("kind") in KINDS
+    known = isinstance(kept.get("version"), int) and isinstance(kept.get("kind"), str)
     return kept if known else None
 
 

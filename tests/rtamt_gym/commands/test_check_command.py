@@ -62,14 +62,86 @@ def test_a_trace_is_drawn_by_its_changes(capsys: pytest.CaptureFixture[str]) -> 
 def test_json_has_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "a = always(x < 3); b = always(x < 2)", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
+    head = {name: data[name] for name in ("format", "version", "kind", "period", "end", "horizon")}
+    assert head == {
+        "format": "rtamt result",
+        "version": 2,
+        "kind": "check",
+        "period": None,
+        "end": "cut",
+        "horizon": 10_000,
+    }
+    assert data["requirements"] == {"a": "always(x < 3)", "b": "always(x < 2)"}
     assert data["says"] == "yes"
     assert data["implied"] == {"a": "b"}
-    assert data["requirements"]["a"]["falsifiable"]["trace"] == {
+    assert data["results"]["a"]["falsifiable"]["trace"] == {
         "samples": 1,
         "repeats": 0,
         "columns": {"x": [3.0]},
     }
-    assert data["requirements"]["a"]["idle"] == []
+    assert data["results"]["a"]["idle"] == []
+
+
+def test_a_report_of_answers_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "x > 1", "--json"]) == 0
+    path = tmp_path / "check.json"
+    path.write_text(capsys.readouterr().out)
+    assert main(["report", str(path), "-o", str(tmp_path / "page.html")]) == 2
+    said = capsys.readouterr().err
+    assert f"{path} holds no result but a result of kind 'check': expected a file that" in said
+
+
+def test_rates_are_read_and_named(capsys: pytest.CaptureFixture[str]) -> None:
+    text = "x < 1 and eventually[0:200ms](x > 5)"
+    rate = ["--period", "100ms", "--rate", "x in [-inf, 2]"]
+    assert main(["check", text, *rate]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "             clashes: rate: x in [-inf, 2] per second" in lines
+    assert main(["check", text, *rate, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["rates"] == {"x": ["-inf", 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("rates", "message"),
+    [
+        (
+            ["x < 2"],
+            (
+                "--rate: expected a variable and what it changes by at least and at most, such as "
+                "'x in [-2, 2]', got 'x < 2'"
+            ),
+        ),
+        (["x in [0, 1]", "x in [0, 2]"], "--rate: 'x' has two rates; give one of them"),
+        (
+            ["y in [0, 1]"],
+            "--rate expected variables of the specification, which are x, got 'y'",
+        ),
+        (
+            ["x in [2, 1]"],
+            "--rate 'x': expected (lower, upper) with lower <= upper, got (2.0, 1.0)",
+        ),
+    ],
+)
+def test_wrong_rates_are_errors(
+    rates: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [part for rate in rates for part in ("--rate", rate)]
+    assert main(["check", "x > 1", *options]) == 2
+    assert capsys.readouterr().err == f"rtamt: error: {message}\n"
+
+
+def test_traces_are_drawn_in_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "traces.svg"
+    text = "always(x > 3 implies eventually[0:3](y > 1))"
+    assert main(["check", text, "--plot", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"picture: {path}"
+    assert path.read_text().startswith("<?xml")
+    assert main(["check", "x > 1", "--same-as", "x > 1", "--plot", str(tmp_path / "none.png")]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"no picture: there is no trace to draw in {tmp_path / 'none.png'}"
+    assert not (tmp_path / "none.png").exists()
+    assert main(["check", text, "--plot", "traces.txt"]) == 2
+    assert "expected a name that ends in .png, .svg or .pdf" in capsys.readouterr().err
 
 
 def test_saved_traces_are_judged_as_they_show(
@@ -131,12 +203,14 @@ def test_requirements_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
 def test_what_is_compared_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["check", "a = x > 1; b = x > 2", "--same-as", "b = x > 3; a = not x <= 1"]
     assert main([*arguments, "--json"]) == 1
-    assert json.loads(capsys.readouterr().out) == {
+    found = json.loads(capsys.readouterr().out)
+    assert {name: found[name] for name in ("kind", "requirements", "says", "results")} == {
+        "kind": "equivalence",
+        "requirements": {"a": "x > 1", "b": "x > 2"},
         "says": "no",
-        "same": {
-            "a": {"one": "x > 1", "other": "not (x <= 1)", "says": "yes", "samples": None},
+        "results": {
+            "a": {"other": "not (x <= 1)", "says": "yes", "samples": None},
             "b": {
-                "one": "x > 2",
                 "other": "x > 3",
                 "says": "no",
                 "satisfied": "one",
@@ -171,9 +245,10 @@ def test_places_and_ids_are_printed(
         "             clashes: declared: d in [0, 9]",
     ]
     assert main(["check", str(spec), "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)["requirements"]["near"]
-    assert found["id"] == "SYS-REQ-7"
-    assert {"text": "always(d > 20)", "place": [4, 9]} in found["satisfiable"]["clash"]
+    found = json.loads(capsys.readouterr().out)
+    assert found["ids"]["near"]["id"] == "SYS-REQ-7"
+    clash = found["results"]["near"]["satisfiable"]["clash"]
+    assert {"text": "always(d > 20)", "place": [4, 9]} in clash
 
 
 def test_without_the_solver_it_names_the_extra() -> None:
