@@ -1,6 +1,7 @@
 """Puts the programs of rtamt_ros where ``ros2 run`` and ``ros2 launch`` find them.
 
-The Python package itself comes with rtamt, which pip installs: a second copy would hide it.
+The Python package itself comes with rtamt, which pip installs: a second copy would hide it. The
+folder ``ros1`` is not installed: ROS 1 finds it where it is, through ``ROS_PACKAGE_PATH``.
 """
 
 from setuptools import setup
@@ -15,5 +16,10 @@ setup(
         ("share/rtamt_ros", ["package.xml"]),
         ("share/rtamt_ros/config", ["config/follows.stl", "config/stl_monitor.yaml"]),
         ("share/rtamt_ros/launch", ["launch/stl_monitor.launch.py"]),
+        ("share/rtamt_ros/layouts", ["layouts/foxglove.json", "layouts/plotjuggler.xml"]),
+        (
+            "share/rtamt_ros/systemd",
+            ["systemd/follows.env", "systemd/rtamt-monitor@.service"],
+        ),
     ],
 )

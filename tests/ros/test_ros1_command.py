@@ -57,6 +57,24 @@ def test_a_file_of_the_released_library_is_monitored_unchanged(world: World) -> 
     assert ears.heard(DIAGNOSTICS)[-1].message.status[0].name == "watch: follows"
 
 
+def test_a_monitor_is_reset_by_a_service(world: World) -> None:
+    talker = world.peer("talker")
+    talker.ask("publisher", "x", "/number", "std_msgs", "Float64", latched=True)
+    talker.ask("publish", "x", {"data": 0.0})
+    verdict = "rtamt/out/verdict"
+    with probe(world.ros, {verdict: "std_msgs/Int8"}) as ears:
+        spec = "float64 x\n@ topic(x, /number)\nout = always(x > 1)"
+        monitor = start(world, "--spec", spec, "--stale", "inf", "__name:=gate", name="gate")
+        ears.wait(lambda: -1 in [each.message.data for each in ears.heard(verdict)], "violated")
+        talker.ask("publish", "x", {"data": 3.0})
+        good, said = talker.ask("call", "/gate/reset")
+        assert good
+        assert said.splitlines()[1].startswith("out: begins anew; was: violated, robustness -1; ")
+        ears.wait(lambda: ears.heard(verdict)[-1].message.data == 0, "begun anew")
+        monitor.ask_to_end()
+        assert monitor.ended() == 0, monitor.output
+
+
 def test_messages_that_are_not_installed_end_the_command_with_code_2(world: World) -> None:
     text = "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1"
     command = start(world, "--spec", text, name="absent")

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from ros2_client import Client
-from std_msgs.msg import Float64
+from ros2_client import LATCHED, Client
+from std_msgs.msg import Float64, Int8
+from std_srvs.srv import Trigger
 
 ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
+ALWAYS = "input float64 x\n@ topic(x, x)\nout = always(x > 1)"
 BELOW = "input float64 x\n@ topic(x, x)\nout = x < 1"
 ODD = "from absent_msgs.msg import Odd\ninput Odd o\nout = o.x > 1"
 UNREADABLE = "STL:3:10: expected an operand after '>', got the end of the text\n"
@@ -59,6 +61,24 @@ def test_a_manager_takes_a_monitor_through_its_states(tools: Client) -> None:
     tools.until(lambda: node.count_publishers("/managed/rtamt/out") == 0)
     monitor.process.ask_to_end()
     assert monitor.process.ended() == 0
+
+
+def test_an_active_monitor_is_reset_by_a_service(tools: Client) -> None:
+    verdict = tools.hear("reset/rtamt/out/verdict", Int8, LATCHED)
+    source = tools.source("reset/x", 0.0)
+    monitor = tools.monitor("reset", spec=ALWAYS, period=20)
+    verdict.next(lambda each: each.data == -1)
+    source.value = 3.0
+    answer = monitor.call(Trigger, "reset")
+    assert answer.success
+    first, second = answer.message.splitlines()
+    assert first.startswith("1 requirement begins anew at ")
+    assert second.startswith("out: begins anew; was: violated, robustness -1; violated 1 time")
+    assert "WARN" in monitor.process.output
+    assert monitor.do("deactivate")
+    assert monitor.do("activate")
+    assert monitor.call(Trigger, "reset").success
+    assert verdict.all()[-1].data == 0
 
 
 def test_what_cannot_be_is_refused_and_the_monitor_stays_where_it_is(tools: Client) -> None:

@@ -29,9 +29,14 @@ def test_what_is_installed_is_there_and_what_is_there_is_installed() -> None:
     folder = PACKAGES / "rtamt_ros"
     setup = (folder / "setup.py").read_text()
     assert f'version="{VERSION}"' in setup
-    named = set(re.findall(r'"((?:config|launch|resource|scripts)/[^"]+|package\.xml)"', setup))
+    named = set(
+        re.findall(
+            r'"((?:config|launch|layouts|resource|scripts|systemd)/[^"]+|package\.xml)"', setup
+        )
+    )
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
-    assert named == files - {"setup.py", "setup.cfg"}
+    of_ros1 = {name for name in files if name.startswith("ros1/")}
+    assert named == files - of_ros1 - {"setup.py", "setup.cfg"}
 
 
 def test_programs_run_on_the_python_of_the_active_environment() -> None:

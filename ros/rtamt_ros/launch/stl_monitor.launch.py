@@ -14,13 +14,14 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node, its parameters from a file, and the two that change most as arguments."""
+    """The node, its parameters from a file, and those that change most as arguments."""
     config = Path(get_package_share_directory("rtamt_ros"), "config")
     follows, parameters = str(config / "follows.stl"), str(config / "stl_monitor.yaml")
     return LaunchDescription(
         [
             DeclareLaunchArgument("spec_file", default_value=follows),
             DeclareLaunchArgument("parameters", default_value=parameters),
+            DeclareLaunchArgument("combined", default_value=""),
             DeclareLaunchArgument("use_sim_time", default_value="false"),
             Node(
                 package="rtamt_ros",
@@ -33,6 +34,7 @@ def generate_launch_description() -> LaunchDescription:
                         "spec_file": ParameterValue(
                             LaunchConfiguration("spec_file"), value_type=str
                         ),
+                        "combined": ParameterValue(LaunchConfiguration("combined"), value_type=str),
                         "use_sim_time": ParameterValue(
                             LaunchConfiguration("use_sim_time"), value_type=bool
                         ),
