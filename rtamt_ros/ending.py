@@ -6,12 +6,16 @@ import signal
 import threading
 from importlib import import_module
 from queue import SimpleQueue
+from typing import Any
 
 __all__ = ["Ending", "run_module"]
 
 
 class Ending:
     """Whether a node shall end; once it is asked to, for good.
+
+    Where a signal would end the process at once (`run_module`), it asks from now on: the node ends
+    in good order, also before anybody waits.
 
     Attributes:
         asked: Whether it is asked to.
@@ -22,6 +26,9 @@ class Ending:
         # A signal may come while it is waited for: of what waits, only this can be told by a
         # handler that interrupts it, where the lock of an event would wait for itself.
         self._told: SimpleQueue[None] = SimpleQueue()
+        quiet = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+        if quiet and threading.current_thread() is threading.main_thread():
+            self._listen()
 
     def ask(self) -> None:
         """Asks it to."""
@@ -33,30 +40,32 @@ class Ending:
         if threading.current_thread() is not threading.main_thread():
             self._wait()
             return
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        before = [signal.signal(number, lambda *_: self.ask()) for number in numbers]
+        before = self._listen()
         try:
             self._wait()
         finally:
-            for number, handler in zip(numbers, before, strict=True):
+            for number, handler in before.items():
                 signal.signal(number, handler)
+
+    def _listen(self) -> dict[signal.Signals, Any]:
+        """Takes signals for questions; what handled them before."""
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        return {number: signal.signal(number, lambda *_: self.ask()) for number in numbers}
 
     def _wait(self) -> None:
         self._told.get()
         self._told.put(None)  # for whoever waits too
 
 
-def run_module(name: str) -> int:
-    """Runs the `main` of a module; Ctrl-C ends it quietly, also while modules are loaded.
+def run_module(name: str, *arguments: object) -> int:
+    """Runs the `main` of a module; Ctrl-C ends the process at once until there is a node.
+
+    Python would show a traceback wherever it is, and modules in C make other errors of an
+    interrupt while they are loaded.
 
     Returns:
         The exit code.
     """
-    # Modules in C make other errors of an interrupt while they are loaded: it ends the process.
-    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)
-    module = import_module(name)
-    signal.signal(signal.SIGINT, handler)
-    try:
-        return int(module.main() or 0)
-    except KeyboardInterrupt:  # before the node spins
-        return 130
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return int(import_module(name).main(*arguments) or 0)

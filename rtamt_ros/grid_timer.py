@@ -8,10 +8,10 @@ from typing import Protocol
 
 from rtamt_ros.callback import Callback
 
-__all__ = ["Clock", "GridTimer"]
+__all__ = ["GridTimer", "NodeClock"]
 
 
-class Clock(Protocol):
+class NodeClock(Protocol):
     """The clock of a node of ROS."""
 
     def now(self) -> int:
@@ -41,7 +41,7 @@ class GridTimer(threading.Thread):
         callback: Takes the last point that has come.
     """
 
-    def __init__(self, clock: Clock, period: int, callback: Callback) -> None:
+    def __init__(self, clock: NodeClock, period: int, callback: Callback) -> None:
         super().__init__(daemon=True)
         self._clock = clock
         self._period = period

@@ -114,7 +114,7 @@ class Ros1:
         return not rospy.rostime.is_wallclock()
 
     def wait_for_another(self, now: int) -> None:
-        """Waits as `rtamt_ros.grid_timer.Clock` says."""
+        """Waits as `rtamt_ros.grid_timer.NodeClock` says."""
         ticked = rospy.rostime.get_rostime_cond()
         with ticked:
             if _now() == now:

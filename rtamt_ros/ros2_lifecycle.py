@@ -221,8 +221,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = run(arguments=given)
     except RtamtError as error:
         parser.error(str(error))
-    except KeyboardInterrupt:  # before the node spins
-        code = 130
     sys.exit(code)
 
 

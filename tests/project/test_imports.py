@@ -44,7 +44,7 @@ FLOORS = {
         ("middleware",),
         ("core",),
         ("node", "parameters", "ending", "pauses", "callback", "messages"),
-        ("ros2_subscription",),
+        ("ros2_subscription", "ros1_master", "grid_timer"),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
         ("simulator",),

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
-from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,9 +16,7 @@ from memory_middleware import SECOND, MemoryMiddleware, message
 from paths import ROOT
 
 import rtamt
-import rtamt_ros
 from rtamt_ros import command, generation
-from rtamt_ros.__main__ import main as program
 from rtamt_ros.command import main
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.parameters import PARAMETERS, UNITS, read
@@ -316,24 +312,3 @@ def test_on_ros_2_parameters_of_ros_say_what_to_monitor(
     installed(monkeypatch, ["rospy"])
     assert main(arguments) == 2
     assert "write parameters as options, which --help lists" in capsys.readouterr().err
-
-
-def test_ctrl_c_ends_the_command_quietly_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    loading = []
-
-    class Loading(MetaPathFinder):
-        def find_spec(self, name: str, *_: object) -> None:
-            loading.append((name, signal.getsignal(signal.SIGINT)))
-
-    def interrupted(*_: object) -> int:
-        assert signal.getsignal(signal.SIGINT) is before
-        raise KeyboardInterrupt
-
-    before = signal.getsignal(signal.SIGINT)
-    monkeypatch.setattr(sys, "meta_path", [Loading(), *sys.meta_path])
-    monkeypatch.delitem(sys.modules, "rtamt_ros.command")
-    monkeypatch.delattr(rtamt_ros, "command")
-    monkeypatch.setattr(generation, "split", interrupted)  # which the module takes when it loads
-    assert program() == 130
-    assert ("rtamt_ros.command", signal.SIG_DFL) in loading
-    assert signal.getsignal(signal.SIGINT) is before

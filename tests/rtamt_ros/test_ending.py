@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
+from collections.abc import Iterator
 
 import pytest
 
@@ -34,3 +37,57 @@ def test_it_ends_for_good_and_for_all_who_wait() -> None:
         each.join(5)
     assert not any(each.is_alive() for each in waiting)
     ending.wait()
+
+
+@pytest.fixture
+def at_once() -> Iterator[None]:
+    """SIGINT ends the process at once, as `run_module` has it until there is a node."""
+    before = [signal.getsignal(each) for each in SIGNALS]
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    yield
+    for number, handler in zip(SIGNALS, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_before_it_is_waited_for_counts(number: signal.Signals) -> None:
+    ending = Ending()
+    os.kill(os.getpid(), number)
+    assert ending.asked
+    ending.wait()
+
+
+def test_where_python_handles_signals_it_leaves_them_alone() -> None:
+    before = [signal.getsignal(each) for each in SIGNALS]
+    assert before[0] is signal.default_int_handler
+    Ending()
+    assert [signal.getsignal(each) for each in SIGNALS] == before
+
+
+INTERRUPTED = """
+import os, signal, sys
+from rtamt_ros.ending import run_module
+
+left = int(sys.argv[2])
+
+def interrupt(*_):
+    global left
+    left -= 1
+    if not left:
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.addaudithook(interrupt)
+sys.exit(run_module(sys.argv[1], sys.argv[3:]))
+"""
+
+
+@pytest.mark.parametrize("event", [1, 3, 30, 300, 1000])
+@pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.robot"])
+def test_ctrl_c_before_there_is_a_node_says_nothing(module: str, event: int) -> None:
+    """At whatever Python does: at the number of an event that it announces to who audits it."""
+    words = [module, str(event), "--ros", "1"] + ["--spec", "x > 1"] * ("command" in module)
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, *words], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")

@@ -13,6 +13,7 @@ from bags import Said, write_bag
 from memory_middleware import SECOND, MemoryMiddleware
 from memory_nodes import MS, until
 from paths import ROOT
+from tutorial_page import PAGE, block
 
 import rtamt_ros.node
 from rtamt_gym.__main__ import main
@@ -23,7 +24,6 @@ from rtamt_ros.parameters import PARAMETERS, read
 from rtamt_ros.simulator.robot import Robot, RobotController
 from rtamt_ros.simulator.robot import _parser as parser_of_robot
 
-PAGE = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
 BEGIN = 1_795_333_330_934_702_000
 ROBOT = BEGIN + 5 * SECOND + 40 * MS
 """When the robot is started, after the monitor; its messages come between two samples."""
@@ -43,13 +43,6 @@ class Logging(MemoryMiddleware):
         super().log(level, text)
         name = "INFO" if level is Level.OK else "ERROR" if level is Level.ERROR else "WARN"
         self.shown.append(f"[{name}] [{self.time / SECOND:.6f}]: {text}")
-
-
-def block(command: str) -> list[str]:
-    """The lines of the block that begins with a command."""
-    found = re.search(rf"```\w*\n((?:\$ )?{command}.*?)```", PAGE, re.DOTALL)
-    assert found is not None, command
-    return found[1].splitlines()
 
 
 def option(parser: Any, line: str, words: int) -> Any:  # noqa: ANN401

@@ -47,7 +47,7 @@ def subject() -> Subject:
             calm = always(cmd.linear.x <= {LIMIT})
             """
         )
-        options = ["--stl", str(file), "--dense", "--period", "3"]
+        options = ["--stl", str(file), "--dense", "--period", "3", "--stale", "inf"]
         return [sys.executable, "-m", "rtamt_ros", *options]
 
     return Subject("dense", "rtamt/calm/verdict", "std_msgs/Int8", "data", command)
