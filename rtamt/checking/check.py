@@ -143,7 +143,7 @@ class _Checker:
         return self._with(unanswered(self.spec.formula, [implication]))
 
     def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
-        return self._search.find(self._goals(*demands))
+        return self._search.find_short(self._goals(*demands))
 
     def _goals(self, *demands: tuple[Program, bool]) -> list[Goal]:
         return [*(Goal(program, holds) for program, holds in demands), *self._given]
@@ -249,11 +249,11 @@ def _set(
         return Check(found)
 
     def find(*demands: tuple[str, bool]) -> SearchAnswer:
-        wanted = [Goal(checkers[name].program, holds) for name, holds in demands]
-        return search.find([*wanted, *given])
+        return search.find([*_wanted(checkers, *demands), *given])
 
     names = [name for name, each in found.items() if each.satisfiable.says == "yes"]
-    both = find(*((name, True) for name in names)) if names else SearchAnswer()
+    every = [*_wanted(checkers, *((name, True) for name in names)), *given]
+    both = search.find_short(every) if names else SearchAnswer()
     conflict: tuple[str, ...] = ()
     if impossible(both):
         kept = _fewest(
@@ -290,6 +290,10 @@ def _set(
         elif why := next((f.why for f in ways if f.trace is None), ""):
             unknown[a, b] = why
     return Check(found, together, conflict, asked, implied, tuple(equal), unknown)
+
+
+def _wanted(checkers: Mapping[str, _Checker], *demands: tuple[str, bool]) -> list[Goal]:
+    return [Goal(checkers[name].program, holds) for name, holds in demands]
 
 
 def _answered(checker: _Checker, implication: Formula, all_of: list[_Checker]) -> Iterator[Goal]:

@@ -178,7 +178,7 @@ class _Shower:
     def shown(self, count: int, timeout: float) -> RequirementExamples:
         """The examples, at most so many."""
         goals = {holds: self._goals([(self._program, holds)]) for holds in (True, False)}
-        answers = {holds: Answer.of(self._search.find(each)) for holds, each in goals.items()}
+        answers = {holds: Answer.of(self._search.find_short(each)) for holds, each in goals.items()}
         found: dict[object, Example] = {}
         missing: list[str] = []
         unknown: dict[str, str] = {}
@@ -248,7 +248,7 @@ class _Shower:
                         return self._plain(trace, goals), ""
                     why = why or reason
             if demands is plain:
-                answer = self._search.find(goals)
+                answer = self._search.find_short(goals)
                 if answer.trace is not None:
                     return self._plain(answer.trace, goals), ""
                 if answer.none or answer.samples:

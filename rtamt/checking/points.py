@@ -20,8 +20,11 @@ from rtamt.checking.solver import is_linear, reached
 
 __all__ = ["PointChoices"]
 
-_TRIED: Final = 4000
-"""The most points that are tried for the predicates of a sample."""
+_TRIED: Final = 500
+"""The most points that are tried until another way is found in which predicates can be."""
+
+_ROOTS: Final = 1000
+"""The most points of roots alone."""
 
 _KEPT: Final = 32
 """The most points among which a solver chooses."""
@@ -88,10 +91,15 @@ class PointChoices:
     def _points(self, atoms: Sequence[Atom]) -> list[_Point]:
         """Points at which predicates are in all the ways that were found."""
         kept: dict[_Ways, _Point] = {}
-        for point in itertools.islice(self._tried(atoms, kept), _TRIED):
+        left = _TRIED
+        for point in self._tried(atoms, kept):
             ways = tuple(_holds(atom, point) for atom in atoms)
-            if None not in ways and len(kept) < _KEPT:
-                kept.setdefault(ways, point)
+            if None not in ways and ways not in kept:
+                kept[ways] = point
+                left = _TRIED
+            left -= 1
+            if not left or len(kept) == _KEPT:
+                break
         return [*kept.values()]
 
     def _tried(self, atoms: Sequence[Atom], kept: Mapping[_Ways, _Point]) -> Iterator[_Point]:
@@ -109,7 +117,7 @@ class PointChoices:
         zeros = [[*(roots[name] or {0.0: None})] for name in names]
         chance = random.Random(0)  # the same points each time
         every = math.prod(map(len, zeros))
-        if every <= _TRIED // 4:
+        if every <= _ROOTS:
             yield from (self._point(names, values) for values in itertools.product(*zeros))
         sizes = sorted(numbers)
         while True:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Final, TypedDict
 
@@ -141,6 +141,14 @@ class WitnessSearch:
             return self._found(demands, first, deadline)
         except TimeoutError:
             return SearchAnswer(why=self._late)
+
+    def find_short(self, demands: Sequence[Goal]) -> SearchAnswer:
+        """What `find` finds; a long trace ends where it is certain to be as demanded."""
+        found = self.find(demands)
+        trace = found.trace
+        if trace is None or trace.loop or trace.samples <= _SHORT:
+            return found
+        return replace(found, trace=shortened(trace, demands, self._period, self._end))
 
     def _found(self, demands: Sequence[Goal], first: int, deadline: float) -> SearchAnswer:
         trace = self.seldom_changing(demands)
@@ -351,12 +359,10 @@ class WitnessSearch:
     def _shown(
         self, solution: Solution, demands: Sequence[Goal], shape: _Shape
     ) -> ExampleTrace | None:
-        """The trace of a solution if the monitors judge it as demanded, as short as it may be."""
+        """The trace of a solution if the monitors judge it as demanded."""
         trace = self._witness(solution, demands, shape.samples, shape.loop)
         if self.confirmed(trace, demands):
             shown = trace
-            if not shape.loop and shape.samples > _SHORT:
-                shown = shortened(trace, demands, self._period, self._end)
         elif shape.times is None or self._length(demands)[0] is not None:
             return None
         else:  # without an end it may be as demanded

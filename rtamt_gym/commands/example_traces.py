@@ -42,8 +42,14 @@ _WORDS: Final[Mapping[str, Word]] = {
 }
 
 
-def add_search(parser: argparse.ArgumentParser, horizon: int) -> None:
-    """Adds the specifications and how traces are searched for, by default up to a horizon."""
+def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> None:
+    """Adds the specifications and how traces are searched for.
+
+    Args:
+        parser: The parser of a command.
+        horizon: The most samples of a trace where the command line does not say it.
+        why: Why it is that many.
+    """
     parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
     add_constant(parser)
     parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
@@ -66,7 +72,7 @@ def add_search(parser: argparse.ArgumentParser, horizon: int) -> None:
         type=positive,
         default=horizon,
         metavar="N",
-        help=f"the most samples of a trace (default: {horizon})",
+        help=f"the most samples of a trace (default: {horizon}{why})",
     )
     parser.add_argument(
         "--timeout",

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "at a threshold. Read them before a requirement is trusted. The monitors have judged each."
     )
     parser.epilog = "example: rtamt examples requirements.stl --period 100ms --save traces"
-    add_search(parser, horizon=1000)
+    add_search(parser, horizon=1000, why=", as many traces are sought")
     parser.add_argument(
         "--count",
         type=positive,
