@@ -45,7 +45,8 @@ def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
         OSError: If there is no such file.
         ModuleNotFoundError: If the reader needs a package that is not installed.
     """
-    limit = LIMIT + Path(path).stat().st_size / 1e6
+    size = Path(path).stat().st_size if Path(path).exists() else 0
+    limit = LIMIT + size / 1e6
     with _taken() as process:
         names, dates = process.ask(("open", Path.cwd(), module, path, columns), path, limit)
         try:
@@ -80,8 +81,9 @@ class _Process:
 
     def __init__(self) -> None:
         self.owner = os.getpid()
+        absent = [name for name, module in [*sys.modules.items()] if module is None]
         code = (
-            f"import sys; sys.path[:] = {sys.path!r}\n"
+            f"import sys; sys.path[:] = {sys.path!r}; sys.modules |= dict.fromkeys({absent!r})\n"
             "from rtamt_gym.recorded.contained import serve; serve()"
         )
         self._process = subprocess.Popen(  # noqa: S603 - our own code

@@ -204,17 +204,17 @@ def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> 
     assert failures_in(folder / "out.xml") == {("good.csv", "calm"): ("failure", "violation")}
 
 
-def test_what_no_xml_may_hold_is_replaced() -> None:
-    name = "a\x1b[0m\ud800<&>\"'.csv"
+def test_what_no_xml_may_hold_is_escaped() -> None:
+    name = "a\x1b[0m\ud800<&>\"'\uffff.csv"
     failure = Failure("bad \x00 byte & <tag>")
     data = to_junit(
         Matrix([Trial.of_trace(name, "", {"p": failure})], {"p": "x > 0"}), {"end": "cut"}
     )
     root = ET.fromstring(data)  # noqa: S314 - our own
-    assert root[0].get("name") == "a\ufffd[0m\ufffd<&>\"'.csv"
+    assert root[0].get("name") == "a\\x1b[0m\\ud800<&>\"'\ufffd.csv"
     error = root.find(".//error")
     assert error is not None
-    assert (error.get("message"), error.text) == ("bad \ufffd byte & <tag>",) * 2
+    assert (error.get("message"), error.text) == ("bad \\x00 byte & <tag>",) * 2
 
 
 def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Output) -> None:

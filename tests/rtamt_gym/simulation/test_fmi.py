@@ -3,6 +3,8 @@
 import copy
 import math
 import pickle
+import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -392,3 +394,13 @@ def test_what_was_not_unpacked_whole_is_unpacked_anew(folder: Path, tmp_path: Pa
         simulate(system, "always(tank.level < 9)", duration=1)
     moved.write_bytes(whole)
     assert simulate(system, "always(tank.level < 9)", duration=1).steps == 10
+
+
+def test_an_archive_with_an_absolute_path_is_refused(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "evil.fmu"
+    shutil.copy(folder / "tank.fmu", path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("/etc/passwd", "root")
+    system = Fmus(path)
+    with pytest.raises(InputError, match=r"cannot unpack the FMU .*evil.fmu: Illegal path"):
+        simulate(system, LOW, duration=1)
