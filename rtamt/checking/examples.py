@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final
 
 from rtamt.checking.answers import Answer, Says, worst
+from rtamt.checking.judges import Judges
 from rtamt.checking.kinds import ExampleKind, Sought, kinds_of
 from rtamt.checking.limits import ValueRange
 from rtamt.checking.plain import Plainness, made_plain
 from rtamt.checking.questions import prepared
 from rtamt.checking.search import WitnessSearch
 from rtamt.checking.witness import ExampleTrace, Goal
-from rtamt.errors import InputError
+from rtamt.errors import InputError, SpecificationError
 from rtamt.language.formula import Formula
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
@@ -267,7 +269,8 @@ class _Shower:
     ) -> tuple[ExampleTrace, Sought]:
         """The shortest violation, or one of which that is not proved; and what it is."""
         proved = not known.loop and known.samples <= _PROVED
-        for samples in range(1, known.samples) if proved else ():
+        shorter = range(1, known.samples) if proved else self._lengths(known.samples)
+        for samples in () if known.loop else shorter:
             trace, why = self._search.of_length(goals, samples, deadline)
             proved = proved and not why
             if trace is not None:
@@ -278,7 +281,11 @@ class _Shower:
     def _plain(self, trace: ExampleTrace, goals: Sequence[Goal]) -> ExampleTrace:
         """A plainer trace that the monitors judge alike, else the trace itself."""
         truths = self._search.truths(goals, trace.samples, trace.loop)
-        plain = made_plain(trace, self._search.graph, truths, self._plainness)
+        judges = None
+        if not trace.loop:
+            with suppress(SpecificationError):  # they are for speed alone
+                judges = Judges(goals, self._period, self._end, trace.samples)
+        plain = made_plain(trace, self._search.graph, truths, self._plainness, judges)
         return plain if self._search.confirmed(plain, goals) else trace
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, cast
 
 from rtamt.checking.graph import Atom, Graph, TermKey, Truth
+from rtamt.checking.judges import Judges
 from rtamt.checking.kinds import last_digit
 from rtamt.checking.samples import function_of
 from rtamt.checking.solver import reached
@@ -110,7 +111,11 @@ def _away(border: float) -> float:
 
 
 def made_plain(
-    trace: ExampleTrace, graph: Graph, truths: Sequence[Truth], plainness: Plainness
+    trace: ExampleTrace,
+    graph: Graph,
+    truths: Sequence[Truth],
+    plainness: Plainness,
+    judges: Judges | None = None,
 ) -> ExampleTrace:
     """A plainer trace on which truths hold too.
 
@@ -121,20 +126,19 @@ def made_plain(
         graph: Where the truths are.
         truths: The truths.
         plainness: Which values are plain.
+        judges: The monitors that tell fast where truths do not hold; None: there are none.
     """
-    holds = _Test(graph, truths)
+    holds = _Test(graph, truths, judges)
     columns: _Columns = trace.columns
     if not holds(columns):
         return trace
-    work = _WORK // holds.size
-    columns, work = _coarsely(columns, holds, plainness, work)
+    columns = _coarsely(columns, holds, plainness)
     cost = _cost(columns, plainness)
     again = True
     while again:
         again = False
         for changed in _changes(columns, plainness, cost, loop=trace.loop):
-            work -= 1
-            if work < 0:
+            if holds.work > _WORK:
                 break
             if holds(changed):
                 columns, cost, again = changed, _cost(changed, plainness), True
@@ -143,10 +147,8 @@ def made_plain(
     return ExampleTrace(found, trace.samples, trace.loop)
 
 
-def _coarsely(
-    columns: _Columns, holds: _Test, plainness: Plainness, work: int
-) -> tuple[_Columns, int]:
-    """Columns with plain values in halves, quarters and so on, and the work that is left."""
+def _coarsely(columns: _Columns, holds: _Test, plainness: Plainness) -> _Columns:
+    """Columns with plain values in halves, quarters and so on."""
     count = max((len(values) for values in columns.values()), default=0)
     size = count
     while size:
@@ -159,14 +161,13 @@ def _coarsely(
                     continue
                 same = [value] * len(part)
                 changed = {**columns, name: [*values[:first], *same, *values[first + size :]]}
-                work -= 1
-                if work < 0:
-                    return columns, 0
+                if holds.work > _WORK:
+                    return columns
                 if holds(changed):
                     columns = changed
                     break
         size //= 2
-    return columns, work
+    return columns
 
 
 def _cost(columns: _Columns, plainness: Plainness) -> float:
@@ -202,11 +203,16 @@ def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[f
             cuts |= {i, i + 1, i + 2}
     ends = sorted(cut for cut in cuts if 0 <= cut <= len(rows))
     spans = [*itertools.combinations(ends, 2)]
-    if len(ends) > 2 * _FEW:
-        spans = [*itertools.pairwise(ends)]
+    many = len(ends) > 2 * _FEW
+    if many:
+        spans = [
+            *itertools.pairwise(ends),
+            *((0, end) for end in ends),
+            *((e, len(rows)) for e in ends),
+        ]
     for name, values in columns.items():
         plain = dict.fromkeys([*plainness.of(name), *_rounded(values)])
-        for first, last in spans:
+        for first, last in [*spans, *_runs_of(values)] if many else spans:
             now = sum(plainness.cost(name, value) for value in values[first:last])
             for value in plain:
                 # A run that costs much more can only save changes.
@@ -216,11 +222,26 @@ def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[f
                     yield name, [*values[:first], *[value] * (last - first), *values[last:]]
 
 
+def _runs_of(values: Sequence[float]) -> Iterator[tuple[int, int]]:
+    """Where each run of equal values begins and ends."""
+    begin = 0
+    for _, run in itertools.groupby(values):
+        end = begin + len([*run])
+        yield begin, end
+        begin = end
+
+
 def _earlier(columns: _Columns, plainness: Plainness) -> Iterator[_Columns]:
-    """Columns, of all variables or of one, that are one sample earlier."""
-    moved = {name: [*values[1:], plainness.of(name)[0]] for name, values in columns.items()}
-    yield moved
-    yield from ({**columns, name: values} for name, values in moved.items())
+    """Columns, of all variables or of one, that are some samples earlier."""
+    step = max((len(values) for values in columns.values()), default=0) // 2
+    while step:
+        moved = {
+            name: [*values[step:], *[plainness.of(name)[0]] * step]
+            for name, values in columns.items()
+        }
+        yield moved
+        yield from ({**columns, name: values} for name, values in moved.items())
+        step //= 2
 
 
 def _rounded(values: Iterable[float]) -> Iterable[float]:
@@ -234,17 +255,18 @@ class _Test:
     """Tells whether truths hold on columns.
 
     Attributes:
-        size: How many parts it looks at.
+        work: How many parts it has looked at.
     """
 
-    def __init__(self, graph: Graph, truths: Sequence[Truth]) -> None:
+    def __init__(self, graph: Graph, truths: Sequence[Truth], judges: Judges | None) -> None:
+        self._judges, self.work = judges, 0
         self._numbers: dict[TermKey, int] = {}
         self._terms: list[_Step] = []
         order = reached(graph, truths)
         places = {node: place for place, node in enumerate(order)}
         self._steps = [self._step(graph.nodes[node], places) for node in order]
         self._wanted = _placed(truths, places)
-        self.size = len(order) + len(self._terms)
+        self._size = len(order) + len(self._terms)
 
     def _step(self, found: Atom | tuple[Truth, ...] | None, places: Mapping[int, int]) -> _Step:
         """How the truth of a node is found from nodes before it."""
@@ -279,6 +301,11 @@ class _Test:
         return lambda _, values: apply(*(values[place] for place in places))
 
     def __call__(self, columns: _Columns) -> bool:
+        if self._judges is not None:
+            self.work += self._judges.work
+            if not self._judges(columns):
+                return False
+        self.work += self._size
         values: list[float] = []
         for made in self._terms:
             value = made(columns, values)

@@ -204,3 +204,49 @@ def test_without_the_solver_an_error_names_the_extra(monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(sys.modules, "z3", None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install '\.\[check\]'"):
         rtamt.examples("x > 0")
+
+
+def changes(example: Example) -> int:
+    """How often anything changes in an example."""
+    rows = [*zip(*example.trace.columns.values(), strict=True)]
+    return sum(x != y for x, y in itertools.pairwise(rows))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always(req >= 3 implies eventually[0:{}](gnt >= 3))",
+        "eventually[{}:{}](always[0:3](x >= 5)) or always[0:{}](y < 2)",
+        "always(x == 3 implies eventually[0:{}](y != 1))",
+    ],
+)
+def test_long_traces_are_as_plain_as_short_ones(text: str) -> None:
+    short, long = (
+        {
+            kind: each
+            for each in reversed(only(text.format(n, n + 2, n)).examples)
+            for kind in each.kinds
+        }
+        for n in (4, 90)
+    )
+    assert short.keys() == long.keys()
+    for kind, each in long.items():
+        assert changes(each) <= changes(short[kind]) + 2
+        assert set(itertools.chain(*each.trace.columns.values())) <= set(
+            itertools.chain(*short[kind].trace.columns.values(), (0.0,))
+        )
+
+
+def test_an_equality_has_near_misses_on_either_side() -> None:
+    found = only(
+        "input int x in [0, 3]; input int y; always(x == 3 implies eventually[0:1](y != 1))",
+        count=30,
+    )
+    by_why = {part: each for each in found.examples for part in each.why.split("; ")}
+    assert "x == 3 just fails, from above" not in by_why
+    below = by_why["x == 3 just fails, from below"]
+    assert (below.verdict, below.trace.columns["x"][0]) == (Verdict.SATISFIED, 2)
+    for side, value in (("above", 2), ("below", 0)):
+        near = by_why[f"y != 1 just holds, from {side}"]
+        assert near.verdict is Verdict.SATISFIED
+        assert value in near.trace.columns["y"]
