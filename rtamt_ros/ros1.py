@@ -96,7 +96,8 @@ class Ros1:
     def message_class(self, package: str, name: str) -> type:
         if package == "rtamt_msgs" and find_spec(package) is None:
             if name in _STAMPED:
-                return _stamped(name)
+                stamped: type = _stamped(name)
+                return stamped
             raise InputError(f"{package} has no message {name}{nearest(name, _STAMPED)}")
         found: type = installed(
             package,
