@@ -222,7 +222,7 @@ def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[f
                     yield name, [*values[:first], *[value] * (last - first), *values[last:]]
 
 
-def _runs_of(values: Sequence[float]) -> Iterator[tuple[int, int]]:
+def _runs_of(values: Sequence[object]) -> Iterator[tuple[int, int]]:
     """Where each run of equal values begins and ends."""
     begin = 0
     for _, run in itertools.groupby(values):
@@ -233,15 +233,23 @@ def _runs_of(values: Sequence[float]) -> Iterator[tuple[int, int]]:
 
 def _earlier(columns: _Columns, plainness: Plainness) -> Iterator[_Columns]:
     """Columns, of all variables or of one, that are some samples earlier."""
-    step = max((len(values) for values in columns.values()), default=0) // 2
-    while step:
-        moved = {
-            name: [*values[step:], *[plainness.of(name)[0]] * step]
-            for name, values in columns.items()
-        }
-        yield moved
-        yield from ({**columns, name: values} for name, values in moved.items())
-        step //= 2
+    rows = [*zip(*columns.values(), strict=True)]
+    for step in _steps(rows):
+        yield {name: _moved(name, values, step, plainness) for name, values in columns.items()}
+    for name, values in columns.items():
+        for step in _steps(values):
+            yield {**columns, name: _moved(name, values, step, plainness)}
+
+
+def _steps(values: Sequence[object]) -> Iterator[int]:
+    """By how many samples values may come earlier: to where they change, and by halves."""
+    count, starts = len(values), itertools.islice(_runs_of(values), 1, _FEW)
+    halves = itertools.takewhile(bool, (count >> power for power in itertools.count(1)))
+    yield from dict.fromkeys([*(begin for begin, _ in starts), *halves])
+
+
+def _moved(name: str, values: Sequence[float], step: int, plainness: Plainness) -> list[float]:
+    return [*values[step:], *[plainness.of(name)[0]] * step]
 
 
 def _rounded(values: Iterable[float]) -> Iterable[float]:

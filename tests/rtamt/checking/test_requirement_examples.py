@@ -224,10 +224,10 @@ def test_long_traces_are_as_plain_as_short_ones(text: str) -> None:
     short, long = (
         {
             kind: each
-            for each in reversed(only(text.format(n, n + 2, n)).examples)
+            for each in reversed(only(text.format(n, n + 2, n), timeout=1e4).examples)
             for kind in each.kinds
         }
-        for n in (4, 90)
+        for n in (4, 40)
     )
     assert short.keys() == long.keys()
     for kind, each in long.items():
