@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import groupby
 from typing import Final
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -65,8 +67,12 @@ def _variable(
         place += len([*run])
     times.append(trace.samples * step)  # the last sample is as wide as the others
     levels.append(values[-1])
-    ax.plot(times, levels, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")
-    ax.margins(x=0.0, y=0.2)
+    known = [each for each in levels if math.isfinite(each)] or [0.0]
+    room = 0.2 * (max(known) - min(known)) or 1.0  # a line that never changes is no noise
+    ax.set_ylim(min(known) - room, max(known) + room)
+    shown = np.clip(levels, min(known) - room, max(known) + room)  # infinities lie at the edge
+    ax.plot(times, shown, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")
+    ax.margins(x=0.0)
     if trace.loop:
         begin = (trace.samples - trace.loop) * step
         ax.axvspan(begin, trace.samples * step, color=drawing.BOUNDS, alpha=0.4, linewidth=0)
