@@ -293,8 +293,13 @@ class _Running:
         known: dict[str, tuple[str, str]] = {}
         topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
         topics += [(each.topic, (each.package, each.message)) for each in self._plan.outputs]
-        if self._plan.settings.combined:
-            topics.append((self._plan.settings.combined, _COMBINED))
+        if combined := self._plan.settings.combined:
+            topics.append((combined, _COMBINED))
+            if self._middleware.resolve(combined) == "/diagnostics":
+                raise InputError(
+                    "combined: expected a topic of its own, got /diagnostics, where all nodes say "
+                    "their states; write another, such as rtamt/all"
+                )
         for topic, found in topics:
             whole = self._middleware.resolve(topic)
             first = known.setdefault(whole, found)

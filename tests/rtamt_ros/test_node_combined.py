@@ -179,6 +179,9 @@ def test_dense_time_and_topics_of_other_types_are_refused() -> None:
         )
         with pytest.raises(InputError, match="expected one type of messages on /rtamt/"):
             node.start()
+    node = MonitorNode(MemoryMiddleware(), ["x > 0"], Settings(combined="/diagnostics"))
+    with pytest.raises(InputError, match=r"^combined: expected a topic of its own, got /diagn"):
+        node.start()
     with pytest.raises(InputError, match=r"^diagnostic_msgs is not installed"):
         MonitorNode(
             MemoryMiddleware(missing={"diagnostic_msgs"}), ["x > 0"], Settings(combined=TOPIC)
