@@ -146,7 +146,10 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
     return signals
 
 
-EPISODES = ("period", "view", "semantics", "align", "at_termination", "at_truncation")
+EPISODES = (
+    *("period", "view", "semantics", "align", "at_termination", "at_truncation"),
+    *("below", "rescaled"),
+)
 """The options of a reading that commands have which judge episodes."""
 
 

@@ -71,8 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="POLICY",
         help="who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
-        "objects, so trust it), module:function, from observation to action, random, zero, or "
-        "baseline (a scenario's own)",
+        "objects, so trust it), module:function, from observation to action, module:Class, made "
+        "anew for each episode, random, zero, or baseline (a scenario's own)",
     )
     parser.add_argument(
         "--name",

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from rtamt import SpecificationError
+from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     add_environment,
     add_max_steps,
@@ -124,6 +125,11 @@ def run(options: argparse.Namespace) -> int:
     texts = {name: str(spec.formula) for name, spec in specs.items()}
     record = Record(map(trial_of, episodes), texts)
     failed = failures(record, rated=False)
+    unread = [
+        name for name in signals if all(name not in spec.variables for spec in specs.values())
+    ]
+    if unread:
+        notes.append(f"read by no specification: {listing(unread)}")
     shown_below = [*failed, *end_note(record), *saved_note(episodes), *notes]
     print("", *report(episodes), *[""] * bool(shown_below), *shown_below, sep="\n")
     if options.json:

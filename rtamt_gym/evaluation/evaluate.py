@@ -81,10 +81,11 @@ def evaluate_policy(
     |---|---|
     | a model of Stable-Baselines3 | its ``predict``; the memory of a recurrent one starts anew |
     | a function | the action for an observation; it is taken to have no memory |
+    | a class of such | an object for each episode: ``Class()``, or ``Class(seed=...)`` |
     | ``"random"``, ``"zero"`` | actions drawn from their space; the action nearest to zero |
     | ``"baseline"`` | the environment's own policy, as scenarios have one |
     | ``"sb3:FILE.zip"`` | a model that Stable-Baselines3 has saved, which is trusted code |
-    | ``"module:function"`` | a function of a module |
+    | ``"module:function"``, ``"module:Class"`` | a function, or a class of such, of a module |
 
     A model is anything with ``predict(observation, state, episode_start, deterministic=...)`` for
     one observation or a batch. It sees observations normalised where it has its ``VecNormalize``

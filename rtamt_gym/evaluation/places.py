@@ -1,4 +1,4 @@
-"""One environment of a vector environment as a system; what stands below a vector monitor."""
+"""One environment of a vector environment as a system."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from gymnasium.vector import VectorEnv, VectorWrapper
-
 from rtamt_gym.simulation.systems import Signals, System, SystemEnd
 
-__all__ = ["Place", "VectorTap"]
+__all__ = ["Place"]
 
 
 class Place(System):
@@ -59,30 +57,3 @@ class Place(System):
 
     def close(self) -> None:
         """Has nothing to close."""
-
-
-class VectorTap(VectorWrapper):
-    """Stands between a vector monitor and its environment, and keeps what the monitor is shown.
-
-    Attributes:
-        shown: Observations and infos of the last reset.
-        actions: The actions of the last step.
-        result: What the last step has given.
-    """
-
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
-        super().__init__(env)
-        self.shown: tuple[Any, Any] = None, {}
-        self.actions: Any = None
-        self.result: Any = None
-
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
-        """Resets the environment."""
-        obs, infos = self.shown = self.env.reset(**options)
-        return obs, infos
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:  # noqa: ANN401
-        """Steps the environment."""
-        self.actions = actions
-        result = self.result = self.env.step(actions)
-        return result

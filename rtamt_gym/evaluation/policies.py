@@ -11,7 +11,7 @@ import gymnasium as gym
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt_gym.simulation.models import Model, check_spaces
-from rtamt_gym.simulation.policies import SeededPolicy, policy_of
+from rtamt_gym.simulation.policies import PolicyClass, SeededPolicy, policy_of
 
 __all__ = ["Evaluated", "check_name_of_policy", "evaluated"]
 
@@ -51,14 +51,17 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
         if isinstance(make, Model):
             make.deterministic = deterministic
         return Evaluated(policy, None if policy == "baseline" else make)
-    if hasattr(policy, "predict"):
+    if hasattr(policy, "predict") and not isinstance(policy, type):
         check_spaces(policy, env, f"the model of {type(policy).__name__}")
         model = Model(policy, deterministic=deterministic)
         return Evaluated(model.name, model)
-    if not callable(policy) or isinstance(policy, type):
+    if isinstance(policy, type):
+        return Evaluated(_name(policy), PolicyClass.of(policy, f"the policy {_name(policy)}"))
+    if not callable(policy):
         raise InputTypeError(
             "expected a policy: a model of Stable-Baselines3, a function from observation to "
-            f"action, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', got {policy!r}"
+            "action, a class of such, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', got "
+            f"{policy!r}"
         )
     return Evaluated(_name(policy), _Same(policy))
 

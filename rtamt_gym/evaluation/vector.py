@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from rtamt import InputError, StateError
 from rtamt_gym.evaluation.lanes import Lane, Task
-from rtamt_gym.evaluation.places import Place, VectorTap
+from rtamt_gym.evaluation.places import Place
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
@@ -29,6 +29,7 @@ from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.taps import VectorTap, rescaling, tapped
 from rtamt_gym.simulation.crashes import failed, no_exit
 from rtamt_gym.simulation.monitors import with_own_monitor
 from rtamt_gym.simulation.record import Stop
@@ -128,7 +129,11 @@ class VectorEpisodes(Runner):
             self.signals or {}, variables, SOURCES, extra=True, own=known, refuse_nan=refuse_nan
         )
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
-        self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
+        self._rescaler = rescaling(
+            self._inside, parsed, below=self.reading.below, rescaled=self.reading.rescaled
+        )
+        read_in = self._inside if self._rescaler is None else self._rescaler.env
+        self._columns = SignalColumns(parsed, read_in, same_step=same_step)
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
         self._simulators = self._simulators_of(self._judged)
 
@@ -136,7 +141,8 @@ class VectorEpisodes(Runner):
         """The simulators of the environments."""
         first, *others = self._places
         duration = self._of_runs["duration"]
-        simulator = Simulator(first, self.requirements, None, reading, duration=duration)
+        read = reading.having(below=False)  # the signals of all environments are read together
+        simulator = Simulator(first, self.requirements, None, read, duration=duration)
         return [simulator, *(simulator.of(place) for place in others)]
 
     def check(self, case: CaseLike) -> None:
@@ -239,6 +245,10 @@ class VectorEpisodes(Runner):
             if self.monitor is not None:
                 tap = VectorTap(self._inside)
                 stack.enter_context(self.monitor.tapped(tap))
+            if self._rescaler is not None:
+                inner = self._rescaler.env
+                tap = tapped(self._rescaler)
+                stack.callback(setattr, self._rescaler, "env", inner)
             waves = Waves(self._env, self._make, self._columns, self._places, lanes, tap)
             while todo:
                 yield from waves.play(todo)

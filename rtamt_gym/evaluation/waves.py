@@ -12,11 +12,12 @@ from gymnasium.vector.utils import concatenate, create_empty_array, iterate
 from numpy.typing import NDArray
 
 from rtamt_gym.evaluation.lanes import Lane, Task
-from rtamt_gym.evaluation.places import Place, VectorTap
+from rtamt_gym.evaluation.places import Place
 from rtamt_gym.judging.specs import autoreset_mode
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.columns import SignalColumns
+from rtamt_gym.signals.taps import VectorTap
 from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.models import Model, PolicyBatch
 from rtamt_gym.simulation.policies import SeededPolicy
@@ -40,8 +41,8 @@ class Waves:
         columns: Reads the signals of all environments.
         places: Each environment as a system.
         lanes: What plays episodes in these systems.
-        tap: What is shown to the monitor of the environment, which reads the signals; None: the
-            environment has none.
+        tap: What has shown the samples that are read, to a monitor of the environment or to a
+            wrapper that rescales them; None: the environment itself.
     """
 
     def __init__(

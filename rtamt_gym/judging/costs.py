@@ -16,12 +16,14 @@ this sample is charged.
 |---|---|
 | ``"violation"`` | 1 if it shows that an instant violates what is demanded of it |
 | ``"depth"`` | how deep that violation is |
-| ``"latched"`` | 1 from the step on that shows the violation of the specification |
+| ``"latched"`` | 1 from the step on at which the specification is violated, be it by the end |
 | ``"first"`` | 1 at that step |
 
-The sample of a reset is no step and costs nothing, and so does an instant that only the end of the
-episode settles. Under an interface-aware semantics a robustness of 0 costs nothing: it may hang on
-a predicate that is left out.
+Of ``"violation"`` and ``"depth"`` the sample of a reset is no step and costs nothing, and so does
+an instant that only the end of the episode settles. ``"latched"`` and ``"first"`` charge the
+verdict on the specification: one that the sample of the reset decides at the first step, one that
+only the end decides at the last. Under an interface-aware semantics a robustness of 0 costs
+nothing: it may hang on a predicate that is left out.
 """
 
 from __future__ import annotations

@@ -86,6 +86,8 @@ class EpisodeReading(InstantReading, total=False):
     at_termination: AtTermination | None
     at_truncation: End
     stages: StagesLike | None
+    below: bool
+    rescaled: bool
 
 
 class RunReading(EpisodeReading, total=False):
@@ -211,6 +213,20 @@ class Reading:
             "What progress counts: the stages of a requirement in order, formulas or their texts, "
             '``["near > 0", "lifted > 0"]``; of several requirements by their names. Else those '
             "that `rtamt.patterns.stages` finds.",
+        ),
+    )
+    below: bool = field(
+        default=False,
+        metadata=_row(
+            "Whether signals are read beneath the wrappers of an environment that rescale "
+            "observations, such as ``NormalizeObservation``, whose numbers mean other things than "
+            "those of the environment: refused, unless one of the two is said.",
+        ),
+    )
+    rescaled: bool = field(
+        default=False,
+        metadata=_row(
+            "Whether the numbers that such wrappers give are meant.",
         ),
     )
     substeps: bool = field(

@@ -364,12 +364,13 @@ def parse_signals(
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
         agents: The agents, one of which stands in front of every selector, if there are any.
-        extra: Whether signals that no specification reads are allowed; they are recorded.
+        extra: Whether signals that no specification reads are recorded.
         own: The signals that the environment names itself, for variables without another.
         refuse_nan: Whether each of them refuses what it reads and is nan.
 
     Raises:
-        InputError: If a variable has no signal or a signal no variable; names the nearest.
+        InputError: If a variable has no signal, or a signal has nearly the name of one without a
+            signal of its own here. Others without a variable are for others, and not read.
         InputTypeError: If ``signals`` is no mapping.
     """
     if not isinstance(signals, Mapping):
@@ -390,11 +391,13 @@ def parse_signals(
                 "; give one: ", Argument("signals", {name: example}, words=f'"{name}": "{example}"')
             )
             raise InputError(f"variable {name!r} has no signal{given}", way_out)
+    silent = [name for name in names if name not in signals]
     for name in () if extra else others:
-        raise InputError(
-            f"signal {name!r} is read by no specification; the variables are "
-            f"{listing(names)}{nearest(name, names) or '; leave it out'}"
-        )
+        if meant := nearest(name, silent):
+            raise InputError(
+                f"signal {name!r} is read by no specification; the variables are "
+                f"{listing(names)}{meant}"
+            )
     if extra:
         names += others
     parsed = (ParsedSignal.parse(name, known[name], sources, agents) for name in names)

@@ -1,4 +1,4 @@
-"""Environments that have a monitor: what it monitors, and the samples that it reads."""
+"""Environments that have a monitor, and what it monitors."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
 
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.reading import Reading, refuse_other
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitor import StlMonitor
 
-__all__ = ["Tap", "monitor_of", "with_own_monitor"]
+__all__ = ["monitor_of", "with_own_monitor"]
 
 
 def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
@@ -52,31 +51,3 @@ def with_own_monitor(
     if signals is not None and signals != own.signals:
         refuse_other("signals", own.signals, signals, whose, way_out)
     return own.specs, own.signals, reading.over(own.reading, whose, way_out)
-
-
-class Tap(gym.Wrapper[Any, Any, Any, Any]):
-    """Stands between a monitor and its environment, and keeps what the monitor is shown.
-
-    Attributes:
-        seen: Observation, action, reward and info of the last step; at a reset action and reward
-            are None.
-    """
-
-    def __init__(self, env: gym.Env[Any, Any]) -> None:
-        super().__init__(env)
-        self.seen: tuple[Any, Any, Any, Any] = None, None, None, {}
-
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
-        obs, info = self.env.reset(**options)
-        self.seen = obs, None, None, info
-        return obs, info
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        result = self.env.step(action)
-        self.seen = result[0], action, result[1], result[4]
-        return result
-
-    @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
-        """The spec of the environment, without this wrapper: outer wrappers add theirs to it."""
-        return self.env.spec

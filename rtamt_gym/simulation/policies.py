@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -12,12 +14,13 @@ from gymnasium import spaces
 
 from rtamt import InputError, RtamtError
 from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.imported import find_object, line_in
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["SeededPolicy", "policy_of"]
+__all__ = ["PolicyClass", "SeededPolicy", "policy_of"]
 
 SeededPolicy = Callable[[int], Policy]
 """Makes the policy of an episode from the seed of the episode."""
@@ -33,6 +36,7 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
     | ``baseline`` | the policy that a scenario has of its own |
     | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.simulation.saved` |
     | ``module:function`` | a function from observation to action |
+    | ``module:Class`` | a class of such functions, made anew for each episode |
 
     Args:
         text: The name.
@@ -65,8 +69,64 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
             f"{what}: expected module:function, got the name of a file; write "
             f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
         )
-    policy = _checked(text, _function(kind, rest, what), env.action_space)
+    found = find_object(kind, rest)
+    if isinstance(found, type):
+        make = PolicyClass.of(found, f"{what} {text}")
+        return lambda seed: _checked(text, make(seed), env.action_space)
+    policy = _checked(text, _function(text, found, what), env.action_space)
     return lambda _seed: policy
+
+
+@dataclass(frozen=True)
+class PolicyClass:
+    """A class whose instances are policies, one for each episode: what they remember begins anew.
+
+    Attributes:
+        kind: The class.
+        seeded: Whether it is made with the seed of the episode, its argument ``seed``.
+    """
+
+    kind: type
+    seeded: bool
+
+    @classmethod
+    def of(cls, kind: type, what: str) -> PolicyClass:
+        """Checks a class; ``what`` names it.
+
+        Raises:
+            InputError: If its instances are no functions, or it needs other arguments.
+        """
+        if not any("__call__" in vars(base) for base in kind.__mro__):
+            way_out = ""
+            if hasattr(kind, "predict"):
+                way_out = ", or save a model and write sb3:FILE.zip"
+            raise InputError(
+                f"{what}: expected a class whose instances are called with the observation, got "
+                f"one without __call__; give it one that returns the action{way_out}"
+            )
+        try:
+            parameters = inspect.signature(kind).parameters
+        except ValueError:  # as of some classes that are not written in Python
+            return cls(kind, seeded=False)
+        needed = [
+            each.name
+            for each in parameters.values()
+            if each.default is each.empty
+            and each.kind not in {each.VAR_POSITIONAL, each.VAR_KEYWORD}
+            and each.name != "seed"
+        ]
+        if needed:
+            raise InputError(
+                f"{what}: expected a class that is made without arguments, or with seed= alone, "
+                f"got one that needs {listing(needed)}; write a function of the module that "
+                "makes it and acts"
+            )
+        return cls(kind, seeded="seed" in parameters)
+
+    def __call__(self, seed: int) -> Policy:
+        """The policy of an episode."""
+        policy: Policy = self.kind(seed=seed) if self.seeded else self.kind()
+        return policy
 
 
 def _meant(text: str) -> str:
@@ -81,18 +141,15 @@ def _meant(text: str) -> str:
     )
 
 
-def _function(module: str, name: str, what: str) -> Callable[[Any], Any]:
-    found = find_object(module, name)
-    if callable(found) and not isinstance(found, type):
+def _function(text: str, found: Any, what: str) -> Callable[[Any], Any]:  # noqa: ANN401
+    if callable(found):
         function: Callable[[Any], Any] = found
         return function
     way_out = ""
     if hasattr(found, "predict"):
         way_out = "; write one that returns model.predict(obs, deterministic=True)[0]"
-    kind = "a class" if isinstance(found, type) else repr(found)
     raise InputError(
-        f"{what} {module}:{name}: expected a function from observation to action, got "
-        f"{kind}{way_out}"
+        f"{what} {text}: expected a function from observation to action, got {found!r}{way_out}"
     )
 
 

@@ -116,6 +116,12 @@ class Simulator:
                 timed = any(spec.timed for spec in self.specs.values())
                 for each in (self._plain, cast("Environment", ran)):
                     each.refuses_nan, each.timed = refuse_nan, timed
+                    each.below, each.rescaled = reading.below, reading.rescaled
+            elif reading.below:
+                raise InputError(
+                    Argument("below", value=True),
+                    f" is for environments, which have wrappers, got {system!r}; leave it out",
+                )
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
         self._questions: Questions | None = None  # of a `StepMonitor`

@@ -25,10 +25,11 @@ from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import StepTime, step_time_of
+from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.entries import refuse_unknown
 from rtamt_gym.simulation.environment_case import EnvironmentCase, baseline_of
-from rtamt_gym.simulation.monitors import Tap, monitor_of
+from rtamt_gym.simulation.monitors import monitor_of
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 __all__ = [
@@ -120,6 +121,8 @@ class Environment(System):
         reported: Its own ``is_success`` in the info that ended the episode; None without one.
         refuses_nan: Whether it refuses signals that are nan, as the monitors do not.
         timed: Whether bounds of specifications hang on its period.
+        below: As for `rtamt_gym.judging.reading.Reading`.
+        rescaled: As for `rtamt_gym.judging.reading.Reading`.
     """
 
     observation: Any = None
@@ -127,6 +130,12 @@ class Environment(System):
     reported: bool | None = None
     refuses_nan: bool = False
     timed: bool = False
+    below: bool = False
+    rescaled: bool = False
+    _tap: Tap | None = None
+    """Below the monitor."""
+    _seen: Any = None
+    """What has shown the samples that are read; None: the environment."""
     _watch: StepTime | None = None
 
     def __init__(
@@ -168,6 +177,7 @@ class Environment(System):
                 self._env, self._policy, self._seed, substeps=self._substeps, case=bound
             )
         made.refuses_nan, made.timed = self.refuses_nan, self.timed
+        made.below, made.rescaled = self.below, self.rescaled
         return made
 
     def known(self, signals: Signals) -> Mapping[str, SignalLike]:
@@ -198,6 +208,11 @@ class Environment(System):
             own=self.known(None),
             refuse_nan=self.refuses_nan,
         )
+        seen = () if self._substeps else parsed  # where no observation is read
+        rescaler = rescaling(shown, seen, below=self.below, rescaled=self.rescaled)
+        self._rescaler = rescaler
+        if rescaler is not None:
+            shown = rescaler.env
         self._reads_at_reset = [signal.bind_reset(shown) for signal in parsed]
         if self._substeps:
             self._inside = Inside(self._env, parsed)
@@ -214,7 +229,7 @@ class Environment(System):
     @property
     def plain(self) -> bool:
         """Whether a step of the environment is one sample, which it shows itself."""
-        return not self._substeps and self._monitor is None
+        return not self._substeps and self._monitor is None and self._rescaler is None
 
     def play(self, panel: Panel, feed: Feed, most: float) -> None:
         """Makes steps, each of which feeds a sample, until the system ends or a verdict is decided.
@@ -257,6 +272,11 @@ class Environment(System):
         if self._monitor is not None:
             self._tap = Tap(self._monitor.env)
             self._ends.enter_context(self._monitor.tapped(self._tap))
+        self._seen = self._tap
+        if self._rescaler is not None:
+            inner = self._rescaler.env
+            self._seen = tapped(self._rescaler)
+            self._ends.callback(setattr, self._rescaler, "env", inner)
         if self._case is None:
             self.observation, info = self._env.reset(seed=self._seed)
         else:
@@ -266,8 +286,8 @@ class Environment(System):
         if self._watch is not None:
             self._watch.begin()
         seen = self.observation, None, None, info
-        if self._monitor is not None:
-            seen = self._tap.seen
+        if self._seen is not None:
+            seen = self._seen.seen
         return [read(*seen) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
@@ -292,10 +312,11 @@ class Environment(System):
         if self._watch is not None:
             self._watch.step(len(self._rest) if self._substeps else 1)
         self.observation = obs
-        if self._monitor is not None:
+        if self._tap is not None:
             obs, action, reward, info = self._tap.seen
         if not self._substeps:
-            self._rest.append([read(obs, action, reward, info) for read in self.reads])
+            seen = (obs, action, reward, info) if self._seen is None else self._seen.seen
+            self._rest.append([read(*seen) for read in self.reads])
         self._earn(reward)
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"

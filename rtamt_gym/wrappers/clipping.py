@@ -1,4 +1,4 @@
-"""Whether the clip of a shaping hides what robustness could tell a learner: the first episodes."""
+"""Whether a clip hides what robustness could tell a learner: the first episodes."""
 
 from __future__ import annotations
 
@@ -10,42 +10,27 @@ import numpy as np
 from rtamt_gym.shaping import Shaping
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["ClipWatch", "flattening"]
+__all__ = ["ClipWatch", "ObservedWatch", "flattening"]
 
 EPISODES = 10
 """How many episodes are looked at."""
 
 
-class ClipWatch:
-    """Counts over the first episodes at how many samples the clip flattens the reward.
+class _Watch:
+    """Looks at the samples of all environments until ten episodes have ended, in whichever of them.
 
-    The samples of all environments count until ten episodes have ended, in whichever of them. With
-    ``mode="terminal"`` the last samples of episodes count alone, as no other is paid. An infinite
-    robustness does not count: no clip could show it.
-
-    Args:
-        shaping: What makes the reward of the robustness.
-        num: The number of environments.
+    An infinite robustness does not count: no clip could show it.
     """
 
-    def __init__(self, shaping: Shaping, num: int) -> None:
-        self._shaping = shaping
+    def __init__(self, num: int) -> None:
         self._all = np.ones(num, np.bool_)
         self._running = np.zeros(num, np.bool_)
         self._episodes = 0
-        self._seen = self._clipped = self._below = 0
-        self._low, self._high = math.inf, -math.inf
 
     @property
     def finished(self) -> bool:
         """Whether ten episodes have ended."""
         return self._episodes >= EPISODES
-
-    @property
-    def report(self) -> str | None:
-        """What is to be said of the samples seen; None if the clip does not flatten."""
-        counts = self._seen, self._clipped, self._below
-        return flattening(*counts, self._low, self._high, self._shaping.clip)
 
     def reset(self, values: Sequence[Floats], lanes: Lanes | None = None) -> None:
         """Sees the first samples of the environments of the mask; None: of all.
@@ -66,16 +51,95 @@ class ClipWatch:
         self._running = ~ended
 
     def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
-        if ended is not (self._shaping.mode == "terminal"):
-            return
-        deciding = self._shaping.deciding(values)[lanes]
-        deciding = deciding[np.isfinite(deciding)]
-        if len(deciding):
-            self._seen += len(deciding)
-            self._clipped += int(np.count_nonzero(np.abs(deciding) > self._shaping.clip))
-            self._below += int(np.count_nonzero(deciding < -self._shaping.clip))
-            self._low = min(self._low, deciding.min())
-            self._high = max(self._high, deciding.max())
+        raise NotImplementedError
+
+
+class _Extent:
+    """The finite numbers that were seen, and how many of them a bound clips."""
+
+    def __init__(self, bound: float) -> None:
+        self.bound = bound
+        self.seen = self.clipped = self.below = 0
+        self.low, self.high = math.inf, -math.inf
+
+    def add(self, numbers: Floats) -> None:
+        finite = numbers[np.isfinite(numbers)]
+        if len(finite):
+            self.seen += len(finite)
+            self.clipped += int(np.count_nonzero(np.abs(finite) > self.bound))
+            self.below += int(np.count_nonzero(finite < -self.bound))
+            self.low = min(self.low, finite.min())
+            self.high = max(self.high, finite.max())
+
+
+class ClipWatch(_Watch):
+    """Counts over the first episodes at how many samples the clip flattens the reward.
+
+    With ``mode="terminal"`` the last samples of episodes count alone, as no other is paid.
+
+    Args:
+        shaping: What makes the reward of the robustness.
+        num: The number of environments.
+    """
+
+    def __init__(self, shaping: Shaping, num: int) -> None:
+        super().__init__(num)
+        self._shaping = shaping
+        self._extent = _Extent(shaping.clip)
+
+    @property
+    def report(self) -> str | None:
+        """What is to be said of the samples seen; None if the clip does not flatten."""
+        found = self._extent
+        counts = found.seen, found.clipped, found.below
+        return flattening(*counts, found.low, found.high, found.bound)
+
+    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
+        if ended is (self._shaping.mode == "terminal"):
+            self._extent.add(self._shaping.deciding(values)[lanes])
+
+
+class ObservedWatch(_Watch):
+    """Counts over the first episodes at how many samples the clip flattens what is observed.
+
+    Args:
+        observe: The argument that asks for it.
+        names: The names of the specifications.
+        weights: A factor of the robustness of each.
+        bound: To what their robustness is clipped.
+        num: The number of environments.
+    """
+
+    def __init__(
+        self, observe: str, names: Sequence[str], weights: Sequence[float], bound: float, num: int
+    ) -> None:
+        super().__init__(num)
+        self._observe, self._names, self._weights = observe, names, weights
+        self._extents = [_Extent(bound) for _ in names]
+
+    @property
+    def report(self) -> str | None:
+        """What is to be said of the specification that is clipped most, if that is at most samples.
+
+        A policy sees the robustness itself, so that half of the samples are too many.
+        """
+        pairs = zip(self._names, self._extents, strict=True)
+        name, found = max(pairs, key=lambda each: each[1].clipped / max(each[1].seen, 1))
+        if 2 * found.clipped <= found.seen:
+            return None
+        bound = found.bound
+        return (
+            f"clip={bound:g} flattens what observe={self._observe!r} appends: at {found.clipped} "
+            f"of {found.seen} samples of the first episodes the robustness of {name!r} was outside "
+            f"of [-{bound:g}, {bound:g}], where the observation is the same; it ranged from "
+            f"{found.low:.3g} to {found.high:.3g}; take a clip= about that range, such as "
+            f"clip={max(-found.low, found.high):.3g}"
+        )
+
+    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
+        if not ended:
+            for extent, column, weight in zip(self._extents, values, self._weights, strict=True):
+                extent.add(np.asarray(column)[lanes] * weight)
 
 
 def flattening(

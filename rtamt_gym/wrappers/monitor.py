@@ -187,14 +187,17 @@ class StlMonitor(
             cost: What ``info["cost"]`` is, if it is to be added: ``"violation"`` is 1 at a step
                 that shows that an instant violates p, where the formula is ``always(p)``, so that
                 the sum counts unsafe instants; ``"depth"`` is how deep; ``"latched"`` is 1 from
-                the first violation on; ``"first"`` is 1 only at the step that shows it
+                the first violation on; ``"first"`` is 1 only at the step that shows it; the last
+                two charge what only the end decides too
             buffer_length: How many records :attr:`stl_episodes` keeps
             history: Whether to keep the samples of the episode for :meth:`explain`, 8 bytes for
                 each variable of each specification
             observe: ``"state"`` appends the state of the monitors to the observation;
                 ``"obligations"`` what temporal operators owe too
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
-                specification should lie inside
+                specification should lie inside. If the robustness of one was outside at more than
+                half of the samples of the first 10 episodes, a ``UserWarning`` at the end of the
+                tenth says so, with its range
             **reading: How samples are judged, the options of :class:`rtamt_gym.Reading`:
                 ``period``, ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
                 ``at_termination``, ``at_truncation`` and ``substeps``
@@ -261,7 +264,11 @@ class StlMonitor(
         told = panel.of_instant, panel.least_progress, self._told_period
         info = step_info(info, *found, states, None, *told)
         self._running = True
-        return obs if self._state is None else self._observed(obs, self.values()), info
+        if self._state is not None:
+            values = self.values()
+            obs = self._observed(obs, values)
+            self._look_at_reset(values)
+        return obs, info
 
     def close(self) -> None:
         """Closes the environment; an episode that has not ended is recorded as truncated."""
@@ -318,7 +325,9 @@ class StlMonitor(
                 self._books.close(terminated, truncated, info)
             self._tell()
         if self._state is not None:
-            obs = self._observed(obs, self.values())
+            values = self.values()
+            obs = self._observed(obs, values)
+            self._look(values, terminated or truncated)
         return obs, reward, terminated, truncated, info
 
     @property

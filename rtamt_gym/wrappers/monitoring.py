@@ -49,6 +49,7 @@ from rtamt_gym.signals.signals import (
 )
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import STEPS, StepTime, step_time_of
+from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.wrappers.observing import Observing
 
 __all__ = [
@@ -109,6 +110,8 @@ class Monitoring(Observing):
 
     env: Any
     _panel: Panel | VectorPanel
+    _beneath: Any
+    """What has shown the samples that are read, if not the environment in the wrapper."""
     _watch: StepTime | None = None
     _compared_steps = 0
 
@@ -164,6 +167,9 @@ class Monitoring(Observing):
         if period is None and timed:
             period = ask_another(env)
             check_period(loaded, period, env.unwrapped, why_no_period(env))
+        seen = () if reading.substeps else self._signals  # where no observation is read
+        rescaler = rescaling(env, seen, below=reading.below, rescaled=reading.rescaled)
+        self._beneath = None if rescaler is None else tapped(rescaler)
         self._judging = Judging(loaded, signals, reading.having(period=period).whole(RunReading))
         self._of_monitors = of_monitors.having(period=period).whole(RunReading)
         return self._judging._replace(reading=self._of_monitors)
@@ -387,12 +393,14 @@ class EpisodeMonitoring(Monitoring):
     def _bind_signals(self) -> None:
         signals = self._readings()
         names = [signal.name for signal in signals]
-        reads = [signal.bind(self.env) for signal in signals]
-        reset_reads = [signal.bind_reset(self.env) for signal in signals]
-        self._feed: Feed = self._compared(
-            self._panel.feeder(names, reads), self._step_time(self.env)
-        )
-        self._feed_reset: Feed = self._panel.feeder(names, reset_reads)
+        tap, feeder = self._beneath, self._panel.feeder
+        env = self.env if tap is None else tap.env
+        feed = feeder(names, [signal.bind(env) for signal in signals])
+        feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals])
+        if tap is not None:
+            feed, feed_reset = _fed_by(tap, feed), _fed_by(tap, feed_reset)
+        self._feed: Feed = self._compared(feed, self._step_time(self.env))
+        self._feed_reset: Feed = feed_reset
 
     def _compared(self, feed: Feed, watch: StepTime | None, *, substeps: bool = False) -> Feed:
         """The function that feeds; at the first steps it is one that looks at the time too."""
@@ -470,6 +478,11 @@ class EpisodeMonitoring(Monitoring):
             self._panel.finish(self._at_truncation)
             self._record(self._found(), terminated=False, truncated=True)
         self._running = False
+
+
+def _fed_by(tap: Tap, feed: Feed) -> Feed:
+    """The function that feeds what a tap has kept, whatever it is given."""
+    return lambda *_: feed(*tap.seen)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
@@ -12,9 +13,11 @@ from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.wrappers.clipping import ObservedWatch
 from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
 
 __all__ = ["Observe", "Observing"]
@@ -60,6 +63,7 @@ class Observing:
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
         self._state, self._observe, self._shown_of = None, observe, tuple(monitors)
+        self._looking: ObservedWatch | None = None
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__, observe)
@@ -67,6 +71,8 @@ class Observing:
         factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
         operators = tuple(map(tuple, track())) if observe == "obligations" else None
         self._state = StateFeatures(factors, bound, horizons, whole=whole, operators=operators)
+        num = env.num_envs if isinstance(env, VectorEnv) else 1
+        self._looking = ObservedWatch(observe, self._shown_of, factors, bound, num)
         wrapper: Any = self  # of one environment, or of many
         if isinstance(env, VectorEnv):
             space = appended_space(env.single_observation_space, self._state.box, observe)
@@ -104,6 +110,30 @@ class Observing:
     def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
         """The observation, or the batch of them, with what is to be appended."""
         return obs if self._state is None else append(obs, self._state.read(values))
+
+    def _look_at_reset(self, values: MonitorValues[Any], lanes: Lanes | None = None) -> None:
+        """Sees what is observed at the resets of the environments of the mask; None: of all."""
+        if self._looking is not None:
+            self._looking.reset(self._columns_of(values), lanes)
+            self._tell_of_clip()
+
+    def _look(self, values: MonitorValues[Any], ended: Any) -> None:  # noqa: ANN401 - a bool, or many
+        """Sees what is observed after a step, which has ended some episodes."""
+        if self._looking is not None:
+            self._looking.step(self._columns_of(values), np.atleast_1d(ended))
+            self._tell_of_clip()
+
+    def _columns_of(self, values: MonitorValues[Any]) -> list[Any]:
+        whole = self._state is not None and self._state.whole
+        return [np.atleast_1d(each) for each in (values.judged if whole else values.robustness)]
+
+    def _tell_of_clip(self) -> None:
+        """Warns once ten episodes have ended, if most samples were clipped."""
+        watch = self._looking
+        if watch is not None and watch.finished:
+            self._looking = None
+            if watch.report is not None:
+                warnings.warn(watch.report, UserWarning, stacklevel=caller_level())
 
     def _observed_last(
         self,

@@ -222,7 +222,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         if self._watch is not None:
             self._watch.reset(_lane(values))
             self._warn_if_flat()
-        return obs if self._state is None else self._observed(obs, self._monitor.values()), info
+        if self._state is not None:
+            shown: MonitorValues[float] = self._monitor.values()
+            obs = self._observed(obs, shown)
+            self._look_at_reset(shown)
+        return obs, info
 
     def step(self, action: ActType) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Steps through the environment and shapes the reward."""
@@ -245,7 +249,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             self._watch.step(_lane(values), np.array([ended]))
             self._warn_if_flat()
         if self._state is not None:
-            obs = self._observed(obs, self._monitor.values())
+            shown: MonitorValues[float] = self._monitor.values()
+            obs = self._observed(obs, shown)
+            self._look(shown, ended)
         return obs, np.float64(shaped), terminated, truncated, info
 
     @property

@@ -105,6 +105,7 @@ class Rewarding(Observing):
             self._watch = None
             report = watch.report
             if report is not None:
+                self._looking = None  # the same clip, which this asks to change
                 warnings.warn(report, UserWarning, stacklevel=caller_level())
 
     @property

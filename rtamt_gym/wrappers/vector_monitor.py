@@ -282,7 +282,8 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             if "stl_violated" in infos:  # of environments that cannot be looked into
                 refuse_monitored("StlMonitor", " around each of its environments")
         self._begin_times(lanes)
-        table = self._columns.reset(obs, infos, lanes)
+        shown, said = (obs, infos) if self._beneath is None else self._beneath.shown
+        table = self._columns.reset(shown, said, lanes)
         if mask is not None:
             self._columns.check_untouched(table, self._table, ~mask)
         infos = dict(infos)
@@ -292,7 +293,11 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         if self._done is not None:
             self._done = _some(self._done & ~lanes)
         self._running = True
-        return obs if self._state is None else self._observed(obs, self.values()), infos
+        if self._state is not None:
+            values = self.values()
+            obs = self._observed(obs, values)
+            self._look_at_reset(values, mask)
+        return obs, infos
 
     def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - as the environment takes
         """Closes the environments; episodes that have not ended are recorded as truncated."""
@@ -317,8 +322,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
         self._compare_times(begun if resets is None else resets)
-        shown, said = (obs, infos) if resets is None else self._at_end(obs, infos, resets)
-        self._table = self._columns.step(shown, actions, rewards, said, begun)
+        self._table, read = self._read(obs, actions, rewards, infos, begun, resets)
         if begun is not None:
             self._panel.reset(begun)
         self._panel.feed(self._table)
@@ -339,7 +343,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             self._conclude(final, resets, terminated, truncated)
             infos["final_info"], infos["_final_info"] = final, resets.copy()
             self.terminal = self.values()
-            self._begin(self._columns.reset(obs, infos, resets), resets)
+            self._begin(self._columns.reset(*read, resets), resets)
             self._report(infos, None, costs, ~resets)
             self._report_period(infos, resets)
         else:
@@ -350,7 +354,11 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             self._done = ended
         if self._state is not None:
             self._observed_last(infos, self.terminal, resets)
-            obs = self._observed(obs, self.values())
+            values = self.values()
+            obs = self._observed(obs, values)
+            self._look(self.terminal or values, np.logical_or(terminated, truncated))
+            if resets is not None:
+                self._look_at_reset(values, resets)
         self._running = True
         if ended is not None:
             self._tell()
@@ -373,7 +381,8 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
 
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP
-        self._columns = SignalColumns(self._signals, self.env, same_step=same_step)
+        env = self.env if self._beneath is None else self._beneath.env
+        self._columns = SignalColumns(self._signals, env, same_step=same_step)
         base = self.env.unwrapped
         envs = base.envs if isinstance(base, SyncVectorEnv) else ()
         found = [self._step_time(each) for each in envs]
@@ -422,11 +431,26 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             )
         return self._done
 
-    def _at_end(self, obs: Any, infos: dict[str, Any], ended: Lanes) -> Any:  # noqa: ANN401
-        """Observations and infos from before the resets in a step, as far as signals need them."""
-        if self._columns.reads_obs:
-            obs = final_observations(self.env.single_observation_space, obs, infos, ended)
-        return obs, final_infos(infos, ended) if self._columns.reads_info else infos
+    def _read(
+        self,
+        obs: Any,  # noqa: ANN401
+        actions: Any,  # noqa: ANN401
+        rewards: Any,  # noqa: ANN401
+        infos: dict[str, Any],
+        begun: Lanes | None,
+        resets: Lanes | None,
+    ) -> tuple[Floats, tuple[Any, Any]]:
+        """The table of a step, from before the resets in it, and what they have shown."""
+        env, tap = self.env, self._beneath
+        if tap is not None:
+            env, actions = tap, tap.actions
+            obs, rewards, _, _, infos = tap.result
+        shown, said = obs, infos
+        if resets is not None and self._columns.reads_obs:
+            shown = final_observations(env.single_observation_space, obs, infos, resets)
+        if resets is not None and self._columns.reads_info:
+            said = final_infos(infos, resets)
+        return self._columns.step(shown, actions, rewards, said, begun), (obs, infos)
 
     def _begin(self, table: Floats, lanes: Lanes | None) -> None:
         """Begins episodes in the environments of the mask; None: in all."""

@@ -123,6 +123,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         if self._watch is not None:
             self._watch.reset(self._paying(values), mask)
             self._warn_if_flat()
+        self._look_at_reset(values, mask)
         return self._observed(obs, values), infos
 
     def step(
@@ -172,6 +173,9 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             if last is not now:
                 self._watch.reset(self._paying(now), ended)
             self._warn_if_flat()
+        self._look(last, ended)
+        if last is not now:
+            self._look_at_reset(now, ended)
         return self._observed(obs, now), shaped, terminated, truncated, infos
 
     @property

@@ -22,6 +22,8 @@ DEFAULT = {
     "semantics": "standard",
     "at_termination": "complete",
     "at_truncation": "cut",
+    "below": False,
+    "rescaled": False,
     "inputs": None,
     "outputs": None,
     "signals": {"angle": "obs[2]"},

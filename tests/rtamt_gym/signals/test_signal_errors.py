@@ -309,19 +309,6 @@ def test_an_info_without_the_number_says_what_it_has(
             ["theta", "u"],
             "variable 'u' has no signal; the signals are 'x', 'theta'; give one: \"u\": \"obs[0]\"",
         ),
-        (
-            {"theta": "obs[0]", "thteta": "obs[1]"},
-            ["theta"],
-            (
-                "signal 'thteta' is read by no specification; the variables are 'theta'; "
-                "did you mean 'theta'?"
-            ),
-        ),
-        (
-            {"theta": "obs[0]", "q": "obs[1]"},
-            ["theta"],
-            "signal 'q' is read by no specification; the variables are 'theta'; leave it out",
-        ),
     ],
 )
 def test_signals_and_variables_must_match(

@@ -185,8 +185,9 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         (
             "rtamt_driver:Driver",
             (
-                "--policy rtamt_driver:Driver: expected a function from observation to action, "
-                "got a class; write one that returns model.predict(obs, deterministic=True)[0]"
+                "--policy rtamt_driver:Driver: expected a class whose instances are called with "
+                "the observation, got one without __call__; give it one that returns the action, "
+                "or save a model and write sb3:FILE.zip"
             ),
         ),
         (

@@ -22,6 +22,10 @@ from vector_environments import MODES, Make, difference, native, sync, trajector
 from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:clip=.* flattens what"),  # it is narrow here
+]
+
 cases = pytest.mark.parametrize("case", CASES[:3], ids=lambda case: case.env_id)
 ACTION = np.array([0.5])
 

@@ -23,6 +23,8 @@ from vector_environments import MODES, Make, difference, native, sync, trajector
 from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
+pytestmark = pytest.mark.filterwarnings("ignore:clip=.* flattens what")  # it is narrow here
+
 # But for that which shows a picture, to which nothing can be appended.
 cases = pytest.mark.parametrize(
     "case", [*CASES[:3], CASES[-1]], ids=lambda case: case.env_id.split(":")[-1]

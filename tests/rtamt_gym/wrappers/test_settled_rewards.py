@@ -22,6 +22,10 @@ from rtamt.errors import InputError
 from rtamt_gym import StlReward, VectorStlReward
 from rtamt_gym.shaping import Mode, outcome, settle
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:clip=.* flattens what"),  # it is narrow here
+]
+
 SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}
 SHAPES: tuple[Mode, ...] = get_args(Mode)
 OPTIONS: dict[str, Any] = {"period": 1, "on_violation": "report", "at_termination": "complete"}

@@ -20,6 +20,11 @@ from rtamt.errors import InputError
 from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.shaping import Mode
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:clip=.* flattens what"),  # it is narrow here
+    pytest.mark.filterwarnings("ignore:expected samples"),  # the period fits the bounds alone
+]
+
 modes = pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 
 SERIES: list[Sequence[float]] = [[3, 2, 0, 4], [3, 3], [0, 3, 3], [3, 3, 3, 3, 0, 3], [2, 0.5, 3]]
