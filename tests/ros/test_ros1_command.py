@@ -61,12 +61,13 @@ def test_a_monitor_is_reset_by_a_service(world: World) -> None:
     talker = world.peer("talker")
     talker.ask("publisher", "x", "/number", "std_msgs", "Float64", latched=True)
     talker.ask("publish", "x", {"data": 0.0})
-    verdict = "rtamt/out/verdict"
-    with probe(world.ros, {verdict: "std_msgs/Int8"}) as ears:
-        spec = "float64 x\n@ topic(x, /number)\nout = always(x > 1)"
+    verdict, now = "rtamt/out/verdict", "rtamt/now"
+    with probe(world.ros, {verdict: "std_msgs/Int8", now: "std_msgs/Float64"}) as ears:
+        spec = "float64 x\n@ topic(x, /number)\nnow = x > 1\nout = always(now)"
         monitor = start(world, "--spec", spec, "--stale", "inf", "__name:=gate", name="gate")
         ears.wait(lambda: -1 in [each.message.data for each in ears.heard(verdict)], "violated")
         talker.ask("publish", "x", {"data": 3.0})
+        ears.wait(lambda: ears.heard(now)[-1].message.data > 0, "the other number")
         good, said = talker.ask("call", "/gate/reset")
         assert good
         assert said.splitlines()[1].startswith("out: begins anew; was: violated, robustness -1; ")
