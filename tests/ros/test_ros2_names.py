@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros2_client import Client
+from ros2_client import Client, Heard
 from std_msgs.msg import Float64
 
 ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
@@ -11,25 +11,32 @@ ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
 pytest_plugins = ["ros2_client"]
 
 
-def test_two_monitors_of_one_name_say_so_until_one_ends(tools: Client) -> None:
+def test_two_monitors_of_one_name_say_so_until_one_ends(tools: Client, tmp_path: Path) -> None:
     diagnostics = tools.hear("/diagnostics", DiagnosticArray)
-    both = [tools.monitor("twin", spec=ABOVE, period=20) for _ in range(2)]
+    file = tmp_path / "above.stl"
+    file.write_text(ABOVE)
+    words = f"-m rtamt_ros --stl {file} --ros-args -r __ns:=/twin".split()
+    first, second = (tools.ros.start(*words, name=name) for name in ("first", "second"))
     said = (
         "2 nodes have the name /twin/stl_monitor, and may get what is asked of another; give each "
         "its own: --ros-args -r __node:=NAME"
     )
-    state = diagnostics.next(lambda each: each.status[-1].name == "twin/stl_monitor: ROS").status[
-        -1
-    ]
-    assert (state.level, state.message) == (b"\x01", said)
-    tools.until(lambda: f"[twin.stl_monitor]: {said}\n" in both[1].process.output)
-    both[0].process.ask_to_end()
-    assert both[0].process.ended() == 0
+    for each in (first, second):
+        tools.until(lambda each=each: f"[twin.stl_monitor]: {said}\n" in each.output)  # type: ignore[misc]
+    assert state(diagnostics) == (b"\x01", said)
+    second.ask_to_end()
+    assert second.ended() == 0
     well = "no other node has the name /twin/stl_monitor any more"
-    assert (
-        diagnostics.next(lambda each: each.status[-1].message == well).status[-1].level == b"\x00"
-    )
-    tools.until(lambda: f"[twin.stl_monitor]: {well}\n" in both[1].process.output)
+    tools.until(lambda: f"[twin.stl_monitor]: {well}\n" in first.output)
+    assert state(diagnostics) == (b"\x00", well)
+    first.ask_to_end()
+    assert first.ended() == 0
+
+
+def state(diagnostics: Heard) -> tuple[bytes, str]:
+    """The next state of a node itself."""
+    found = diagnostics.next(lambda each: each.status[-1].name == "twin/stl_monitor: ROS")
+    return found.status[-1].level, found.status[-1].message
 
 
 def test_the_command_takes_what_to_monitor_from_the_parameters_of_ros(
