@@ -81,7 +81,8 @@ class _Process:
 
     def __init__(self) -> None:
         self.owner = os.getpid()
-        absent = [name for name, module in [*sys.modules.items()] if module is None]
+        modules: dict[str, object] = {**sys.modules}
+        absent = [name for name, module in modules.items() if module is None]
         code = (
             f"import sys; sys.path[:] = {sys.path!r}; sys.modules |= dict.fromkeys({absent!r})\n"
             "from rtamt_gym.recorded.contained import serve; serve()"
