@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Final
 
 from rtamt.checking.answers import Answer, Says, worst
-from rtamt.checking.judges import Judges
+from rtamt.checking.goal_monitors import GoalMonitors
 from rtamt.checking.kinds import ExampleKind, Sought, kinds_of
 from rtamt.checking.limits import ValueRange
 from rtamt.checking.plain import Plainness, made_plain
@@ -284,7 +284,7 @@ class _Shower:
         judges = None
         if not trace.loop:
             with suppress(SpecificationError):  # they are for speed alone
-                judges = Judges(goals, self._period, self._end, trace.samples)
+                judges = GoalMonitors(goals, self._period, self._end, trace.samples)
         plain = made_plain(trace, self._search.graph, truths, self._plainness, judges)
         return plain if self._search.confirmed(plain, goals) else trace
 

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, cast
 
+from rtamt.checking.goal_monitors import GoalMonitors
 from rtamt.checking.graph import Atom, Graph, TermKey, Truth
-from rtamt.checking.judges import Judges
 from rtamt.checking.kinds import last_digit
 from rtamt.checking.samples import function_of
 from rtamt.checking.solver import reached
@@ -115,7 +115,7 @@ def made_plain(
     graph: Graph,
     truths: Sequence[Truth],
     plainness: Plainness,
-    judges: Judges | None = None,
+    judges: GoalMonitors | None = None,
 ) -> ExampleTrace:
     """A plainer trace on which truths hold too.
 
@@ -266,7 +266,7 @@ class _Test:
         work: How many parts it has looked at.
     """
 
-    def __init__(self, graph: Graph, truths: Sequence[Truth], judges: Judges | None) -> None:
+    def __init__(self, graph: Graph, truths: Sequence[Truth], judges: GoalMonitors | None) -> None:
         self._judges, self.work = judges, 0
         self._numbers: dict[TermKey, int] = {}
         self._terms: list[_Step] = []

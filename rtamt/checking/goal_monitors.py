@@ -10,13 +10,13 @@ from rtamt.checking.witness import Goal
 from rtamt.machines.protocols import End
 from rtamt.monitors.monitor import EpisodeMonitor
 
-__all__ = ["Judges"]
+__all__ = ["GoalMonitors"]
 
 _PER_PART: Final = 5
 """So many samples of a monitor cost as much as a part of a truth."""
 
 
-class Judges:
+class GoalMonitors:
     """The monitors of what traces that end are to be like.
 
     Attributes:
