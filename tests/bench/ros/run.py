@@ -1,6 +1,7 @@
 """Measures the node beside the bare middleware, and beside the public node of 2020 if it is there.
 
-    python tests/bench/ros/run.py [latency drift memory late agree restarts] [--quick] [--json FILE]
+    python tests/bench/ros/run.py [latency drift memory late agree restarts] [--quick] [--seconds N]
+        [--json FILE]
 
 The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
 figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
@@ -95,18 +96,22 @@ def lates(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Ro
             yield row | {"CPU %": 100 * found.load}
 
 
-def agreements(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+def agreements(
+    generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
+) -> Iterator[Row]:
     """Rows of the comparison with an evaluator of its own, processors free and taken."""
     for busy in (0, os.cpu_count() or 1):
-        seconds = 20.0 if quick else 600.0
+        seconds = seconds or (20.0 if quick else 600.0)
         found = agree.measure(generation, seconds, busy=busy)
         yield {"what": "sampled", "s": seconds, "busy": busy} | vars(found)
 
 
-def beginnings(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+def beginnings(
+    generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
+) -> Iterator[Row]:
     """Rows of restarts in dense time at 300 Hz, processors free and taken."""
     for busy in (0, os.cpu_count() or 1):
-        seconds = 20.0 if quick else 600.0
+        seconds = seconds or (20.0 if quick else 600.0)
         found = restarts.measure(generation, seconds, busy=busy)
         yield {"what": "dense", "s": seconds, "busy": busy} | vars(found)
 
@@ -119,6 +124,9 @@ SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
     "restarts": (beginnings, "a node in dense time at 300 Hz, violated from message 1,000 on"),
     "memory": (memories, "memory over an hour of messages at full speed"),
 }
+
+LASTING = ("agree", "restarts")
+"""The sections whose duration can be asked for."""
 
 
 def cell(value: object) -> str:
@@ -148,6 +156,9 @@ def main() -> None:
     )
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes")
+    parser.add_argument(
+        "--seconds", type=float, help=f"how long {' and '.join(LASTING)} run, twice each (600)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
     parser.add_argument(
         "--peer",
@@ -168,7 +179,8 @@ def main() -> None:
         measure, title = SECTIONS[name]
         begin, load = time.monotonic(), os.getloadavg()[0]
         rows = []
-        for row in measure(generation, peers, quick=arguments.quick):
+        lasting = {"seconds": arguments.seconds} if name in LASTING else {}
+        for row in measure(generation, peers, quick=arguments.quick, **lasting):
             rows.append(row)
             print("  ".join(map(cell, row.values())), flush=True)
         tables[name] = rows
