@@ -219,7 +219,8 @@ def test_what_cannot_be_drawn_is_refused() -> None:
             made(Painted(VALUES, render_mode=mode))
         assert str(pictures.value) == (
             f"RobustnessOverlay needs pictures, got render_mode={mode!r} of "
-            '<StlMonitor<Painted instance>>; make it with gym.make(..., render_mode="rgb_array")'
+            "<StlMonitor<Painted instance>, period 0.5 s>; make it with "
+            'gym.make(..., render_mode="rgb_array")'
         )
     with pytest.raises(InputError) as unknown:
         made(Painted(VALUES), signals=["y"])
