@@ -238,4 +238,4 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     )
     with pytest.raises(InputError) as place:
         made(Painted(VALUES), place="above")
-    assert str(place.value) == "expected place='below' or 'over', got 'above'"
+    assert str(place.value) == "expected place='below' or 'over', got 'above'; did you mean 'over'?"
