@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Specification
+from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 
 if TYPE_CHECKING:
@@ -63,6 +65,11 @@ def _divided(text: str, specs: Mapping[str, Specification]) -> tuple[str, str]:
     name, colon, stage = (part.strip() for part in text.partition(":"))
     if colon and name in specs:
         return name, stage
+    if colon and re.fullmatch(r"[\w.-]+", name):  # not the colon of an interval
+        raise InputError(
+            f"--stage: expected the name of a requirement, {listing(specs)}, got {name!r}"
+            f"{nearest(name, specs)}"
+        )
     if len(specs) == 1:
         return next(iter(specs)), text
     raise InputError(

@@ -62,6 +62,11 @@ def test_stages_are_of_the_requirement_that_they_name(
             ["up > 0", "up > 1"],
             "as in 'task: up > 0', for there are several: 'task', 'calm'",
         ),
+        (
+            f"{GOAL}; calm = always(up < 9)",
+            ["tsk: up > 0", "tsk: up > 1"],
+            "a requirement, 'task', 'calm', got 'tsk'; did you mean 'task'?",
+        ),
     ],
 )
 def test_bad_stages_exit_with_2(
