@@ -111,7 +111,7 @@ def shown(env: Any, steps: int = 20) -> list[dict[str, Any]]:  # noqa: ANN401
 
 WRAPPED: list[Callable[[Any], Any]] = [
     NormalizeObservation,
-    lambda env: gym.wrappers.TransformReward(NormalizeObservation(env), lambda r: 5 * r),
+    lambda env: gym.wrappers.TransformReward(NormalizeObservation(env), lambda r: 5 * float(r)),
     lambda env: NormalizeObservation(
         gym.wrappers.DtypeObservation(NormalizeObservation(env), np.float64)
     ),
