@@ -21,7 +21,7 @@ def listed(names: Collection[str], wanted: str = "") -> str:
 
     Example:
         >>> listed(["level", "inflow"]), listed([f"x{i}" for i in range(99)], "x42")
-        ('level, inflow', 'x42, x2, x4, x20, x21 and 94 more')
+        ('level, inflow', 'x42, x2, x4, x12, x22 and 94 more')
     """
     if len(names) <= _MOST:
         return ", ".join(names)

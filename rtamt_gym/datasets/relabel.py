@@ -16,7 +16,7 @@ from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import EpisodeReading, Reading
+from rtamt_gym.judging.reading import Reading, RecordedReading
 from rtamt_gym.judging.specs import (
     SpecsLike,
     check_period,
@@ -45,7 +45,7 @@ SAMPLES, BYTES = 1 << 18, 1 << 28
 """So many samples, or bytes of observations and actions, are held at once."""
 
 
-class RelabelOptions(EpisodeReading, total=False):
+class RelabelOptions(RecordedReading, total=False):
     """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
 
     details: bool

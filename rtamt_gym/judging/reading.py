@@ -39,6 +39,7 @@ __all__ = [
     "InstantReading",
     "PredicateReading",
     "Reading",
+    "RecordedReading",
     "RunReading",
     "SampleReading",
     "StagesLike",
@@ -80,12 +81,17 @@ class InstantReading(SampleReading, total=False):
     view: View
 
 
-class EpisodeReading(InstantReading, total=False):
-    """The options of `Reading` about episodes of a system."""
+class RecordedReading(InstantReading, total=False):
+    """The options of `Reading` about episodes, recorded ones too."""
 
     at_termination: AtTermination | None
     at_truncation: End
     stages: StagesLike | None
+
+
+class EpisodeReading(RecordedReading, total=False):
+    """The options of `Reading` about episodes of a system."""
+
     below: bool
     rescaled: bool
 

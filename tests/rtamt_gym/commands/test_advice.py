@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from paths import ROOT
 
 from rtamt import InputError
-from rtamt.errors import Advice, Argument
+from rtamt.errors import Advice, Argument, shown_lines
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.commands.errors import options_of, refusal
@@ -82,7 +82,7 @@ def test_advice_names_options_that_the_command_has(command: str, capsys: Output)
 def test_text_that_looks_like_an_argument_stays_as_it_was_given(text: str, name: str) -> None:
     error = InputError(f"got {name}={text}")
     for command in ("run", "monitor", "falsify"):
-        assert refusal(error, options_of(command)) == f"got {name}={text}"
+        assert refusal(error, options_of(command)) == f"got {name}={shown_lines(text)}"
 
 
 def test_notes_on_what_an_error_carries_are_for_python_callers(tmp_path: Path) -> None:

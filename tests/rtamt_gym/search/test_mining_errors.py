@@ -168,7 +168,9 @@ def test_the_values_that_are_tried() -> None:
     assert refusal("eventually[0:?v](speed > 20)", ranges={"v": (0, 0.3)}, period=0.5) == (
         "expected a range with two multiples of the period at least, got 0 to 0.3 where one is 0.5"
     )
-    assert refusal(end="cutt") == "expected end=None or 'complete' or 'cut' or 'open', got 'cutt'"
+    assert refusal(end="cutt") == (
+        "expected end=None or 'complete' or 'cut' or 'open', got 'cutt'; did you mean 'cut'?"
+    )
 
 
 def test_a_constant_of_the_text_or_of_a_specification_is_a_parameter_too() -> None:

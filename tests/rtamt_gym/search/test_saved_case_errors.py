@@ -157,8 +157,8 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
         "case.json: expected the \"text\" of one requirement, got 2: 'a', 'b'",
         (
             "case.json: expected \"reading\" with 'view', 'nan', 'align', 'semantics', 'inputs', "
-            "'outputs', 'at_termination', 'at_truncation', 'substeps', got 'viev'; did you mean "
-            "'view'?"
+            "'outputs', 'at_termination', 'at_truncation', 'stages', 'below', 'rescaled', "
+            "'substeps', got 'viev'; did you mean 'view'?"
         ),
         (
             "case.json: expected 'x' of a case as a number or a waveform such as "

@@ -157,10 +157,13 @@ def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
         Path("case.json").write_text(json.dumps(kept | {"system": {"object": name}}))
         assert main(["replay", "case.json"]) == 2
         assert capsys.readouterr().err == message
-        assert main(["report", "case.json", "-o", "page.html"]) == 3
+        assert main(["report", "--play", "case.json", "-o", "page.html"]) == 3
         out, err = capsys.readouterr()
         assert out == "report: page.html\n"
         error = message.removeprefix("rtamt: error: ")
-        line = f"case.json was not played again: InputError: {error}"
+        line = (
+            f"playing case.json, which imports {name.partition(':')[0]} "
+            f"case.json was not played again: InputError: {error}"
+        )
         assert " ".join(err.split()) == line.strip()
         assert "The case was not played again: InputError: " in Path("page.html").read_text()

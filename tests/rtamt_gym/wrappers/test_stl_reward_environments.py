@@ -48,6 +48,7 @@ def observing(case: Case) -> Env:
 
 @cases
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
+@pytest.mark.filterwarnings("ignore:clip=1 flattens what observe='state' appends:UserWarning")
 def test_gymnasium_finds_no_fault(case: Case) -> None:
     check_env(shaped(case), skip_render_check=True)
     check_env(observing(case), skip_render_check=True)
