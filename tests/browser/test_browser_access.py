@@ -13,6 +13,7 @@ from chromium import draw_all, launched, opened, written
 from playwright.sync_api import Browser, Page
 from report_example import EXAMPLE
 
+from rtamt.errors import shown
 from rtamt_gym.reports.model import Counts, Report, Section
 
 EVALUATION = EXAMPLE.sections[0]
@@ -184,7 +185,7 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
         found = page.locator("article.requirement").evaluate_all(
             "all => all.map(e => [e.dataset.requirement, e.querySelector('code').textContent])"
         )
-        assert found[: len(HOSTILE)] == [[name, name] for name in HOSTILE]
+        assert found[: len(HOSTILE)] == [[shown(name)] * 2 for name in HOSTILE]
         titles = page.locator("figure.episode .annotation-text").evaluate_all(
             "all => all.map(each => each.textContent)"
         )
