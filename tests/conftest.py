@@ -25,6 +25,8 @@ settings.register_profile(
     max_examples=1000,
     print_blob=True,
 )
+# Sanitizers look at memory: a tenth of the time, and each path of the machines still comes.
+settings.register_profile("sanitized", settings.get_profile("repeatable"), max_examples=15)
 settings.load_profile("repeatable")
 
 # Without a compiler there is one back-end to test; CI requires both.

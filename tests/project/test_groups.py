@@ -34,3 +34,11 @@ def test_a_night_draws_more_examples_and_others_each_time() -> None:
     assert (night.derandomize, each.derandomize) == (False, True)
     assert night.max_examples >= 10 * each.max_examples
     assert night.deadline is None
+
+
+def test_sanitizers_see_every_property_on_fewer_examples() -> None:
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "--hypothesis-profile=sanitized" in ci
+    fewer = settings.get_profile("sanitized")
+    assert fewer.derandomize
+    assert 10 <= fewer.max_examples < settings.get_profile("repeatable").max_examples
