@@ -10,7 +10,14 @@ decided it.
 """
 
 import importlib
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+if (Path(__file__).parent / "antlr").exists():  # which only the released library has
+    raise ImportError(
+        "expected the packages of rtamt-stl alone, got files of the released rtamt among them, in "
+        f"{Path(__file__).parent}: pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
+    )
 
 from rtamt import limits, patterns
 from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle

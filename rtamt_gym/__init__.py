@@ -8,6 +8,7 @@ import one that does is an error that says which extra installs the package.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rtamt_gym.checks import released  # noqa: F401 - first, as it says what else could not
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:

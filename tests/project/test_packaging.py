@@ -4,6 +4,7 @@ import importlib.metadata
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,7 +34,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def distribution(site: Path) -> importlib.metadata.Distribution:
-    return next(iter(importlib.metadata.distributions(name="rtamt", path=[str(site)])))
+    return next(iter(importlib.metadata.distributions(name="rtamt-stl", path=[str(site)])))
 
 
 def run_without_editable_install(site: Path, code: str) -> str:
@@ -163,10 +164,45 @@ def installed_by(distribution: importlib.metadata.Distribution, extra: str) -> s
     found = {extra}
     for need in distribution.requires or ():
         text = need.replace("'", '"')
-        if text.startswith("rtamt[") and text.endswith(f'extra == "{extra}"'):
-            for other in text[len("rtamt[") : text.index("]")].split(","):
+        if text.startswith("rtamt-stl[") and text.endswith(f'extra == "{extra}"'):
+            for other in text[len("rtamt-stl[") : text.index("]")].split(","):
                 found |= installed_by(distribution, other)
     return found
+
+
+RELEASED = "import rtamt.spec\nSTLDiscreteTimeSpecification = object\n"
+"""Enough of the released library's first file: what it imports lies beside it."""
+
+
+@pytest.fixture
+def mixed(site: Path, tmp_path: Path) -> Path:
+    """A folder in which the released library was installed too, under this one."""
+    folder = tmp_path / "mixed"
+    shutil.copytree(site, folder)
+    for each in ("spec", "antlr"):
+        (folder / "rtamt" / each).mkdir()
+        (folder / "rtamt" / each / "__init__.py").touch()
+    return folder
+
+
+def test_an_install_over_the_released_library_says_so_and_how_to_mend_it(mixed: Path) -> None:
+    code = "try:\n    import rtamt\nexcept ImportError as e:\n    print(e)"
+    said = run_without_editable_install(mixed, code)
+    assert said.startswith(
+        "expected the packages of rtamt-stl alone, got files of the released rtamt"
+    )
+    assert "pip uninstall rtamt rtamt-stl" in said
+
+
+@pytest.mark.parametrize("package", ["rtamt_gym", "rtamt_ros", "rtamt_gym.__main__"])
+def test_an_install_under_the_released_library_says_so_and_how_to_mend_it(
+    mixed: Path, package: str
+) -> None:
+    (mixed / "rtamt" / "__init__.py").write_text(RELEASED, encoding="utf-8")
+    code = f"try:\n    import {package}\nexcept ImportError as e:\n    print(e)"
+    said = run_without_editable_install(mixed, code)
+    assert said.startswith("expected the packages of rtamt-stl, got the released rtamt")
+    assert "pip uninstall rtamt rtamt-stl" in said
 
 
 def test_the_version_is_one_number(distribution: importlib.metadata.Distribution) -> None:

@@ -9,7 +9,7 @@
 namespace rtamt {
 namespace {
 
-constexpr std::size_t kMaxLength = std::size_t{1} << 32;
+constexpr std::size_t kMaxLength = std::size_t{1} << (sizeof(std::size_t) > 4 ? 32 : 28);
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 

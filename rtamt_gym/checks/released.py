@@ -1,0 +1,11 @@
+"""Whether the released library, whose package is called `rtamt` too, lies over this one."""
+
+import rtamt
+
+__all__: list[str] = []
+
+if not hasattr(rtamt, "BACKEND"):
+    raise ImportError(
+        "expected the packages of rtamt-stl, got the released rtamt, which was installed over it: "
+        "pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
+    )
