@@ -1,8 +1,9 @@
 """The command line, `rtamt COMMAND`.
 
 A command returns its exit code. On bad input the code is 2, with one message on stderr; on an error
-that nobody expected too, below its traceback: 1 means a violation and nothing else. Commands import
-Gymnasium, MuJoCo and matplotlib when they need them.
+that nobody expected too, below its traceback. An error never exits with 1, which is an answer: a
+violation, a verdict that is not the expected one. Commands import Gymnasium, MuJoCo and matplotlib
+when they need them.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ __all__ = [
     "NEGATIONS",
     "NEIGHBOURS",
     "NEVER",
+    "START",
     "VERBS",
     "VOCABULARY",
     "WINDOWS",
@@ -97,6 +98,9 @@ MOMENTS: Final = {
 }
 """What stands between what holds and the phrase of the moment of the other operand."""
 
+START: Final = "at the start"
+"""Before a sentence of which a part speaks of the begin of the trace alone."""
+
 VERBS: Final = {
     "always": "stays",
     "eventually": "gets",
@@ -140,7 +144,7 @@ WINDOWS: Final = {
 VOCABULARY: Final = frozenset(
     word
     for texts in (
-        *("is holds means that where", *ADJECTIVES.values(), *EVENTUAL.values()),
+        *("is holds means that where", START, *ADJECTIVES.values(), *EVENTUAL.values()),
         *(*FUNCTIONS.values(), *NEIGHBOURS.values(), *MOMENTS.values()),
         *(*VERBS.values(), *NEVER.values()),
         *(text for table in (NEGATIONS, INFIX, CONDITIONS, WINDOWS) for text in table.values()),

@@ -31,6 +31,7 @@ from rtamt.language.phrases import (
     NEGATIONS,
     NEIGHBOURS,
     NEVER,
+    START,
     VERBS,
     VOCABULARY,
     window,
@@ -46,6 +47,12 @@ _LONGEST: Final = 120
 _PHRASES: Final = 3
 """The most phrases with a comma one after the other."""
 
+_JOINTS: Final = {"not", "implies", *INFIX}
+"""What is about the same moment as its operands."""
+
+_FROM_START: Final = {"always", "eventually", "until", "unless", *CONSTANTS}
+"""What at the begin of the trace has a phrase of its own, or needs none."""
+
 
 def in_words(
     spec: str | Formula | Specification,
@@ -54,6 +61,11 @@ def in_words(
     unit: str | None = None,
 ) -> str:
     """The requirement in plain English, in one sentence that can be read in one way only.
+
+    The formula is judged at the first sample. Where that is not said by its windows, as it is by
+    "at all times" and "within the first 5 s", the sentence begins with "at the start": the words of
+    ``speed < 30`` are not those of the standing rule ``always(speed < 30)``. A monitor that judges
+    the formula anew at each sample (``view="step"``) demands ``formula.always()``.
 
     Two formulas have the same words only if they are the same; but a bound without a unit is said
     in the unit of the specification. What is nested too deep for one sentence is said in
@@ -79,6 +91,8 @@ def in_words(
         'the speed stays below 120 at all times'
         >>> in_words("eventually[0:20] always(abs(e) < 0.1)", unit="steps")
         'within the first 20 steps, the absolute value of e stays below 0.1 from then on'
+        >>> in_words("speed < 30 and always(speed < 120)")
+        'at the start, speed is below 30 and speed stays below 120 at all times'
         >>> in_words("slow = v < 9; always(once[0:5](x > 2) implies slow)")
         'whenever x was above 2 within the last 5 s, slow holds; where slow means that v is below 9'
     """
@@ -133,7 +147,8 @@ class _Text:
         named = [name for name, formula in formulas if formula is specification.formula]
         root = "" if "" in specification.uses or not named else named[-1]
         clause = self._writer(root).clauses(specification.formula)[True]
-        pending: list[tuple[_Pieces, str]] = [(clause.pieces, root)]
+        before = (f"{START}, ",) if self._writer(root).of_start(specification.formula) else ()
+        pending: list[tuple[_Pieces, str]] = [((*before, *clause.pieces), root)]
         labels: dict[object, str] = {}
         sentences: list[str] = []
         numbered = 0
@@ -204,6 +219,19 @@ class _Writer:
                         first: self._clause(node, first=first) for first in (False, True)
                     }
         return self._clauses[formula]
+
+    def of_start(self, formula: Formula) -> bool:
+        """Whether a part of a formula is about the begin of the trace, with no phrase that says so.
+
+        Such are predicates, names, the past and neighbours, joined or negated; no bare future.
+        """
+        pending: list[Node] = [formula]
+        for node in pending:  # it grows
+            if self._inner(node) in _JOINTS:
+                pending += node.args
+            elif self._inner(node) not in _FROM_START:
+                return True
+        return False
 
     def term(self, term: Node) -> _Pieces:
         """A term: a function of variables and numbers in words, all else as it is written."""

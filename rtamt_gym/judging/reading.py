@@ -206,9 +206,10 @@ class Reading:
         default="cut",
         metadata=_row(
             'How a time limit is read: ``"cut"``, an ``always`` without bounds that held is '
-            "satisfied, an ``eventually`` without bounds violated, and windows that were not "
-            'seen to their end stay open; ``"complete"``; or ``"open"``, the episode could have'
-            " gone on, and open verdicts stay UNDECIDED.",
+            "satisfied, an ``eventually`` without bounds violated, and a window that goes "
+            "beyond the end stays open unless the samples in it have decided it already; "
+            '``"complete"``; or ``"open"``, the episode could have gone on, and open verdicts stay'
+            " UNDECIDED.",
             get_args(End),
         ),
     )

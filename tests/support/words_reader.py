@@ -126,7 +126,7 @@ def read(text: str) -> Formula:
     for each in rest.split("; ") if where else ():
         name, verb, meaning = re.fullmatch(r"(\[\d+\]|\w+) (is|means that) (.*)", each).groups()  # type: ignore[union-attr]  # else the test fails
         meanings[name, verb] = meaning
-    return _Reader(meanings).clause(main, first=True)
+    return _Reader(meanings).clause(main.removeprefix("at the start, "), first=True)
 
 
 class _Reader:

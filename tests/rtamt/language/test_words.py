@@ -12,6 +12,7 @@ import rtamt
 from rtamt import Formula, Interval, in_words
 from rtamt.language import phrases
 from rtamt.language.formula import make
+from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 
 PATTERNS = {
@@ -41,21 +42,37 @@ PATTERNS = {
         "whenever g is above 0, r was above 0 within the last 5 s and v has been below 9 at all "
         "times so far"
     ),
-    "x > 1 and (y > 1 or z > 1)": "x is above 1 and (y is above 1 or z is above 1)",
+    "x > 1 and (y > 1 or z > 1)": "at the start, x is above 1 and (y is above 1 or z is above 1)",
     "x > 1 until[0:5](y > 1)": "x is above 1 until, within the first 5 s, y is above 1",
     "x > 1 unless y > 1": (
         "x stays above 1 at all times, or only until, at some time, y is above 1"
     ),
     "x > 1 since[2:5] y > 1": (
-        "x is above 1 ever since, at some time from 5 s to 2 s earlier, y is above 1"
+        "at the start, x is above 1 ever since, at some time from 5 s to 2 s earlier, y is above 1"
     ),
     "always[2:inf](next x > 1)": "from 2 s on, at the next sample if there is one, x is above 1",
-    "x - 2 * abs(y) >= min(a, b + 1)": "x - 2 * abs(y) is at least the least of (a, b + 1)",
-    "not (x > 1 iff y > 1)": "it is not true that (x is above 1 exactly when y is above 1)",
+    "x - 2 * abs(y) >= min(a, b + 1)": (
+        "at the start, x - 2 * abs(y) is at least the least of (a, b + 1)"
+    ),
+    "not (x > 1 iff y > 1)": (
+        "at the start, it is not true that (x is above 1 exactly when y is above 1)"
+    ),
     "always(x > 1 and (y > 1 or (z > 1 and w > 1)))": (
         "at all times, x is above 1 and [1] holds; where [1] means that y is above 1 or (z is "
         "above 1 and w is above 1)"
     ),
+    "speed < 30": "at the start, speed is below 30",
+    "speed < 30 implies gap > 5": "at the start, if speed is below 30, then gap is above 5",
+    "x > 1 and always(y > 1)": ("at the start, x is above 1 and y stays above 1 at all times"),
+    "always[0:5](x > 1) or eventually(y > 1)": (
+        "x stays above 1 during the first 5 s or y gets above 1 at some time"
+    ),
+    "calm = always(x < 1); calm or eventually(y > 1)": (
+        "at the start, calm holds or y gets above 1 at some time; where calm means that x stays "
+        "below 1 from then on"
+    ),
+    "next(x > 1)": "at the start, at the next sample if there is one, x is above 1",
+    "once[0:2](x > 1)": "at the start, x was above 1 within the last 2 s",
     "gap = x - y; calm = gap > 1; always(calm implies gap < 9)": (
         "whenever calm holds, gap is below 9; where calm means that gap is above 1; gap is x - y"
     ),
@@ -99,10 +116,26 @@ def test_words_of_generated_formulas_read_back(formula: Formula) -> None:
     assert words.count("(") == words.count(")")
 
 
+def _of_the_start(formula: Node) -> bool:
+    """Whether the first sample alone decides on some part, so that no window tells the time."""
+    match formula.op and formula.op.name:
+        case "always" | "eventually" | "until" | "unless" | "true" | "false":
+            return False
+        case "not" | "and" | "or" | "implies" | "iff" | "xor":
+            return any(_of_the_start(each) for each in formula.args)
+    return True
+
+
+@given(formulas(3, endless=True))
+def test_what_holds_at_the_start_alone_is_never_said_as_a_standing_rule(formula: Formula) -> None:
+    assert in_words(formula).startswith("at the start, ") == _of_the_start(formula)
+    assert not in_words(formula.always()).startswith("at the start, ")
+
+
 @given(formulas(3, endless=True))
 def test_no_word_of_a_sentence_is_the_name_of_a_variable(formula: Formula) -> None:
     renamed = str(formula)
-    for name, word in {"a": "the", "b": "holds", "c": "reaches"}.items():
+    for name, word in {"a": "start", "b": "holds", "c": "reaches"}.items():
         renamed = re.sub(rf"\b{name}\b", word, renamed)
     spec = rtamt.parse(renamed)
     assert read(in_words(spec)) is spec.formula
