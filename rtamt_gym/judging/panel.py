@@ -378,7 +378,8 @@ class Panel:
     def values(self) -> MonitorValues[float]:
         """Reads the values of all monitors."""
         owed = None if self._owing is None else self._owing.owed_by_one()
-        return read_values(self.monitors.values(), self._uppers(), self.samples, owed)
+        verdicts = [float(self._verdict(name, judge)) for name, (_, judge) in self.monitors.items()]
+        return read_values(self.monitors.values(), self._uppers(), verdicts, self.samples, owed)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""

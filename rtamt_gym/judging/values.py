@@ -20,6 +20,7 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
         judged: The robustness of the judges, which judge the whole episode.
         lower: The lower bounds of ``judged``.
         upper: The upper bounds of ``judged``.
+        verdicts: The verdicts on the whole episode: 1 satisfied, -1 violated, 0 undecided.
         samples: Samples since the reset, of every environment: an int or an array.
         owed: For each specification what its temporal operators owe; None if that is not followed.
     """
@@ -28,6 +29,7 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
     judged: list[Numeric]
     lower: list[Numeric]
     upper: list[Numeric]
+    verdicts: list[Numeric]
     samples: Lanewise
     owed: list[list[Owed]] | None = None
 
@@ -35,12 +37,14 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
 def read_values(
     monitors: Iterable[tuple[Any, Any]],
     upper: list[Numeric],
+    verdicts: list[Numeric],
     samples: Lanewise,
     owed: list[list[Owed]] | None,
 ) -> MonitorValues[Numeric]:
     """Reads the values of monitors, which are pairs ``(robustness source, judge)``.
 
-    The upper bounds are given: what the end of an episode alone violates is not known to a monitor.
+    The upper bounds and the verdicts are given: what the end of an episode alone violates is not
+    known to a monitor.
     """
     pairs = list(monitors)
     return MonitorValues(
@@ -48,6 +52,7 @@ def read_values(
         [judge.robustness for _, judge in pairs],
         [judge.lower for _, judge in pairs],
         upper,
+        verdicts,
         samples,
         owed,
     )

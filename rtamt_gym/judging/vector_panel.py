@@ -282,7 +282,11 @@ class VectorPanel:
     def values(self) -> MonitorValues[Floats]:
         """Reads the values of all monitors."""
         owed = None if self._owing is None else self._owing.owed()
-        return read_values(self.monitors.values(), self._uppers(), self.samples, owed)
+        verdicts = [
+            np.where(failed, -1.0, judge.verdict)
+            for failed, judge in zip(self._failed, self._judges, strict=True)
+        ]
+        return read_values(self.monitors.values(), self._uppers(), verdicts, self.samples, owed)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""

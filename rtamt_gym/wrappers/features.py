@@ -7,6 +7,7 @@ For every specification, in their order, times a weight:
 | robustness | [-clip, clip] |
 | the least and the greatest robustness that the episode can still have | [-clip, clip] |
 | time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
+| the verdict: 1 certainly satisfied, -1 certainly violated, 0 undecided; without weight | [-1, 1] |
 | of each temporal operator that `StateFeatures.operators` lists: its clock | [0, 1] |
 | and the newest known robustness of each of its operands | [-clip, clip] |
 
@@ -36,6 +37,8 @@ __all__ = ["KEY", "StateFeatures", "append", "appended_space", "time_left"]
 KEY = "stl"
 """Key of the features in a dictionary of observations."""
 
+_NAMES = ("robustness", "lower", "upper", "time left", "verdict")
+
 
 @dataclass(frozen=True, slots=True)
 class StateFeatures:
@@ -63,8 +66,8 @@ class StateFeatures:
         low: list[float] = []
         high: list[float] = []
         for operators in self.operators or ((),) * len(self.weights):
-            low += [-bound, -bound, -bound, 0.0]
-            high += [bound, bound, bound, 1.0]
+            low += [-bound, -bound, -bound, 0.0, -1.0]
+            high += [bound, bound, bound, 1.0, 1.0]
             for operator in operators:
                 margins = [bound] * len(operator.operands)
                 low += [0.0, *(-margin for margin in margins)]
@@ -75,7 +78,7 @@ class StateFeatures:
         """A name for each feature, for a reader."""
         found = []
         for name, operators in zip(specs, self.operators or repeat(()), strict=False):
-            found += [f"{name}: {what}" for what in ("robustness", "lower", "upper", "time left")]
+            found += [f"{name}: {what}" for what in _NAMES]
             for operator in operators:
                 found.append(f"{name}: clock of {operator.formula}")
                 found += [f"{name}: margin of {operand}" for operand in operator.operands]
@@ -90,7 +93,7 @@ class StateFeatures:
         ]
         sample = values.samples - 1.0
         left = [time_left(sample, horizon) for horizon in self.horizons]
-        state: list[Any] = list(zip(*numbers, left, strict=True))
+        state: list[Any] = list(zip(*numbers, left, values.verdicts, strict=True))
         owing = None if self.operators is None else values.owed
         rows: list[Any] = []
         for place, each in enumerate(state):

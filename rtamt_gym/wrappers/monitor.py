@@ -109,11 +109,12 @@ class StlMonitor(
 
     ``observe="state"`` appends the state of the monitors to the observation, for a learner or a
     policy that is to act on it; the reward stays as it is, and signals read the observation of the
-    environment. There are four numbers for every specification, in their order: robustness, lower
-    and upper bound, clipped to [-clip, clip], and the fraction of its horizon that is left (1
-    without a horizon). ``observe="obligations"`` appends after the four of each specification, for
-    every temporal operator below the top, a clock from 0 to 1 and the margin of each operand, its
-    newest known robustness: the clock says how old the oldest unanswered request is, how long a
+    environment. There are five numbers for every specification, in their order: robustness, lower
+    and upper bound, clipped to [-clip, clip], the fraction of its horizon that is left (1 without a
+    horizon), and the verdict (1 certainly satisfied, -1 certainly violated, 0 undecided).
+    ``observe="obligations"`` appends after the five of each specification, for every temporal
+    operator below the top, a clock from 0 to 1 and the margin of each operand, its newest known
+    robustness: the clock says how old the oldest unanswered request is, how long a
     goal has been held, how much of a duty is left, or how long ago an event was, as a fraction of
     the window. :attr:`observed` lists the numbers, :mod:`rtamt_gym.judging.clocks` defines them. A
     ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.

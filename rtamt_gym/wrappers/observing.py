@@ -102,6 +102,7 @@ class Observing:
             spec: lower
             spec: upper
             spec: time left
+            spec: verdict
             spec: clock of eventually[0:1](x > 0)
             spec: margin of x > 0
         """

@@ -77,10 +77,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     monitor to the observation, so that the reward depends on state and action alone again, for
     formulas such as ``always(p)``, ``eventually(p)`` and their Boolean combinations (one
     specification for each); a window inside another keeps more, which ``observe="obligations"``
-    shows as :class:`StlMonitor` describes, times weight too. There are four
+    shows as :class:`StlMonitor` describes, times weight too. There are five
     numbers for every specification, in their order: robustness, lower and upper bound (times
-    weight, clipped to [-clip, clip]), and the fraction of its horizon that is left (1 without a
-    horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
+    weight, clipped to [-clip, clip]), the fraction of its horizon that is left (1 without a
+    horizon), and the verdict (1 certainly satisfied, -1 certainly violated, 0 undecided). A ``Box``
+    of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
     ``mode="terminal"`` pays the robustness of the whole episode, ``always(formula)``.
@@ -116,10 +117,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         ...     observe="state",
         ... )
         >>> env.observation_space.shape
-        (12,)
+        (14,)
         >>> obs, info = env.reset(seed=123)
         >>> obs[4:].round(3).tolist()
-        [0.07..., -1.0, 0.07..., 1.0, -0.00..., -0.00..., 1.0, 1.0]
+        [0.07..., -1.0, 0.07..., 1.0, 0.0, -0.00..., -0.00..., 1.0, 1.0, 0.0]
 
     Change logs:
      * v0.5.0 - Initially added

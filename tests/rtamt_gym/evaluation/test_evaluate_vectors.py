@@ -66,7 +66,7 @@ def test_a_monitor_says_what_is_judged_and_shows_the_policy_its_state(mode: Auto
     ):
         found = evaluate_policy(policy, made, episodes=8)
         assert found.record.rows == alone.record.rows
-    assert set(seen) == {(10,)}
+    assert set(seen) == {(12,)}
 
 
 def test_a_monitor_that_ends_episodes_ends_none_and_does_so_again_afterwards() -> None:

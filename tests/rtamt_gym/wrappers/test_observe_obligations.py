@@ -35,15 +35,15 @@ def observing(case: Case, **options: Any) -> Env:  # noqa: ANN401
 
 
 def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:  # noqa: ANN401
-    """Of each sample what is appended behind the four numbers of the state."""
+    """Of each sample what is appended behind the five numbers of the state."""
     arguments: Any = {"period": 1, "on_violation": "report", "clip": 9.0}
     env = StlMonitor(Replay(series, "none"), text, X, observe="obligations", **arguments | options)
     obs, _ = env.reset()
-    found = [obs[5:].tolist()]
+    found = [obs[6:].tolist()]
     for _ in series[1:]:
         obs, *_ = env.step(ACTION)
         assert env.observation_space.contains(obs)
-        found.append(obs[5:].tolist())
+        found.append(obs[6:].tolist())
     return found
 
 
@@ -95,12 +95,12 @@ def test_nothing_but_the_observation_changes(case: Case) -> None:
 
 
 @cases
-def test_the_first_four_numbers_are_those_of_the_state(case: Case) -> None:
+def test_the_first_five_numbers_are_those_of_the_state(case: Case) -> None:
     env, state = observing(case), observing(case, observe="state")
     places = [
         place
         for place, what in enumerate(env.get_wrapper_attr("observed"))
-        if what.split(": ", 1)[1] in {"robustness", "lower", "upper", "time left"}
+        if what.split(": ", 1)[1] in {"robustness", "lower", "upper", "time left", "verdict"}
     ]
     width = state.observation_space.shape[0] - len(places)  # type: ignore[index]
     for (obs, *_), (expected, *_) in zip(rollout(env), rollout(state), strict=True):
@@ -231,11 +231,12 @@ def test_what_is_appended_twice_is_refused() -> None:
 
 def test_the_numbers_have_names() -> None:
     env = StlMonitor(Replay([1.0]), TEXTS, X, period=1, observe="obligations")
-    assert env.observed[:7] == [
+    assert env.observed[:8] == [
         "patrol: robustness",
         "patrol: lower",
         "patrol: upper",
         "patrol: time left",
+        "patrol: verdict",
         "patrol: clock of eventually[0:3](x > 2)",
         "patrol: margin of x > 2",
         "answer: robustness",

@@ -46,16 +46,17 @@ def by_hand(states: Mapping[str, Any], sample: int, clip: float) -> list[float]:
         values = [states[name][key] for key in ("robustness", "lower", "upper")]
         numbers += [min(max(value, -clip), clip) for value in values]
         numbers.append(1.0 if horizon is None else max(0.0, 1 - sample / horizon))
+        numbers.append({"SATISFIED": 1.0, "VIOLATED": -1.0}.get(states[name]["verdict"], 0.0))
     return numbers
 
 
 @pytest.mark.parametrize("clip", [1.0, 3.0])
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
-def test_four_numbers_of_every_specification_are_appended(end: str, clip: float) -> None:
+def test_five_numbers_of_every_specification_are_appended(end: str, clip: float) -> None:
     options: Any = {"details": True, "period": 1, "on_violation": "report"}
     plain = StlMonitor(Replay(SERIES, end), SPECS, X, **options)
     env = StlMonitor(Replay(SERIES, end), SPECS, X, observe="state", clip=clip, **options)
-    low, high = [-clip, -clip, -clip, 0.0], [clip, clip, clip, 1.0]
+    low, high = [-clip, -clip, -clip, 0.0, -1.0], [clip, clip, clip, 1.0, 1.0]
     assert env.observation_space == spaces.Box(
         np.array([-np.inf, *low * 3]), np.array([np.inf, *high * 3]), dtype=np.float64
     )
@@ -187,7 +188,7 @@ def test_vector_environments_that_are_one_show_the_state_too() -> None:
         native(3), "always(abs(a) < 0.2)", {"a": "obs[2]"}, observe="state", clip=0.1
     )
     obs, infos = envs.reset(seed=3)
-    assert envs.single_observation_space.shape == (8,)
+    assert envs.single_observation_space.shape == (9,)
     assert envs.observation_space.contains(obs)
     assert obs[:, 4].tolist() == np.minimum(infos["robustness"], 0.1).astype(np.float32).tolist()
     copy = pickle.loads(pickle.dumps(envs))
@@ -207,8 +208,8 @@ def test_samples_inside_of_a_step_show_the_state_after_it() -> None:
     env.reset(seed=1)
     obs, _, _, _, info = env.step(np.zeros(6))
     # Five steps of 0.01 s of a window of 1 s.
-    assert obs[-4] == np.float32(info["robustness"])
-    assert obs[-1] == np.float32(0.95)
+    assert obs[-5] == np.float32(info["robustness"])
+    assert obs[-2] == np.float32(0.95)
 
 
 def test_an_end_that_is_a_failure_shows_the_bound_that_it_sets() -> None:
@@ -218,7 +219,7 @@ def test_an_end_that_is_a_failure_shows_the_bound_that_it_sets() -> None:
     env.reset()
     obs, _, _, _, info = env.step(np.array([0.5]))
     assert info["stl_violated"] is True
-    assert obs.tolist() == [3.0, 2.0, -4.0, 0.0, 1.0]
+    assert obs.tolist() == [3.0, 2.0, -4.0, 0.0, 1.0, -1.0]
     assert np.signbit(obs[3])
 
 
@@ -233,9 +234,9 @@ def test_a_reward_around_it_shapes_what_it_would_without() -> None:
 
     env = StlReward(TimeLimit(monitored(observe="state"), 99), **options)
     alone = StlReward(monitored(), **options)
-    assert env.observation_space.shape == (13,)
+    assert env.observation_space.shape == (16,)
     (seen, *_), *steps = rollout(env)
-    assert len(seen) == 13
+    assert len(seen) == 16
     assert equal([step[1:] for step in steps], [step[1:] for step in rollout(alone)[1:]])
 
 

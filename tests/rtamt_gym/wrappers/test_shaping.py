@@ -181,12 +181,14 @@ def test_features_of_lanes_are_those_of_each() -> None:
     rng = np.random.default_rng(2)
     now, low, high = rng.normal(scale=3.0, size=(3, 2, 5))
     samples = rng.integers(1, 12, 5)
-    lanes = state.read(MonitorValues(list(now), [], list(low), list(high), samples))
-    assert lanes.shape == (5, 8)
+    verdicts = rng.integers(-1, 2, (2, 5)).astype(float)
+    lanes = state.read(MonitorValues(list(now), [], list(low), list(high), list(verdicts), samples))
+    assert lanes.shape == (5, 10)
     assert lanes.dtype == np.float32
     for i in range(5):
         one = [column[:, i].tolist() for column in (now, low, high)]
-        values = MonitorValues(one[0], [], one[1], one[2], int(samples[i]))
+        decided = verdicts[:, i].tolist()
+        values = MonitorValues(one[0], [], one[1], one[2], decided, int(samples[i]))
         assert np.array_equal(lanes[i], state.read(values))
 
 

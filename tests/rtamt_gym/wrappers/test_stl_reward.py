@@ -236,15 +236,15 @@ def test_the_state_of_the_monitor_is_appended_to_a_box() -> None:
         Replay([3, 1.5, 4, 9]), SPECS, X, mode="add", clip=2.0, observe="state", period=1
     )
     assert env.observation_space == spaces.Box(
-        np.array([-INF, -2, -2, -2, 0, -2, -2, -2, 0]),
-        np.array([INF, 2, 2, 2, 1, 2, 2, 2, 1]),
+        np.array([-INF, -2, -2, -2, 0, -1, -2, -2, -2, 0, -1]),
+        np.array([INF, 2, 2, 2, 1, 1, 2, 2, 2, 1, 1]),
         dtype=np.float64,
     )
     assert np.array(observed(env)).tolist() == [
-        [3.0, 2.0, -2.0, 2.0, 1.0, -2.0, -2.0, 2.0, 1.0],
-        [1.5, 0.5, -2.0, 0.5, 1.0, -2.0, -2.0, 2.0, 0.75],
-        [4.0, 0.5, -2.0, 0.5, 1.0, -1.0, -1.0, 2.0, 0.5],
-        [9.0, 0.5, 0.5, 0.5, 1.0, 2.0, 2.0, 2.0, 0.25],
+        [3.0, 2.0, -2.0, 2.0, 1.0, 0.0, -2.0, -2.0, 2.0, 1.0, 0.0],
+        [1.5, 0.5, -2.0, 0.5, 1.0, 0.0, -2.0, -2.0, 2.0, 0.75, 0.0],
+        [4.0, 0.5, -2.0, 0.5, 1.0, 0.0, -1.0, -1.0, 2.0, 0.5, 0.0],
+        [9.0, 0.5, 0.5, 0.5, 1.0, 1.0, 2.0, 2.0, 2.0, 0.25, 1.0],
     ]
 
 
@@ -273,14 +273,14 @@ def test_the_state_of_the_monitor_is_a_key_of_a_dictionary() -> None:
     last = observed(env)[-1]
     assert last["z"].tolist() == [1.5]
     # The environment ended: what was not reached in time is violated.
-    assert last["stl"].tolist() == [0.5, 0.5, 0.5, 1.0, -2.0, -2.0, -2.0, 0.75]
+    assert last["stl"].tolist() == [0.5, 0.5, 0.5, 1.0, 1.0, -2.0, -2.0, -2.0, 0.75, -1.0]
 
 
 def test_flattened_observations_of_any_kind_grow() -> None:
     inner = StlMonitor(Places(Replay([3, 1.5])), "always(x > 1)", {"x": "obs['z'][0]"})
     env = StlReward(FlattenObservation(inner), mode="add", observe="state")
-    assert env.observation_space.shape == (8,)
-    assert observed(env)[-1].tolist() == [1.5, 0.0, 1.0, 0.0, 0.5, 0.5, 0.5, 1.0]
+    assert env.observation_space.shape == (9,)
+    assert observed(env)[-1].tolist() == [1.5, 0.0, 1.0, 0.0, 0.5, 0.5, 0.5, 1.0, 1.0]
 
 
 def test_integers_become_floats() -> None:
@@ -288,7 +288,7 @@ def test_integers_become_floats() -> None:
     env = StlReward(FlattenObservation(inner), mode="add", observe="state")
     obs, _ = env.reset()
     assert obs.dtype == env.observation_space.dtype == np.float64
-    assert obs.shape == (20,)
+    assert obs.shape == (21,)
     assert env.observation_space.contains(obs)
 
 
