@@ -1,13 +1,21 @@
 """The pages in docs: their Python and commands give what they show, their links lead somewhere."""
 
 import doctest
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
 from pages import blocks, broken_links, check_session
 from paths import ROOT
 
-PAGES = sorted((ROOT / "docs").glob("*.md"))
+import rtamt
+import rtamt_gym
+
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+MOVED = {"search"}
+"""Pages that only say where they are now."""
 SESSIONS = [
     session for page in PAGES for session in blocks(page.read_text(encoding="utf-8"), "console")
 ]
@@ -41,3 +49,46 @@ def test_the_page_on_files_shows_the_example_as_it_is() -> None:
     page = (ROOT / "docs" / "specifications.md").read_text(encoding="utf-8")
     example = (ROOT / "examples" / "teleoperation.stl").read_text(encoding="utf-8")
     assert f"```\n{example}```" in page
+
+
+def test_every_page_stands_in_one_list_of_the_site() -> None:
+    listed: list[Path] = []
+    for page in PAGES:
+        for toctree in re.findall(
+            r"^```{toctree}\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            names = [line for line in toctree.split() if not line.startswith(":")]
+            listed += [page.parent / f"{name}.md" for name in names]
+    wanted = [page for page in PAGES if page.stem not in MOVED | {"index"}]
+    named = {page.relative_to(DOCS).as_posix(): listed.count(page) for page in wanted}
+    lists = "tutorials.md, guides.md, understanding.md or reference.md in docs"
+    assert {name for name, times in named.items() if not times} == set(), f"add them to {lists}"
+    assert {name: times for name, times in named.items() if times > 1} == {}, "they stand twice"
+    assert set(listed) == set(wanted), "a list names a page that is not there"
+
+
+@pytest.mark.parametrize("page", sorted(MOVED))
+def test_a_page_that_has_moved_points_on(page: str) -> None:
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    assert re.search(r"This page is now \[\w+\.md\]\(\w+\.md\)\.\n$", text)
+
+
+@pytest.mark.parametrize("module", [rtamt, rtamt_gym], ids=lambda module: module.__name__)
+def test_the_reference_has_every_public_name_once(module: object) -> None:
+    name = getattr(module, "__name__", "")
+    page = (DOCS / "reference" / f"{name}.md").read_text(encoding="utf-8")
+    said = re.findall(r"^\.\. (?:auto|py:)\w+:: (\S+)$", page, re.MULTILINE)
+    shown = [each.removeprefix(f"{name}.") for each in said]
+    assert {each for each in shown if shown.count(each) > 1} == set()
+    wanted = set(getattr(module, "__all__", ()))
+    assert wanted - set(shown) == set(), f"add them to docs/reference/{name}.md"
+    assert set(shown) - wanted <= {"success", "testing"}  # modules that are imported by name
+
+
+def test_the_page_of_installation_has_every_extra() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = set(settings["project"]["optional-dependencies"]) - {"pytest"}  # ours alone
+    page = (DOCS / "installation.md").read_text(encoding="utf-8")
+    assert extras - set(re.findall(r"`([a-z]+)`", page)) == set()
+    asked = re.findall(r"\.\[([a-z,]+)\]", "".join(each.read_text("utf-8") for each in PAGES))
+    assert {extra for each in asked for extra in each.split(",")} <= extras

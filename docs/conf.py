@@ -1,0 +1,75 @@
+"""The site: pages of this folder and docstrings, by Sphinx, MyST and the theme of PyData.
+
+`sphinx-build -W -n docs build/site` makes a folder of files that needs no server and no network.
+"""
+
+from typing import Any
+
+from sphinx.application import Sphinx
+
+import rtamt
+
+project = "rtamt"
+author = "the rtamt contributors"
+project_copyright = author
+version = release = rtamt.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["search.md"]  # where the page of sweeps was; the site searches there
+
+# Pages: links to files and headings as on the pages of a repository.
+myst_heading_anchors = 4
+suppress_warnings = ["myst.header"]
+
+# Docstrings: what stands in single backticks is a name, linked if it is on a page.
+default_role = "py:obj"
+smartquotes = False  # they turn what can be copied into what cannot
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 88
+nitpicky = True
+# Names of other packages and of types that are no public names are shown without a link.
+nitpick_ignore_regex = [("py:.*", ".*")]
+
+html_theme = "pydata_sphinx_theme"
+html_title = f"rtamt {version}"
+html_theme_options = {
+    "navbar_align": "left",
+    "show_prev_next": True,
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+html_show_sourcelink = False
+html_copy_source = False
+
+
+def _tables(*hooked: Any) -> None:  # noqa: ANN401 - the last one is the lines
+    """Tables of docstrings, which are written as on the pages, as Sphinx takes them."""
+    lines: list[str] = hooked[-1]
+    made: list[str] = []
+    for line in lines:
+        text = line.strip()
+        if not (text.startswith("|") and text.endswith("|")):
+            made.append(line)
+            continue
+        cells = [cell.strip() for cell in text.strip("|").split("|")]
+        if all(set(cell) <= {"-", ":"} and cell for cell in cells):
+            continue
+        indent = line[: len(line) - len(line.lstrip())]
+        if not (made and made[-1].startswith(f"{indent}     ")):
+            made += ["", f"{indent}.. list-table::", f"{indent}   :header-rows: 1", ""]
+        for i, cell in enumerate(cells):
+            made.append(f"{indent}   {'  -' if i else '* -'} {cell}")
+    lines[:] = made
+
+
+def setup(app: Sphinx) -> None:
+    """Sphinx calls this; the hook comes before that of napoleon."""
+    app.connect("autodoc-process-docstring", _tables, priority=400)
