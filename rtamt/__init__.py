@@ -59,6 +59,7 @@ from rtamt.monitors.evaluation import evaluate
 from rtamt.monitors.evidence import DenseImplications, Implications
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.holds import holds
+from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
 from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.many import evaluate_many
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
@@ -102,6 +103,8 @@ __all__ = [
     "InputError",
     "InputTypeError",
     "Interval",
+    "JointFeed",
+    "JointRead",
     "Judgement",
     "Monitor",
     "Mutant",
@@ -138,6 +141,7 @@ __all__ = [
     "export_fmu",
     "holds",
     "in_words",
+    "joint_feed",
     "judge",
     "judge_dense",
     "limits",

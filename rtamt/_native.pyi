@@ -1,6 +1,6 @@
 # The machines in C++; rtamt.machines.protocols says what their methods do.
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MemberDescriptorType
 
 import numpy as np
@@ -91,6 +91,19 @@ class EpisodeMachine:
     def reset(self) -> None: ...
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...
+
+class EpisodePanel:
+    def __init__(
+        self,
+        machines: Sequence[EpisodeMachine],
+        places: Sequence[Sequence[int]],
+        reads: Sequence[object],
+        decided: Callable[[int], object] | None,
+        seen: Callable[[list[float]], object] | None,
+        number: type[float],
+    ) -> None: ...
+    def feed(self, *args: object) -> tuple[float, float, float]: ...
+    def look(self) -> tuple[float, float, float]: ...
 
 class DenseMachine:
     def __init__(

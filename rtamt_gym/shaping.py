@@ -85,7 +85,10 @@ def clip(x: Numeric, bound: float) -> Numeric:
     """
     if isinstance(x, np.ndarray):
         return np.clip(x, -bound, bound)
-    return min(max(x, -bound), bound)
+    # Calls of min() and max() would cost twice as much.
+    if x > bound:
+        return bound
+    return max(x, -bound)
 
 
 def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) -> list[Numeric]:
@@ -95,7 +98,12 @@ def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) ->
         >>> scaled([0.2, -3.0, float("inf")], weights=[10.0, 0.1, 1.0], bound=1.0)
         [1.0, -0.3..., 1.0]
     """
-    return [clip(weight * value, bound) for weight, value in zip(weights, values, strict=True)]
+    pairs = zip(weights, values, strict=True)
+    if isinstance(values[0], float):  # as `clip` does, without calls
+        return [
+            bound if (x := weight * value) > bound else max(x, -bound) for weight, value in pairs
+        ]
+    return [clip(weight * value, bound) for weight, value in pairs]
 
 
 def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeric:
@@ -344,7 +352,19 @@ class Shaping:
 
     def robustness(self, values: Sequence[Numeric]) -> Numeric:
         """Combines the robustness of the specifications into the number that the reward uses."""
+        if len(self.levels) == 1:
+            bounded = scaled(values, self.weights, self.clip)
+            return clip(least(bounded, self.temperature), self.clip)
         return hierarchical(self._levels_of(values), self.clip)
+
+    @property
+    def factor(self) -> float | None:
+        """The weight of all specifications, if `robustness` is but their least one times that.
+
+        Then it is ``clip(factor * least)``: weights and clips keep the order of numbers.
+        """
+        one = len(self.levels) == 1 and self.temperature is None
+        return self.weights[0] if one and len(set(self.weights)) == 1 else None
 
     def middle(self, lower: Sequence[Numeric], upper: Sequence[Numeric]) -> Numeric:
         """The middle of the bounds of the robustness, each clipped, which ``progress`` pays for."""

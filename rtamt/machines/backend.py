@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import MemberDescriptorType
-from typing import Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 from rtamt.errors import InputError, alternatives, brief, is_one_of
 from rtamt.inputs.clock import Clock
@@ -61,6 +61,8 @@ class Factories:
         clock: Counts times for a program.
         term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
+        episode_panel: ``(machines, places, reads, decided, seen, number)``, for
+            `rtamt.monitors.joint`; None where there is none, or for these machines.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -75,6 +77,7 @@ class Factories:
     clock: Callable[[DenseProgram], Clock]
     term_columns: FindTerms
     term_ranges: FindRanges
+    episode_panel: Callable[..., Any] | None = None
 
 
 BACKENDS: Final[dict[BackendName, Factories]] = {
@@ -113,6 +116,7 @@ else:
         native.NativeClock,
         native.term_columns,
         native.term_ranges,
+        native.episode_panel,
     )
     read_only = native.read_only
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 from rtamt.errors import StateError
@@ -46,6 +46,7 @@ __all__ = [
     "discrete_machine",
     "episode_bank",
     "episode_machine",
+    "episode_panel",
     "read_only",
     "refuse_running",
     "term_columns",
@@ -67,6 +68,20 @@ def discrete_machine(
 
 def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMachine:
     return _native.EpisodeMachine(*encoded_episode(program), reader)
+
+
+def episode_panel(
+    machines: Sequence[Any],
+    places: Sequence[Sequence[int]],
+    reads: Sequence[Any],
+    decided: Callable[[int], object] | None,
+    seen: Callable[[list[float]], object] | None,
+    number: type[float],
+) -> _native.EpisodePanel | None:
+    """The panel of machines; None if one of them is not in C++."""
+    if not all(isinstance(machine, _native.EpisodeMachine) for machine in machines):
+        return None
+    return _native.EpisodePanel(machines, places, reads, decided, seen, number)
 
 
 def dense_machine(

@@ -273,6 +273,11 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     @property
+    def fed_machine(self) -> EpisodeMachine | None:
+        """The machine, if its update is that of the monitor: not where samples are kept."""
+        return self._machine if self._history is None else None
+
+    @property
     def unknown(self) -> tuple[str, ...]:
         """The variables whose value in the last sample is not known exactly (`Between`)."""
         values = zip(self.variables, self._machine.inputs, strict=False)  # none before the first

@@ -17,6 +17,7 @@ from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.ends import AtTermination
+from rtamt_gym.judging.feeding import Assessment, Feed, joint_read, one_by_one
 from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judging.interface import described
 from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
@@ -26,15 +27,10 @@ from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.signals import ElementRead, Read
+from rtamt_gym.signals.signals import Read
+from rtamt_gym.signals.slots import MovingRead
 
-__all__ = ["Assessment", "Feed", "Monitors", "Panel"]
-
-Assessment = tuple[float, float, float]
-"""Robustness of the samples so far, and the lower and upper bound of what it can become."""
-
-Feed = Callable[..., Assessment]
-"""Feeds one sample to the monitors of a panel; takes the arguments of a `Read`."""
+__all__ = ["Monitors", "Panel"]
 
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
@@ -51,6 +47,7 @@ class Panel:
         of_instant: True if the robustness is that of an instant, as with ``view="step"``; else
             None.
         settled: How many verdicts are decided.
+        number: The class of the numbers of an `Assessment`.
         violated_by: The specification that was violated first; None while none is.
 
     Args:
@@ -58,6 +55,7 @@ class Panel:
         reading: How samples are judged.
         cost: What `take_costs` measures; None: nothing.
         history: Whether the judges keep their samples, for explanations.
+        number: The class of the numbers of an `Assessment`: ``float`` or ``numpy.float64``.
 
     Raises:
         SpecificationError: As `rtamt_gym.judging.monitors.make_monitors` and `CostMeter` do.
@@ -71,7 +69,10 @@ class Panel:
         cost: Cost | None = None,
         *,
         history: bool = False,
+        number: type[float] = float,
     ) -> None:
+        self.number = number
+        self._look: Callable[[], Assessment] | None = None
         self.monitors: Monitors = make_monitors(
             specs,
             reading,
@@ -142,6 +143,11 @@ class Panel:
         return None if self._stages is None else np.float64(self._stages.least)
 
     @property
+    def tells_more(self) -> bool:
+        """Whether it has more to say of a sample than its `Assessment`."""
+        return bool(self.of_instant or self._stages is not None or self._meter is not None)
+
+    @property
     def all_decided(self) -> bool:
         """Whether every verdict is decided."""
         return self.settled == len(self.monitors)
@@ -190,15 +196,22 @@ class Panel:
 
     def read(self) -> Assessment:
         """Reads robustness, lower and upper bound of the samples so far."""
-        return self.robustness, self.lower, self.upper
+        if self._look is not None and not self._failed:
+            return self._look()
+        number = self.number
+        return number(self.robustness), number(self.lower), number(self.upper)
 
-    def feeder(  # noqa: C901 - each part in a function of its own would double its time
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_look": None}  # the next `feeder` makes it anew
+
+    def feeder(
         self,
         names: Sequence[str],
         reads: Sequence[Read] | None = None,
         *,
         decide: Callable[[], None] | None = None,
-        keep: Callable[[tuple[float, ...]], None] | None = None,
+        keep: Callable[[Sequence[float]], None] | None = None,
+        still: bool = False,
     ) -> Feed:
         """Makes the function that feeds one sample to all monitors.
 
@@ -210,10 +223,10 @@ class Panel:
             reads: What reads each signal; None: the first argument is the sample itself, with a
                 value for each signal.
             decide: Called after a sample that has decided a verdict, in place of `note`.
-            keep: Called with the values of every sample that all monitors have taken in.
+            keep: Called with the values of every sample that all monitors have taken in, new ones.
+            still: Whether the caller makes the function anew where a `MovingRead` has moved.
         """
         note = decide or self.note
-        elements, others = _split(reads or ())
         measure = together(
             None if self._owing is None else self._owing.feeder(names),
             together(
@@ -221,83 +234,54 @@ class Panel:
                 None if self._stages is None else self._stages.feeder(names),
             ),
         )
-        alone = len(self.monitors) == 1 and len(elements) + len(others) == 1
-        if alone and measure is None and keep is None:
-            return self._feeder_of_one(elements, others, note)
-        parts = [
-            (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
-            for name, (source, judge) in self.monitors.items()
-        ]
-        read_values = [math.nan] * len(names)
-        undecided = Verdict.UNDECIDED
+        see = together(measure, keep)
+        feed = None if reads is None else self._joint(names, reads, note, see)
+        if reads is None or feed is None:
+            parts = [
+                (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
+                for name, (source, judge) in self.monitors.items()
+            ]
+            if keep is not None:  # the values are in the same list at every sample
+                see = together(measure, lambda values: keep(tuple(values)))
+            return one_by_one(parts, len(names), reads, self, note, see)
+        moving = next((read for read in reads if isinstance(read, MovingRead)), None)
+        if moving is None or still:
+            return feed
+        home = moving.home()
 
-        def feed(  # noqa: C901 - see above
-            obs: Any = None,  # noqa: ANN401
-            action: Any = None,  # noqa: ANN401
-            reward: Any = None,  # noqa: ANN401
-            info: Any = None,  # noqa: ANN401
-        ) -> Assessment:
-            if reads is None:
-                values = obs
-            else:
-                values = read_values
-                for place, index in elements:
-                    values[place] = float(obs[index])
-                for place, read in others:
-                    values[place] = read(obs, action, reward, info)
-            robustness = lower = upper = math.inf
-            decided = 0
-            for update, alone, pick, judge in parts:
-                value = update(values[alone]) if pick is None else update(*pick(values))
-                low = judge.lower
-                high = judge.upper
-                # Calls of min() would cost as much as all the rest.
-                if value < robustness:  # noqa: PLR1730
-                    robustness = value
-                if low < lower:  # noqa: PLR1730
-                    lower = low
-                if high < upper:  # noqa: PLR1730
-                    upper = high
-                if judge.verdict is not undecided:
-                    decided += 1
-            if decided > self.settled:
-                note()
-            if measure is not None:
-                measure(values)
-            if keep is not None:
-                keep(tuple(values))
-            if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
-                return self.read()
-            return robustness, lower, upper
+        def feed_here(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
+            nonlocal feed, home
+            now = moving.home()
+            if now is not home:
+                feed, home = self._joint(names, reads, note, see), now
+            return feed(*step)  # type: ignore[misc]  # the monitors are those from above
 
-        return feed
+        return feed_here
 
-    def _feeder_of_one(
+    def _joint(
         self,
-        elements: Sequence[tuple[int, Any]],
-        others: Sequence[tuple[int, Read]],
+        names: Sequence[str],
+        reads: Sequence[Read],
         note: Callable[[], None],
-    ) -> Feed:
-        """The `feeder` of one signal for one monitor, the common case: without lists and loops."""
-        ((source, judge),) = self.monitors.values()
-        update, undecided = source.update, Verdict.UNDECIDED
-        index, read = elements[0][1] if elements else None, others[0][1] if others else None
+        see: Callable[[Sequence[float]], None] | None,
+    ) -> Feed | None:
+        """The `feeder` in one call of C++; None where there is none for these monitors."""
+        judges = self._judges
+        if self.of_instant:
+            return None
 
-        def feed(
-            obs: Any = None,  # noqa: ANN401
-            action: Any = None,  # noqa: ANN401
-            reward: Any = None,  # noqa: ANN401
-            info: Any = None,  # noqa: ANN401
-        ) -> Assessment:
-            if read is None:
-                robustness = update(float(obs[index]))
-            else:
-                robustness = update(read(obs, action, reward, info))
-            if judge.verdict is not undecided and not self.settled:
+        def decided(count: int) -> None:
+            if count > self.settled:
                 note()
-            return robustness, judge.lower, judge.upper
 
-        return feed
+        found = [joint_read(read) for read in reads]
+        joint = rtamt.joint_feed(
+            judges, names, found, decided=decided, seen=see, number=self.number
+        )
+        if joint is None:
+            return None
+        self._look = joint.look
+        return joint.feed
 
     def reset(self) -> None:
         for source in self._sources:
@@ -462,12 +446,3 @@ def _open_if_cut(judge: EpisodeMonitor) -> bool:
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
-
-
-def _split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
-    """The places of what reads an element of the observation, and of all else."""
-    numbered = list(enumerate(reads))
-    elements = [(place, read.index) for place, read in numbered if isinstance(read, ElementRead)]
-    return elements, [
-        (place, read) for place, read in numbered if not isinstance(read, ElementRead)
-    ]

@@ -11,8 +11,9 @@ import numpy as np
 import rtamt
 from rtamt import Asked, End, Evidence, InputTypeError, NanPolicy
 from rtamt_gym.judging.ends import AtTermination
+from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.interface import EXACT
-from rtamt_gym.judging.panel import Assessment, Feed, Panel
+from rtamt_gym.judging.panel import Panel
 from rtamt_gym.simulation.record import Course, Floats
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.feeding import Feed
+from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -304,10 +305,8 @@ class Environment(System):
             action = self._act(self.observation)
         except SystemExit as end:
             raise exited("the policy", end) from end
-        if self._substeps:
-            result = self._inside.step(action, self._keep, self._rest.__len__)
-        else:
-            result = self._env.step(action)
+        within = self._substeps
+        result = self._inside.step(action, self._keep) if within else self._env.step(action)
         obs, reward, terminated, truncated, info = result
         if self._watch is not None:
             self._watch.step(len(self._rest) if self._substeps else 1)

@@ -14,8 +14,9 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import SpecificationError
 from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
@@ -232,13 +233,16 @@ class StlMonitor(
         judged = self._set_up(env, specs, signals, read, options, find_period)
         self.stl_episodes = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(judged.specs, judged.reading, cost, history=history)
+            self._panel = Panel(
+                judged.specs, judged.reading, cost, history=history, number=np.float64
+            )
         except SpecificationError as error:
             inner = None if read.substeps else read_substep_period(env)
             if inner is not None and read.period is None and fits(judged, inner, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
         panel = self._panel
+        self._tells_more = details or panel.tells_more
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._substeps = read.substeps
         self._bind_signals()
@@ -258,9 +262,9 @@ class StlMonitor(
         self._check_period(self.env)
         panel = self._panel
         panel.reset()
-        robustness, lower, upper = self._feed_reset(obs, None, None, info)
+        assessed = self._feed_reset(obs, None, None, info)
         panel.begin()
-        found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
+        found = *assessed, panel.violated_by is not None
         states = panel.describe() if self._details else None
         told = panel.of_instant, panel.least_progress, self._told_period
         info = step_info(info, *found, states, None, *told)
@@ -308,17 +312,21 @@ class StlMonitor(
         if how != "report" and not terminated:
             terminated = how == "terminate"
             truncated = truncated or how == "truncate"
-        info = step_info(
-            info,
-            _float(robustness),
-            _float(lower),
-            _float(upper),
-            panel.violated_by is not None,
-            panel.describe() if self._details else None,
-            panel.take_costs() if self._cost is not None else None,
-            panel.of_instant,
-            panel.least_progress,
-        )
+        violated = panel.violated_by is not None
+        if self._tells_more:
+            info = step_info(
+                info,
+                robustness,
+                lower,
+                upper,
+                violated,
+                panel.describe() if self._details else None,
+                panel.take_costs() if self._cost is not None else None,
+                panel.of_instant,
+                panel.least_progress,
+            )
+        else:
+            info = step_info(info, robustness, lower, upper, violated)
         if terminated or truncated:
             self._running = False
             self._conclude(info, terminated, truncated)
@@ -363,6 +371,3 @@ class StlMonitor(
         found = self._found()
         self._add_last(info, found)
         self._record(found, terminated=terminated, truncated=truncated)
-
-
-_float = np.float64

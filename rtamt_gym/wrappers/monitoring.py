@@ -22,10 +22,11 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.episodes import record
 from rtamt_gym.judging.explanations import chosen, titled
+from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.infos import last_info, present
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel
+from rtamt_gym.judging.panel import Monitors, Panel
 from rtamt_gym.judging.reading import EpisodeReading, Reading, RunReading
 from rtamt_gym.judging.specs import (
     SpecsLike,

@@ -13,7 +13,7 @@ from gymnasium.utils import RecordConstructorArgs
 from rtamt import Explanation
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.judging.values import MonitorValues
-from rtamt_gym.shaping import Mode, Priority, outcome, settle
+from rtamt_gym.shaping import Mode, Priority, clip, outcome, settle
 from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
@@ -206,6 +206,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         monitors = self._monitor.monitors
         self._set_up(env, monitors, options, observe, 1)
         self._paying = [judge if self._whole else source for source, judge in monitors.values()]
+        self._fresh = env is self._monitor  # whose infos are new at every step
+        self._factor = self._shaping.factor
+        if not self._fresh or (self._whole and self._monitor.judging.reading.view == "step"):
+            self._factor = None  # another may have changed the info, or it is of an instant
         self._robustness = 0.0
         self._outcome = 0.0
         self._return = 0.0
@@ -217,11 +221,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         """Resets the environment; the sample of the reset gives the first potential."""
         obs, info = self.env.reset(seed=seed, options=options)
         self._require_known_start()
-        values = self._values()
-        self._robustness = self._potential(values)
+        self._robustness = self._potential(info)
         self._outcome = self._return = 0.0
         if self._watch is not None:
-            self._watch.reset(_lane(values))
+            self._watch.reset(self._lane())
             self._warn_if_flat()
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
@@ -233,21 +236,24 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         """Steps through the environment and shapes the reward."""
         obs, reward, terminated, truncated, info = self.env.step(action)
         paid = float(reward)
-        values = self._values()
-        before, self._robustness = self._robustness, self._potential(values)
+        before = self._robustness
+        after = self._robustness = self._potential(info)
         ended = terminated or truncated
         shaping = self._shaping
-        shaped = shaping.reward(paid, before, self._robustness, terminated, ended)
+        shaped = shaping.reward(paid, before, after, terminated, ended)
         if self._settles:
             now = outcome(float(info["stl_lower"]), float(info["stl_upper"]))
             shaped += settle(self._outcome, now, shaping.bonus, shaping.penalty)
             self._outcome = now
         self._return += shaped
-        info = {**info, "reward": np.float64(paid)}
+        if self._fresh:
+            info["reward"] = np.float64(paid)
+        else:
+            info = {**info, "reward": np.float64(paid)}
         if ended and put_return(info, np.float64(self._return)):
             self._books.pay(self._return)
         if self._watch is not None:
-            self._watch.step(_lane(values), np.array([ended]))
+            self._watch.step(self._lane(), np.array([ended]))
             self._warn_if_flat()
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
@@ -273,14 +279,20 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         """For each specification the robustness that the reward is computed from."""
         return [paying.robustness for paying in self._paying]
 
-    def _potential(self, values: list[float]) -> float:
+    def _lane(self) -> list[Floats]:
+        """The same as from a vector of one environment."""
+        return [np.array([value]) for value in self._values()]
+
+    def _potential(self, info: Mapping[str, Any]) -> float:
         """What the reward of a step depends on, before it and after it."""
-        if self._shaping.mode != "progress":
-            return self._shaping.robustness(values)
-        now: MonitorValues[float] = self._monitor.values()
-        return self._shaping.middle(now.lower, now.upper)
-
-
-def _lane(values: list[float]) -> list[Floats]:
-    """The values as those from a vector of one environment."""
-    return [np.array([value]) for value in values]
+        shaping, factor = self._shaping, self._factor
+        if factor is None:
+            if shaping.mode != "progress":
+                return shaping.robustness(self._values())
+            now: MonitorValues[float] = self._monitor.values()
+            return shaping.middle(now.lower, now.upper)
+        if shaping.mode != "progress":
+            return clip(factor * float(info["robustness"]), shaping.clip)
+        lower = clip(factor * float(info["stl_lower"]), shaping.clip)
+        upper = clip(factor * float(info["stl_upper"]), shaping.clip)
+        return 0.5 * (lower + upper)

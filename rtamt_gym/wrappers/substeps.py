@@ -8,6 +8,7 @@ resets and other environments never see it.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -15,9 +16,11 @@ from typing import Any
 from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.feeding import Assessment
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Assessment, Panel
+from rtamt_gym.judging.panel import Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
+from rtamt_gym.signals.slots import MovingRead
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["Inside", "SubSteps", "fits", "read_substep_period"]
@@ -44,25 +47,22 @@ class Inside:
         self,
         action: Any,  # noqa: ANN401
         feed: Callable[..., object],
-        fed: Callable[[], int],
     ) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Steps the environment, and calls ``feed`` after every step of its simulation.
 
         Args:
             action: The action of the step.
             feed: Takes the arguments of a `Read`.
-            fed: Says how many samples were fed so far.
 
         Raises:
             StateError: If the simulation was not stepped.
         """
-        before = fed()
         undo = self._follow(partial(feed, None, action, None, {}))
         try:
             result = self.env.step(action)
         finally:
-            undo()
-        if fed() == before:
+            stepped = undo()
+        if not stepped:
             raise StateError(
                 f"expected a step of {self.env.unwrapped} to step its simulation, got none: it "
                 "steps it in a way of its own; leave out ",
@@ -92,7 +92,11 @@ class SubSteps:
         self._panel = panel
         self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]
-        self._feed = panel.feeder(names, self.inside.reads)
+        reads = self.inside.reads
+        self._make_feed = partial(panel.feeder, names, reads, still=True)
+        self._moving = next((read for read in reads if isinstance(read, MovingRead)), None)
+        self._home = None if self._moving is None else self._moving.home()
+        self._feed = self._make_feed()
         self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
 
     def reset(self, *_: object) -> Assessment:
@@ -106,14 +110,13 @@ class SubSteps:
             StateError: If the simulation was not stepped.
             InputError: If a signal is nan or cannot be read.
         """
-        return self.inside.step(action, self._feed, self._fed)
+        if self._moving is not None and self._moving.home() is not self._home:
+            self._home, self._feed = self._moving.home(), self._make_feed()
+        return self.inside.step(action, self._feed)
 
     def read(self, *_: object) -> Assessment:
         """The assessment of the samples that the last step has fed."""
         return self._panel.read()
-
-    def _fed(self) -> int:
-        return self._panel.samples
 
 
 def read_substep_period(env: Env) -> float | None:
@@ -127,7 +130,9 @@ def read_substep_period(env: Env) -> float | None:
 
 
 _Feed = Callable[[], object]
-_Undo = Callable[[], object]
+
+_Undo = Callable[[], bool]
+"""Ends what follows a simulation; returns whether that was stepped meanwhile."""
 
 _Follow = Callable[[_Feed], _Undo]
 """Arranges that every step of a simulation is followed by a call; returns what undoes that."""
@@ -152,50 +157,71 @@ def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
             " exchanges MujocoEnv._step_mujoco_simulation, and "
             f"{type(simulation).__name__} has one of its own; leave it out",
         )
-    return lambda feed: _follow_mujoco(simulation, feed)
+    return _Loop(simulation).follow
 
 
 class _Loop:
     """`MujocoEnv._step_mujoco_simulation`, one ``mj_step`` at a time."""
 
-    def __init__(self, simulation: Any, feed: _Feed) -> None:  # noqa: ANN401
-        self.feeds = [feed]
+    def __init__(self, simulation: Any) -> None:  # noqa: ANN401
         self._simulation = simulation
+        self._feeds: list[_Feed] = []
+        self._stepped = False
+
+    def follow(self, feed: _Feed) -> _Undo:
+        # Not by its dictionary: Python reads attributes faster while nobody has asked for that.
+        simulation = self._simulation
+        around = simulation._step_mujoco_simulation  # noqa: SLF001
+        if type(around) is _Loop:  # a monitor around this one follows too
+            around._feeds.append(feed)  # noqa: SLF001
+            return around._leave  # noqa: SLF001
+        self._feeds, self._stepped = [feed], False
+        simulation._step_mujoco_simulation = self  # noqa: SLF001
+        return self._undo
+
+    def _undo(self) -> bool:
+        del self._simulation._step_mujoco_simulation  # noqa: SLF001
+        return self._stepped
+
+    def _leave(self) -> bool:
+        self._feeds.pop()
+        return self._stepped
 
     def __call__(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
-        import mujoco  # type: ignore[import-untyped]
-
+        mujoco = sys.modules["mujoco"]  # a simulation of it has loaded it
+        step, feeds = mujoco.mj_step, self._feeds
         model, data = self._simulation.model, self._simulation.data
         data.ctrl[:] = ctrl
         for _ in range(n_frames):
-            mujoco.mj_step(model, data)
-            for feed in self.feeds:
+            self._stepped = True
+            step(model, data)
+            for feed in feeds:
                 feed()
         mujoco.mj_rnePostConstraint(model, data)
-
-
-def _follow_mujoco(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
-    around = vars(simulation).get("_step_mujoco_simulation")
-    if isinstance(around, _Loop):  # a monitor around this one follows too
-        around.feeds.append(feed)
-        return around.feeds.pop
-    simulation._step_mujoco_simulation = _Loop(simulation, feed)  # noqa: SLF001
-    return lambda: vars(simulation).pop("_step_mujoco_simulation")
 
 
 def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     road = simulation.road  # every reset makes a new one
     step = road.step
+    stepped = False
 
     def followed(dt: float) -> None:
+        nonlocal stepped
+        stepped = True
         step(dt)
         feed()
 
     around = vars(road).get("step")
     road.step = followed
-    if around is None:
-        return lambda: vars(road).pop("step")
-    return lambda: setattr(road, "step", around)
+
+    def undo() -> bool:
+        if around is None:
+            del road.step
+        else:
+            road.step = around
+        return stepped
+
+    return undo
 
 
 def fits(judged: Judging, period: float, cost: Cost | None) -> bool:

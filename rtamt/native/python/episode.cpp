@@ -1,21 +1,14 @@
 // The episode machine as a Python class.
-#include "episode/uncertain.hpp"
+#include "python/episode.hpp"
 
 #include <nanobind/nanobind.h>
 
 #include <utility>
 
 #include "python/encoding.hpp"
-#include "python/readout.hpp"
-#include "python/samples.hpp"
 
 namespace rtamt {
 namespace {
-
-struct EpisodeObject : NamedObject<UncertainEpisode> {
-    Readout readout;
-    bool nan_is_unknown = false;  // as the reader has it
-};
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                const nb::sequence& initial, const nb::sequence& streams,

@@ -9,6 +9,7 @@ NB_MODULE(_native, m) {
     m.doc() = "The machines of rtamt in C++.";
     bind_discrete(m);
     bind_episode(m);
+    bind_episode_panel(m);
     bind_dense(m);
     bind_dense_episode(m);
     bind_banks(m);

@@ -40,6 +40,29 @@ public:
         return known_ && row_of(array, n, out);
     }
 
+    // Reads an element of a 1-D array of float64 or float32; false if it is another object, or has no
+    // such element.
+    bool element(PyObject* array, Py_ssize_t i, double& out) const {
+        if (!known_ || !is_array(array)) return false;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim != 1 || i < 0 || i >= fields->shape[0]) return false;
+        return number_at(fields, fields->data + i * fields->strides[0], out);
+    }
+    // Numbers of a class of Python that derives from float, such as numpy.float64, made as fast as
+    // those of float itself.
+    static PyObject* number_of(PyTypeObject* type, double value) {
+        if (type == &PyFloat_Type) return PyFloat_FromDouble(value);
+        PyObject* made = type->tp_alloc(type, 0);
+        if (made != nullptr) reinterpret_cast<PyFloatObject*>(made)->ob_fval = value;
+        return made;
+    }
+    // Whether `number_of` makes numbers of this class: it holds what float holds, and no more.
+    bool makes(PyTypeObject* type) const {
+        return type == &PyFloat_Type ||
+               (type == float64_ && type->tp_basicsize == PyFloat_Type.tp_basicsize &&
+                type->tp_itemsize == 0 && PyType_IsSubtype(type, &PyFloat_Type));
+    }
+
     // The numbers of an aligned array of float64 of this shape, in any layout; no data if it is
     // another object.
     Table table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
@@ -137,6 +160,18 @@ private:
             PyErr_Clear();
             return false;
         }
+        return true;
+    }
+
+    bool number_at(const Fields* fields, const char* place, double& out) const {
+        if (fields->dtype == doubles_) {
+            std::memcpy(&out, place, sizeof out);
+            return true;
+        }
+        if (fields->dtype != singles_) return false;
+        float value;
+        std::memcpy(&value, place, sizeof value);
+        out = value;
         return true;
     }
 

@@ -206,6 +206,7 @@ inline PyMethodDef update_method(Update* update, const char* doc) {
 // These add classes to the module.
 void bind_discrete(nb::module_& m);
 void bind_episode(nb::module_& m);
+void bind_episode_panel(nb::module_& m);
 void bind_dense(nb::module_& m);
 void bind_dense_episode(nb::module_& m);
 void bind_banks(nb::module_& m);

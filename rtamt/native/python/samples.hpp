@@ -115,25 +115,36 @@ inline bool read_at_once(Arguments& arguments, PyObject* const* args, Py_ssize_t
     return static_cast<std::size_t>(n) == arguments.size() && arguments.positional(args, pending);
 }
 
+// Takes in the sample that was read to pending(); the arguments are what it was read from.
+template <class T>
+void take_pending(T& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
+    auto& machine = object.machine;
+    if (machine.take()) [[likely]] return;
+    if constexpr (requires { object.nan_is_unknown; }) {
+        if (object.nan_is_unknown && take_unknown(object)) return;
+    }
+    const double* values = machine.pending();
+    if (std::none_of(values, values + machine.variables(), [](double x) { return x != x; }))
+        refuse_nan(object, values, machine.samples());
+    take_slowly(object, args, n, kwnames);
+}
+
+template <class T>
+void require_open(const T& object) {
+    if (object.running) [[unlikely]] require_idle(object);
+    if constexpr (requires { object.machine.finished(); }) {
+        if (object.machine.finished()) [[unlikely]] refuse_state("refuse_update");
+    }
+}
+
 template <class T>
 PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
     return call<T>(self, [=](T& object) {
-        auto& machine = object.machine;
-        if (object.running) [[unlikely]] require_idle(object);
-        if constexpr (requires { machine.finished(); }) {
-            if (machine.finished()) [[unlikely]] refuse_state("refuse_update");
-        }
-        if (!read_at_once(object.arguments, args, n, kwnames, machine.pending())) [[unlikely]] {
+        require_open(object);
+        if (read_at_once(object.arguments, args, n, kwnames, object.machine.pending())) [[likely]]
+            take_pending(object, args, n, kwnames);
+        else
             take_slowly(object, args, n, kwnames);
-        } else if (!machine.take()) [[unlikely]] {
-            if constexpr (requires { object.nan_is_unknown; }) {
-                if (object.nan_is_unknown && take_unknown(object)) return result_of(object);
-            }
-            const double* values = machine.pending();
-            if (std::none_of(values, values + machine.variables(), [](double x) { return x != x; }))
-                refuse_nan(object, values, machine.samples());
-            take_slowly(object, args, n, kwnames);
-        }
         return result_of(object);
     });
 }

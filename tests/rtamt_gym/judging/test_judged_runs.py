@@ -207,7 +207,7 @@ def test_a_sweep_compiles_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("several", [False, True])
-def test_a_sample_of_an_episode_is_one_call(several: bool) -> None:  # noqa: FBT001
+def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # noqa: FBT001
     specs = {"near": "always(abs(x) < 9)"} | ({"still": "always(v > -99)"} if several else {})
     signals = {"x": "obs[0]", "v": "obs[1]"}
     runner = Runner(
@@ -236,7 +236,7 @@ def test_a_sample_of_an_episode_is_one_call(several: bool) -> None:  # noqa: FBT
         return found
 
     calls(1)
-    assert calls(30) - calls(20) == 10
+    assert calls(30) - calls(20) == (10 if rtamt.BACKEND == "python" else 0)
 
 
 def test_runs_that_are_begun_together_have_monitors_of_their_own() -> None:
