@@ -53,12 +53,8 @@ def test_monitors_fed_together_are_those_fed_alone(
     told: list[int] = []
     seen: list[list[float]] = []
     joint = joint_of(fed, VARIABLES, reads=reads, decided=told.append, seen=seen.append)
-    made: dict[str, Callable[[Any], Any]] = {
-        "list": list,
-        "tuple": tuple,
-        "array": np.array,
-        "held": held.__setitem__,
-    }
+    made: dict[str, Callable[[list[float]], object]]
+    made = {"list": list, "tuple": tuple, "array": np.array}
     for i in range(length(trace)):
         values = list(sample(trace, i).values())
         for monitor in alone:
