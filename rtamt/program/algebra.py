@@ -218,6 +218,7 @@ class LatticeFold:
         dual: The same fold with min and max exchanged, for negated operands.
         combine: The fold of two elements.
         combine_arrays: The fold of two elements whose numbers are arrays.
+        made: Makes such a fold of other functions in place of min and max.
     """
 
     name: str
@@ -227,6 +228,7 @@ class LatticeFold:
     dual: str
     combine: _Combine[float]
     combine_arrays: _Combine[NDArray[np.float64]]
+    made: Callable[[_Lattice[Any], _Lattice[Any]], _Combine[Any]]
 
     def __post_init__(self) -> None:
         """Check the laws."""
@@ -325,8 +327,17 @@ def _pair_of_duals(
     lo, hi = lesser, greater
     (name, dual), width = names, len(identity)
     return (
-        LatticeFold(name, width, identity, mirrors[0], dual, fold(_min, _max), fold(lo, hi)),
-        LatticeFold(dual, width, opposite, mirrors[1], name, fold(_max, _min), fold(hi, lo)),
+        LatticeFold(name, width, identity, mirrors[0], dual, fold(_min, _max), fold(lo, hi), fold),
+        LatticeFold(
+            dual,
+            width,
+            opposite,
+            mirrors[1],
+            name,
+            fold(_max, _min),
+            fold(hi, lo),
+            lambda lesser, greater: fold(greater, lesser),
+        ),
     )
 
 

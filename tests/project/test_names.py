@@ -27,7 +27,7 @@ def definitions(path: Path) -> Iterator[tuple[str, str]]:
 
 def test_a_name_is_one_class_or_one_type() -> None:
     known: defaultdict[str, set[str]] = defaultdict(set)
-    for room in ("rtamt", "rtamt_gym", "rtamt_ros", "envs"):
+    for room in ("rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_ros", "envs"):
         for path in (ROOT / room).rglob("*.py"):
             if "generated" not in path.parts:
                 for name, what in definitions(path):

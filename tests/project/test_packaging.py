@@ -83,7 +83,9 @@ print(json.dumps([
     assert answers == [[3.0, 1.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 2.0]]
 
 
-@pytest.mark.parametrize("package", ["rtamt", "rtamt_gym", "rtamt_ros", "envs/rtamt_envs"])
+@pytest.mark.parametrize(
+    "package", ["rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_ros", "envs/rtamt_envs"]
+)
 def test_every_file_of_a_package_is_installed_but_the_native_sources(
     site: Path, package: str
 ) -> None:
@@ -135,7 +137,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "fmi",
     }
     assert installed_by(distribution, "all") == {"all", *promised}
-    promised |= {"all", "pytest", "test", "dev"}
+    promised |= {"all", "jax", "pytest", "test", "dev"}
     assert set(extras) == promised
 
 

@@ -41,7 +41,14 @@ def row(
     """A row whose functions take numbers and arrays alike."""
     width = len(identity)
     return LatticeFold(
-        name, width, identity, mirror or name, dual or name, combine, arrays or combine
+        name,
+        width,
+        identity,
+        mirror or name,
+        dual or name,
+        combine,
+        arrays or combine,
+        lambda _lesser, _greater: combine,
     )
 
 
@@ -154,7 +161,14 @@ def test_a_row_names_its_dual_and_its_mirror() -> None:
         _table(row("min", least))
     until, release = FOLDS["until"], FOLDS["release"]
     crooked = LatticeFold(
-        "until", 2, until.identity, "until", "release", until.combine, until.combine_arrays
+        "until",
+        2,
+        until.identity,
+        "until",
+        "release",
+        until.combine,
+        until.combine_arrays,
+        until.made,
     )
     with pytest.raises(AssertionError, match=r"^'until' is not the mirror of 'until'$"):
         _table(crooked, release, FOLDS["since"], FOLDS["trigger"])

@@ -1,0 +1,123 @@
+"""The functions and folds of programs on arrays: those of `rtamt.program.algebra`, by name.
+
+A select is written where a compiler would simplify: adding 0.0 turns -0.0 into 0.0, which XLA takes
+for nothing, and minima of XLA need not keep the two apart. A product has a zero added that a
+compiler cannot see through, so that no sum is fused with it: a fused sum rounds once instead of
+twice. So has a divisor: compilers divide by a constant by multiplying with its inverse.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rtamt.program.algebra import FOLDS, Element
+from rtamt_arrays.operations import Operations, Tensor
+
+__all__ = ["FUNCTIONS", "Elements", "Fold", "Lattice", "exact", "fold_all", "slide"]
+
+Elements = tuple[Tensor, ...]
+"""The numbers of an element of a fold, as arrays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """Functions in place of min and max, of two arrays each."""
+
+    lesser: Callable[[Tensor, Tensor], Tensor]
+    greater: Callable[[Tensor, Tensor], Tensor]
+
+
+def exact(o: Operations) -> Lattice:
+    """Min and max themselves, -0.0 below 0.0; each gives one of its operands.
+
+    So does its gradient: at a tie it is that of one operand.
+    """
+
+    def first(x: Tensor, y: Tensor) -> Tensor:
+        return (x < y) | ((x == y) & o.signbit(x))
+
+    return Lattice(lambda x, y: o.where(first(x, y), x, y), lambda x, y: o.where(first(x, y), y, x))
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A fold of `rtamt.program.algebra` on arrays; the older element stands left."""
+
+    combine: Callable[[Elements, Elements], Elements]
+    identity: Element
+
+    @classmethod
+    def named(cls, name: str, lattice: Lattice) -> Fold:
+        """The fold of a name, made of the functions of a lattice."""
+        row = FOLDS[name]
+        return cls(row.made(lattice.lesser, lattice.greater), row.identity)
+
+    def masked(self, o: Operations, inside: Tensor, elements: Elements) -> Elements:
+        """The elements where they are inside, and the identity elsewhere."""
+        return tuple(o.where(inside, x, e) for x, e in zip(elements, self.identity, strict=True))
+
+
+def slide(fold: Fold, elements: Elements, width: int) -> Elements:
+    """The folds of all windows of ``width`` elements along the first axis.
+
+    They are made from windows of powers of two, none of which overlap.
+    """
+    count = elements[0].shape[0] - width + 1
+    power, size, taken = elements, 1, 0
+    result: Elements | None = None
+    while True:
+        if width & size:
+            part = tuple(a[taken : taken + count] for a in power)
+            result = part if result is None else fold.combine(result, part)
+            taken += size
+        if taken == width:
+            return result or elements
+        power = fold.combine(tuple(a[:-size] for a in power), tuple(a[size:] for a in power))
+        size *= 2
+
+
+def fold_all(fold: Fold, elements: Elements) -> Elements:
+    """The fold of all elements along the first axis, which it removes."""
+    return tuple(a[0] for a in slide(fold, elements, elements[0].shape[0]))
+
+
+def _no_negative_zero(o: Operations, x: Tensor) -> Tensor:
+    return x + o.where(x == 0.0, 0.0, o.where(x == x, -0.0, math.nan))  # noqa: PLR0124
+
+
+def _rounded(o: Operations, x: Tensor) -> Tensor:
+    return x + o.where(x == x, -0.0, math.nan)  # noqa: PLR0124
+
+
+def _holds(o: Operations, x: Tensor, y: Tensor, holds: Tensor) -> Tensor:
+    value = o.where(holds, math.inf, -math.inf)
+    return o.where(o.isnan(x) | o.isnan(y), math.nan, value)
+
+
+FUNCTIONS: Mapping[str, Callable[..., Tensor]] = {
+    "neg": lambda _, x: -x,
+    "abs": lambda o, x: o.abs(x),
+    "sqrt": lambda o, x: o.sqrt(x),
+    "exp": lambda o, x: o.exp(x),
+    "ln": lambda o, x: o.ln(x),
+    "add": lambda _, x, y: x + y,
+    "sub": lambda _, x, y: x - y,
+    "mul": lambda o, x, y: _rounded(o, x * y),
+    "div": lambda o, x, y: x / (y + o.where(x == x, -0.0, math.nan)),  # noqa: PLR0124
+    "pow": lambda o, x, y: o.pow(x, y),
+    "log": lambda o, x, y: o.ln(x) / o.ln(y),
+    "min": lambda o, x, y: exact(o).lesser(x, y),
+    "max": lambda o, x, y: exact(o).greater(x, y),
+    "at_least": lambda o, x, y: _no_negative_zero(o, x - y),
+    "above": lambda o, x, y: -_no_negative_zero(o, y - x),
+    "equal": lambda o, x, y: _no_negative_zero(o, -o.abs(x - y)),
+    "unequal": lambda o, x, y: -_no_negative_zero(o, -o.abs(x - y)),
+    "nonnegative": _no_negative_zero,
+    "ge": lambda o, x, y: _holds(o, x, y, x >= y),
+    "gt": lambda o, x, y: _holds(o, x, y, x > y),
+    "eq": lambda o, x, y: _holds(o, x, y, x == y),
+    "ne": lambda o, x, y: _holds(o, x, y, x != y),
+}
+"""What `rtamt.program.algebra.FUNCTIONS` computes, of operations and arrays."""

@@ -1,0 +1,84 @@
+"""Monitors of JAX: pure functions under ``jit``, ``vmap``, ``scan`` and ``grad``."""
+
+from __future__ import annotations
+
+from rtamt import Align, Period
+from rtamt_arrays.compiling import Spec, program_of
+from rtamt_arrays.functions import exact
+from rtamt_arrays.jax.operations import JaxOperations, JaxReader
+from rtamt_arrays.offline import evaluated
+from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
+from rtamt_arrays.operations import Tensor
+from rtamt_arrays.terms import ArraySample, traces
+
+__all__ = ["OnlineMonitor", "OnlineReading", "OnlineState", "evaluate", "online"]
+
+
+def online(
+    spec: Spec, period: Period | None = None, *, align: Align | None = None, dtype: object = None
+) -> OnlineMonitor:
+    """`rtamt.VectorMonitor` as pure functions: the robustness of every lane, late by the latency.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        period: As for `rtamt.Monitor`.
+        align: As for `rtamt.Monitor`.
+        dtype: The kind of floats; None: that of JAX, which is float32 unless x64 is enabled.
+
+    Raises:
+        SpecificationError: As for `rtamt.Monitor`, so on a future without an end.
+        InputError: On a period that is none, or float64 that is not enabled.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> monitor = online("once[0:1](x > 0)")
+        >>> state = monitor.init(2)
+        >>> state, reading = monitor.update(state, {"x": jnp.array([1.0, 2.0])})
+        >>> state = monitor.reset(state, jnp.array([True, False]))
+        >>> state, reading = monitor.update(state, {"x": jnp.array([-3.0, -3.0])})
+        >>> reading.robustness.tolist()
+        [-3.0, 2.0]
+    """
+    return OnlineMonitor(
+        program_of(spec, period, align, online=True), JaxOperations(), JaxReader(dtype)
+    )
+
+
+def evaluate(
+    spec: Spec,
+    signals: ArraySample,
+    period: Period | None = None,
+    *,
+    align: Align | None = None,
+    dtype: object = None,
+) -> Tensor:
+    """Robustness at every sample of traces, many at once; `rtamt.evaluate` of each.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: For each variable an array of shape (..., samples), others are ignored; or one
+            array of shape (..., samples, variables).
+        period: As for `rtamt.evaluate`.
+        align: As for `rtamt.evaluate`.
+        dtype: The kind of floats; None: that of JAX.
+
+    Returns:
+        An array of shape (..., samples); nan throughout a trace in which a variable or a term is.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples.
+        InputError: On a missing variable, other shapes, no samples, or no variable at all.
+        InputTypeError: On what are no arrays of real numbers.
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> x = jnp.array([3.0, 1.0, 2.0])
+        >>> evaluate("always[0:1](x > 0)", {"x": x}).tolist()
+        [1.0, 1.0, 2.0]
+        >>> jax.grad(lambda x: evaluate("always(x > 0)", {"x": x})[0])(x).tolist()
+        [0.0, 1.0, 0.0]
+    """
+    reader, operations = JaxReader(dtype), JaxOperations()
+    program = program_of(spec, period, align, online=False)
+    values = traces(program, reader, signals)
+    return evaluated(program, operations, reader.dtype, exact(operations), values).swapaxes(0, -1)

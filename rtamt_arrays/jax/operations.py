@@ -1,0 +1,81 @@
+"""The operations of arrays in JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt_arrays.operations import Tensor
+
+__all__ = ["JaxOperations", "JaxReader"]
+
+
+class JaxOperations:
+    """The operations that the walks over a program ask for."""
+
+    def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
+        return jnp.full(shape, value, dtype)
+
+    def integers(self, values: Sequence[int]) -> Tensor:
+        return jnp.asarray(values, jnp.int32)
+
+    def column(self, values: Sequence[float], dtype: object) -> Tensor:
+        return jnp.asarray(values, dtype)[:, None]
+
+    where = staticmethod(jnp.where)
+    signbit = staticmethod(jnp.signbit)
+    isnan = staticmethod(jnp.isnan)
+    abs = staticmethod(jnp.abs)
+    sqrt = staticmethod(jnp.sqrt)
+    exp = staticmethod(jnp.exp)
+    ln = staticmethod(jnp.log)
+    log1p = staticmethod(jnp.log1p)
+    pow = staticmethod(jnp.power)
+    broadcast = staticmethod(jnp.broadcast_to)
+    least = staticmethod(jnp.minimum)
+    concatenate = staticmethod(jnp.concatenate)
+    stack = staticmethod(jnp.stack)
+
+    def as_integers(self, x: Tensor) -> Tensor:
+        return x.astype(jnp.int32)
+
+    def gather(self, table: Tensor, rows: Tensor) -> Tensor:
+        return table.at[rows].get(mode="promise_in_bounds", unique_indices=True)
+
+    def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
+        return table.at[rows].set(values, mode="promise_in_bounds", unique_indices=True)
+
+
+class JaxReader:
+    """Arrays of JAX and of NumPy, as those of one kind of floats."""
+
+    kind = "arrays"
+
+    def __init__(self, dtype: object) -> None:
+        self.dtype = jnp.dtype(jnp.result_type(float) if dtype is None else dtype)
+        if not jnp.issubdtype(self.dtype, jnp.floating):
+            raise InputTypeError(f"expected a dtype of floats, got {self.dtype}")
+        if jnp.zeros((), self.dtype).dtype != self.dtype:
+            raise InputError(
+                f"{self.dtype} is not enabled; call jax.config.update('jax_enable_x64', True) first"
+            )
+
+    def taken(self, value: object) -> Tensor | None:
+        if not (hasattr(value, "dtype") and hasattr(value, "shape")):
+            return None
+        real = (jnp.floating, jnp.integer, jnp.bool_)
+        if not any(jnp.issubdtype(value.dtype, each) for each in real):
+            return None
+        return jnp.asarray(value, self.dtype)
+
+    def mask(self, mask: object, like: Tensor) -> Tensor:
+        if mask is None:
+            return jnp.ones_like(like, dtype=bool)
+        if getattr(mask, "dtype", None) != jnp.bool_:
+            raise InputTypeError(f"expected a mask of booleans, got {brief(mask)}")
+        array = jnp.asarray(mask)
+        if array.shape != like.shape:
+            raise InputError(f"expected a mask of shape {like.shape}, got {array.shape}")
+        return array

@@ -1,0 +1,72 @@
+"""What the walks over a program ask of an array library, beside the operators of its arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+__all__ = ["Operations", "Tensor"]
+
+Tensor = Any
+"""An array of JAX, or a tensor of torch: neither library's types are needed to check this one."""
+
+
+class Operations(Protocol):
+    """The functions in which array libraries differ. Time, if there is any, is the first axis."""
+
+    def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
+        """An array of one value."""
+
+    def integers(self, values: Sequence[int]) -> Tensor:
+        """A vector of 32-bit integers."""
+
+    def column(self, values: Sequence[float], dtype: object) -> Tensor:
+        """ArrayReader along the first of two axes; the second has the length 1."""
+
+    def where(self, condition: Tensor, x: Tensor | float, y: Tensor | float) -> Tensor:
+        """The values of x where the condition holds, and those of y elsewhere."""
+
+    def signbit(self, x: Tensor) -> Tensor:
+        """Whether the sign bit is set."""
+
+    def isnan(self, x: Tensor) -> Tensor:
+        """Whether a value is nan."""
+
+    def abs(self, x: Tensor) -> Tensor:
+        """The absolute value."""
+
+    def sqrt(self, x: Tensor) -> Tensor:
+        """The square root; nan below 0."""
+
+    def exp(self, x: Tensor) -> Tensor:
+        """The exponential."""
+
+    def ln(self, x: Tensor) -> Tensor:
+        """The natural logarithm; nan below 0."""
+
+    def log1p(self, x: Tensor) -> Tensor:
+        """The natural logarithm of 1 + x."""
+
+    def pow(self, x: Tensor, y: Tensor) -> Tensor:
+        """The power."""
+
+    def as_integers(self, x: Tensor) -> Tensor:
+        """Booleans as 32-bit integers."""
+
+    def least(self, x: Tensor, most: int) -> Tensor:
+        """The lesser of integers and a number."""
+
+    def concatenate(self, arrays: Sequence[Tensor]) -> Tensor:
+        """Arrays one after the other along the first axis."""
+
+    def stack(self, arrays: Sequence[Tensor]) -> Tensor:
+        """Arrays as rows of a new first axis."""
+
+    def broadcast(self, x: Tensor, shape: tuple[int, ...]) -> Tensor:
+        """The array repeated to a shape."""
+
+    def gather(self, table: Tensor, rows: Tensor) -> Tensor:
+        """Rows of a table, all at once."""
+
+    def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
+        """The table with other values in rows that differ, all at once; in place where it can."""

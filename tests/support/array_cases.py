@@ -1,0 +1,93 @@
+"""Formulas, traces and resets for the machines on arrays, which are compared to the bit.
+
+A compiler takes a second for a formula: several of a batch are compiled at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+import numpy as np
+import strategies as s
+from hypothesis import Phase, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from rtamt import Formula, VectorMonitor, evaluate
+from rtamt.language.formula import make
+from rtamt.language.node import Node
+from rtamt_arrays.operations import Tensor
+
+Floats = NDArray[np.float64]
+
+BATCH = 8
+LANES = 3
+SAMPLES = 14
+
+ROUNDED = {"exp", "ln", "log", "pow"}
+"""Functions that libraries round differently."""
+
+# 200 formulas, and 2,000 with --hypothesis-profile=nightly.
+# A smaller example would be compiled again and again.
+few = settings(
+    max_examples=min(250, settings().max_examples // 2),
+    phases=[phase for phase in Phase if phase is not Phase.shrink],
+)
+
+
+class Case(NamedTuple):
+    """Formulas, and samples and resets of lanes."""
+
+    formulas: list[Formula]
+    samples: Floats
+    resets: NDArray[np.bool_]
+
+    def online(self, formula: Formula) -> Floats:
+        """What `rtamt.VectorMonitor` gives, a row for each sample."""
+        monitor = VectorMonitor(formula, LANES)
+        places = [s.VARIABLES.index(name) for name in monitor.variables]
+        rows = []
+        for sample, mask in zip(self.samples, self.resets, strict=True):
+            monitor.reset(mask)
+            rows.append(monitor.update(sample[:, places]))
+        return np.array(rows)
+
+    def offline(self, formula: Formula) -> Floats:
+        """What `rtamt.evaluate` gives, a row for each lane."""
+        signals = columns(formula, self.samples)
+        return np.array(
+            [
+                evaluate(formula, {name: values[lane] for name, values in signals.items()})
+                for lane in range(LANES)
+            ]
+        )
+
+
+def columns(formula: Node, samples: Tensor) -> dict[str, Tensor]:
+    """The signals of a formula, of shape (lanes, samples), in an array of either library."""
+    return {name: samples[:, :, s.VARIABLES.index(name)].T for name in formula.variables}
+
+
+def exactly_rounded(formula: Node) -> bool:
+    """Whether no function in a formula is rounded differently by different libraries."""
+    names = {formula.op.name} if formula.op else set()
+    return not names & ROUNDED and all(map(exactly_rounded, formula.args))
+
+
+@st.composite
+def cases(draw: s.Draw, *, endless: bool = False) -> Case:
+    """A batch of formulas with variables, and samples with many zeros of either sign."""
+    usable = s.formulas(3, endless=endless).filter(lambda f: f.variables and exactly_rounded(f))
+    formulas = [draw(usable) for _ in range(BATCH)]
+    if draw(st.booleans()) and not endless:
+        formulas[0] = _outermost(formulas[0])
+    seed = draw(st.integers(0, 2**32 - 1))
+    random = np.random.default_rng(seed)
+    values = draw(st.sampled_from([s.QUARTERS, s.INTEGERS]))
+    samples = random.choice(np.array(values), (SAMPLES, LANES, len(s.VARIABLES)))
+    resets = random.random((SAMPLES, LANES)) < 0.1
+    return Case(formulas, samples, resets)
+
+
+def _outermost(formula: Formula) -> Formula:
+    return cast("Formula", make("always", (formula,), None))
