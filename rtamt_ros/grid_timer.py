@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Protocol
 
 from rtamt_ros.callback import Callback
@@ -48,6 +49,9 @@ class GridTimer(threading.Thread):
         self._callback: Callable[[int], None] = callback
         self._close = callback.close
         self._closed = threading.Event()
+        # An event makes a lock for each wait, and takes four times as long as a lock that is taken.
+        self._waits = threading.Lock()
+        self._waits.acquire()
         self._begin = clock.now()
         self.start()
 
@@ -73,9 +77,11 @@ class GridTimer(threading.Thread):
         if self._clock.is_simulated():
             self._clock.wait_for_another(now)
         else:
-            self._closed.wait(duration / 1e9)
+            self._waits.acquire(timeout=duration / 1e9)
 
     def close(self) -> None:
         """Calls no more; waits for a call in another thread."""
         self._close()
         self._closed.set()
+        with suppress(RuntimeError):  # another closes it too
+            self._waits.release()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from enum import IntEnum
 from typing import Any, Protocol
 
@@ -33,6 +33,10 @@ class Publisher(Handle, Protocol):
 
     def publish(self, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         """Publishes a message, which must be of `message`."""
+        ...
+
+    def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
+        """Publishes a message with a time in its header, and numbers in the fields that are its."""
         ...
 
 
@@ -90,8 +94,18 @@ class Middleware(Protocol):
         """Calls back with every message of a topic, and with what was latched before."""
         ...
 
-    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
-        """Publishes on a topic; a latched one gives its last message to who comes late."""
+    def publisher(
+        self,
+        topic: str,
+        message: type,
+        *,
+        latched: bool = True,
+        fields: Sequence[Sequence[str]] = (),
+    ) -> Publisher:
+        """Publishes on a topic; a latched one gives its last message to who comes late.
+
+        The paths to fields are for `Publisher.publish_numbers`.
+        """
         ...
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:

@@ -11,9 +11,11 @@ import re
 import time
 import xmlrpc.client
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from http.client import HTTPException
 from importlib.util import find_spec
+from io import BytesIO
 from typing import Any
 
 import genpy.dynamic
@@ -29,6 +31,7 @@ from rtamt_ros.ending import Ending
 from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.packed import Made, Packed
 from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
 
 __all__ = ["DISPLACED", "REFUSED", "Ros1", "legal_name"]
@@ -156,9 +159,16 @@ class Ros1:
         self.resolve(topic)
         return _Subscription(topic, message, callback)
 
-    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+    def publisher(
+        self,
+        topic: str,
+        message: type,
+        *,
+        latched: bool = True,
+        fields: Sequence[Sequence[str]] = (),
+    ) -> Publisher:
         self.resolve(topic)
-        return _Publisher(topic, message, latched=latched)
+        return _Publisher(topic, message, Made(message, fields, self.set_stamp), latched=latched)
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         timer = GridTimer(self, period, Callback(callback, rospy.logerr))
@@ -262,15 +272,74 @@ class _Subscription:
 
 
 class _Publisher:
-    def __init__(self, topic: str, message: type, *, latched: bool) -> None:
+    def __init__(self, topic: str, message: type, made: Made, *, latched: bool) -> None:
         self.message = message
         self._publisher = rospy.Publisher(
             topic, message, latch=latched, queue_size=_QUEUE, tcp_nodelay=True
         )
+        self._topic = self._publisher.impl
+        self._latched = latched
         self.publish: Callable[[Any], None] = self._publisher.publish
+        self._make: Callable[[int, Sequence[float]], Any] = made
+        if made.count:
+            with suppress(ValueError):
+                self._make = _packing(message, made)
+
+    def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
+        message = self._make(time, numbers)
+        if self._latched:
+            # Who connects from here on gets it of rospy, which takes as long again to see nobody.
+            self._topic.latch = message
+            if not self._topic.has_connections():
+                return
+        self.publish(message)
 
     def close(self) -> None:
         self._publisher.unregister()
+
+
+def _packing(message: type, made: Made) -> Callable[[int, Sequence[float]], _Packed]:
+    """Makes what rospy takes for messages of a class, and writes as it would write these."""
+    of = {name: getattr(message, name) for name in ("_md5sum", "_has_header")}
+    of |= {"pack": staticmethod(Packed(made, _serialized)), "__slots__": ()}
+    return type(f"{message.__name__}Packed", (_Packed,), of)
+
+
+def _serialized(message: Any) -> bytes:
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+class _Packed:
+    """A message that is packed once it is sent.
+
+    rospy knows it by the sum of its class, and writes a count into its header.
+    """
+
+    __slots__ = ("_numbers", "_time", "seq")
+
+    _has_header = False
+    frame_id = ""
+    pack: Packed
+
+    def __init__(self, time: int, numbers: Sequence[float]) -> None:
+        self._time = time
+        self._numbers = numbers
+        self.seq = 0
+
+    @property
+    def header(self) -> _Packed:
+        """What has the count."""
+        return self
+
+    def serialize(self, buffer: BytesIO) -> None:
+        """Writes the bytes, with the count, which a header begins with."""
+        found = self.pack(self._time, self._numbers)
+        if self._has_header:
+            buffer.write(self.seq.to_bytes(4, "little"))
+            found = found[4:]
+        buffer.write(found)
 
 
 class _Service:

@@ -1,7 +1,7 @@
 """The middleware of ROS 2, on rclpy.
 
-It, `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_lifecycle` are the only modules that import
-rclpy and messages of ROS 2.
+It, its own `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_hearing`, and
+`rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and messages of ROS 2.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
 
@@ -24,6 +24,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.type_support import check_for_type_support
 from rclpy.utilities import remove_ros_args
@@ -34,7 +35,9 @@ from rtamt_ros.ending import Ending
 from rtamt_ros.grid_timer import GridTimer
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.packed import Made, Packed
 from rtamt_ros.parameters import DEPTH, Qos
+from rtamt_ros.ros2_hearing import Hearing
 from rtamt_ros.ros2_subscription import Ros2Subscription
 
 __all__ = ["Ros2"]
@@ -45,9 +48,9 @@ _SECOND = 1_000_000_000
 class Ros2:
     """A node of ROS 2, as `rtamt_ros.middleware.Middleware` describes it.
 
-    Callbacks of messages run in one thread, those of a timer on the wall clock in another. What is
-    published is reliable, which every subscription may ask
-    for.
+    Callbacks of messages run in one thread, those of a timer on the wall clock in another; on a
+    simulated clock both run in one, so that a time of the clock comes after what was sent before
+    it. What is published is reliable, which every subscription may ask for.
 
     Args:
         name: The name of the node, unless ``-r __node:=NAME`` in the arguments gives another.
@@ -89,6 +92,7 @@ class Ros2:
         self.qos: Qos = "best_effort"
         self.depth = DEPTH
         self._clock = self.node.get_clock()
+        self._hearing = Hearing(self.node, partial(self.log, Level.ERROR))
         self._spinning = threading.Lock()
         self._runner: threading.Thread | None = None
         self._ending = Ending()
@@ -158,10 +162,24 @@ class Ros2:
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
         with _refusals(f"topic {topic!r}"):
             return Ros2Subscription(
-                self.node, topic, message, callback, qos=self.qos, depth=self.depth, log=self.log
+                self.node,
+                topic,
+                message,
+                callback,
+                qos=self.qos,
+                depth=self.depth,
+                log=self.log,
+                hearing=None if self.is_simulated() else self._hearing,
             )
 
-    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+    def publisher(
+        self,
+        topic: str,
+        message: type,
+        *,
+        latched: bool = True,
+        fields: Sequence[Sequence[str]] = (),
+    ) -> Publisher:
         if latched:  # who comes late gets all that is kept: the last
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         else:
@@ -170,7 +188,7 @@ class Ros2:
         events = PublisherEventCallbacks(use_default_callbacks=False)
         with _refusals(f"topic {topic!r}"):
             entity = self.node.create_publisher(message, topic, qos, event_callbacks=events)
-        return _Publisher(self.node, entity, message)
+        return _Publisher(self.node, entity, message, Made(message, fields, self.set_stamp))
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         called = Callback(callback, partial(self.log, Level.ERROR))
@@ -212,8 +230,7 @@ class Ros2:
             self._ending.wait()
             executor.shutdown()
             self._runner.join()  # a callback that runs while ROS ends aborts the process
-            for timer in self._timers:
-                timer.close()
+            self._close_threads()
         if self._closing:
             self.close()
         return 0
@@ -222,14 +239,19 @@ class Ros2:
         """Ends the node. In a callback it returns at once, and `spin` does the rest."""
         self._closing = True
         self._ending.ask()
-        if threading.current_thread() in (self._runner, *self._timers):
+        if threading.current_thread() in (self._runner, self._hearing, *self._timers):
             return
         with self._spinning:
-            for timer in self._timers:
-                timer.close()
+            self._close_threads()
             if self.node.context.ok():
                 self.node.destroy_node()
                 self.node.context.shutdown()
+
+    def _close_threads(self) -> None:
+        """Ends what calls back beside an executor."""
+        self._hearing.close()
+        for timer in self._timers:
+            timer.close()
 
 
 class _Timer:
@@ -268,10 +290,17 @@ class _Service:
 class _Publisher:
     """A publisher until it is closed; who comes late gets nothing any more."""
 
-    def __init__(self, node: Node, entity: Any, message: type) -> None:
+    def __init__(self, node: Node, entity: Any, message: type, made: Made) -> None:
         self.message = message
         self.publish: Callable[[Any], None] = entity.publish
         self.close = lambda: node.destroy_publisher(entity)
+        self._make: Callable[[int, Sequence[float]], Any] = made
+        if made.count:
+            with suppress(ValueError):
+                self._make = Packed(made, serialize_message)
+
+    def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
+        self.publish(self._make(time, numbers))
 
 
 @contextmanager

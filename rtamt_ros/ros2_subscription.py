@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rtamt_ros.callback import Callback
 from rtamt_ros.middleware import Level
 from rtamt_ros.parameters import Qos
+from rtamt_ros.ros2_hearing import Hearing
 
 __all__ = ["Ros2Subscription"]
 
@@ -40,6 +42,7 @@ class Ros2Subscription:
         qos: ``"best_effort"`` hears every publisher; ``"reliable"`` reliable ones only.
         depth: How many messages wait for the callback.
         log: The log of the node.
+        hearing: The thread that takes the messages; None: an executor of the node does.
     """
 
     def __init__(
@@ -52,8 +55,10 @@ class Ros2Subscription:
         qos: Qos,
         depth: int,
         log: Callable[[Level, str], None],
+        hearing: Hearing | None = None,
     ) -> None:
         self._node = node
+        self._hearing = hearing
         self._topic = topic
         self._message = message
         self._callback = Callback(callback, partial(log, Level.ERROR))
@@ -66,6 +71,10 @@ class Ros2Subscription:
         self._came = False
         self._mixed = False  # whether there is a publisher that `late` cannot hear
         self._newest = 0  # when the newest of what came was sent, until one reader stays
+        # When the last that came were sent. One reader may be closed before the other has given
+        # what both were given: so many messages are compared after that too.
+        self._recent: deque[int] = deque(maxlen=2 * depth)
+        self._compared = 2 * depth
         self._others: list[str] = []
         self._open_live()
         self._whole_name = self._readers["live"].topic_name
@@ -93,20 +102,35 @@ class Ros2Subscription:
     def _open(self, name: str, profile: QoSProfile, unheard: Callable[[object], None]) -> None:
         """Opens a reader; `unheard` is called when there is a publisher that it cannot hear."""
         events = SubscriptionEventCallbacks(incompatible_qos=unheard, use_default_callbacks=False)
+        hearing = self._hearing
         self._readers[name] = self._node.create_subscription(
-            self._message, self._topic, self._hear, profile, event_callbacks=events
+            self._message,
+            self._topic,
+            self._hear,
+            profile,
+            event_callbacks=events,
+            callback_group=hearing.group if hearing is not None else None,
         )
+        if hearing is not None:
+            hearing.add(self._readers[name], self._hear)
 
     def _close(self, name: str) -> None:
-        self._node.destroy_subscription(self._readers.pop(name))
+        reader = self._readers.pop(name)
+        if self._hearing is not None:
+            self._hearing.remove(reader)
+        self._node.destroy_subscription(reader)
 
     def _hear(self, message: Any, info: dict[str, int]) -> None:
         self._came = True
-        if self._watch is not None:
-            sent = info["source_timestamp"]
-            if sent <= self._newest and len(self._readers) == 2:
-                return  # the other reader heard it, or it is older than what was heard
+        if self._compared:
+            sent, watched = info["source_timestamp"], self._watch is not None
+            if sent in self._recent:
+                return  # the other reader heard it
+            if watched and sent <= self._newest and len(self._readers) == 2:
+                return  # it is older than what was heard
             self._newest = max(sent, self._newest)
+            self._recent.append(sent)
+            self._compared -= not watched
         self._callback(message)
 
     def _look(self) -> None:

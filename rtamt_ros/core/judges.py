@@ -73,8 +73,8 @@ class Judges:
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
         """The last report of every requirement of which there is one."""
-        last = (each.account.last for each in self._judges)
-        return tuple(each for each in last if each is not None)
+        last = [each.account.last for each in self._judges]
+        return tuple([each for each in last if each is not None])
 
     def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
-from typing import Any
 
 from rtamt import InputError, Verdict
 from rtamt_ros.core.outputs import Output
@@ -45,18 +44,21 @@ class Publishing:
     ) -> None:
         self._middleware = middleware
         self._open: list[Publisher] = []
-        self._of: dict[str, list[_Outgoing]] = {name: [] for name in bounds}
-        self._bounds: dict[str, list[_Bound]] = {name: [] for name in bounds}
+        self._of: dict[str, list[_Outgoing | _Bounds]] = {name: [] for name in bounds}
         try:
             for output in outputs:
-                publisher = self._publisher(output.topic, classes[output.package, output.message])
-                outgoing = _Outgoing(middleware, output, publisher, lateness)
+                message = classes[output.package, output.message]
+                fields = [*output.formulas.values()]
+                publisher = self._publisher(output.topic, message, fields)
+                outgoing = _Outgoing(output, publisher, lateness)
                 for name in dict.fromkeys(name for name, _ in output.formulas):
                     self._of[name].append(outgoing)
             for name, topic in bounds.items():
-                for what, message in BOUNDS.items():
-                    publisher = self._publisher(f"{topic}/{what}", classes["std_msgs", message])
-                    self._bounds[name].append(_Bound(what, publisher))
+                each = {
+                    what: self._publisher(f"{topic}/{what}", classes["std_msgs", message])
+                    for what, message in BOUNDS.items()
+                }
+                self._of[name].append(_Bounds(each))
         except InputError:
             self.close()
             raise
@@ -65,37 +67,53 @@ class Publishing:
         """Publish what is known; of the bounds and the verdict, what is new."""
         for outgoing in self._of[report.name]:
             outgoing.publish(report)
-        for bound in self._bounds[report.name]:
-            bound.publish(report)
 
     def close(self) -> None:
         """Close every publisher."""
         while self._open:
             self._open.pop().close()
 
-    def _publisher(self, topic: str, message: type) -> Publisher:
-        publisher = self._middleware.publisher(topic, message)
+    def _publisher(
+        self, topic: str, message: type, fields: Sequence[Sequence[str]] = ()
+    ) -> Publisher:
+        publisher = self._middleware.publisher(topic, message, fields=fields)
         self._open.append(publisher)
         return publisher
 
 
-class _Bound:
-    """The messages of a bound or a verdict, each of which is published once until it changes.
+class _Bounds:
+    """The messages of bounds and a verdict, each of which is published once until it changes.
 
     Their topics are latched, and a message costs as much as a hundred samples of a monitor.
     """
 
+    def __init__(self, publishers: Mapping[str, Publisher]) -> None:
+        self._bounds = [_Bound(what, publisher) for what, publisher in publishers.items()]
+        self._last: tuple[float | None, float | None, Verdict | None] = None, None, None
+
+    def publish(self, report: RequirementReport) -> None:
+        last = self._last
+        lower, upper = report.lower, report.upper
+        # Numbers that are the same and neither 0, which has two signs, nor nan were written so.
+        if lower and upper and (lower, upper, report.verdict) == last:
+            return
+        self._last = lower, upper, report.verdict
+        for bound in self._bounds:
+            bound.publish(report)
+
+
+class _Bound:
+    """The messages of a bound or a verdict."""
+
     def __init__(self, what: str, publisher: Publisher) -> None:
         self._of = attrgetter(what)
         self._publisher = publisher
-        self._value: float | None = None
         self._last = ""
 
     def publish(self, report: RequirementReport) -> None:
         value = self._of(report)
-        if value is self._value or value is None or (value and value == self._value):
+        if value is None:
             return
-        self._value = value
         written = float(value).hex()  # tells -0.0 from 0.0, and nan is nan
         if written != self._last:
             self._last = written
@@ -113,18 +131,15 @@ class _Outgoing:
 
     def __init__(
         self,
-        middleware: Middleware,
         output: Output,
         publisher: Publisher,
         lateness: Mapping[tuple[str, str], int],
     ) -> None:
-        self._middleware = middleware
-        self._publisher = publisher
+        self._publish = publisher.publish_numbers
         self._formulas = output.formulas
         self._late = {key: lateness[key] for key in output.formulas}
         self._longest = max(self._late.values())
         self._only = next(iter(output.formulas)) if len(output.formulas) == 1 else None
-        self._writers = {key: _Writer(path) for key, path in output.formulas.items()}
         self._waiting: dict[int, dict[tuple[str, str], float]] = {}
         self._last: int | None = None  # what was said last, unless something was not known
 
@@ -133,14 +148,15 @@ class _Outgoing:
         if self._only is not None:  # it waits for nothing
             found = (report.time, math.nan) if gone else self._found(self._only, report)
             if found is not None:
-                self._send(found[0], {self._only: found[1]})
+                self._send(found[0], (found[1],))
             return
         for key in self._formulas:
             if key[0] == report.name:
                 self._add_nan(key, report.time) if gone else self._add(key, report)
         for time in sorted(self._waiting):
             if len(self._waiting[time]) == len(self._formulas):
-                self._send(time, self._waiting[time])
+                values = self._waiting[time]
+                self._send(time, [values[key] for key in self._formulas])
                 self._waiting = {at: its for at, its in self._waiting.items() if at > time}
         if self._waiting:  # what is older comes no more, and what is newer came before a jump back
             oldest = report.time - self._longest
@@ -169,26 +185,9 @@ class _Outgoing:
                 values.setdefault(key, math.nan)
         self._waiting[time][key] = math.nan
 
-    def _send(self, time: int, values: Mapping[tuple[str, str], float]) -> None:
-        message = self._publisher.message()
-        known = True
-        for key, value in values.items():
-            self._writers[key](message, value)
-            known = known and not math.isnan(value)
-        self._middleware.set_stamp(message, time)
-        self._publisher.publish(message)
-        self._last = time if known else None
-
-
-class _Writer:
-    """Writes a field of a message."""
-
-    def __init__(self, path: Sequence[str]) -> None:
-        *outer, self._last = path
-        self._holder = attrgetter(".".join(outer)) if outer else None
-
-    def __call__(self, message: Any, value: float) -> None:  # noqa: ANN401
-        setattr(message if self._holder is None else self._holder(message), self._last, value)
+    def _send(self, time: int, values: Sequence[float]) -> None:
+        self._publish(time, values)
+        self._last = None if any(map(math.isnan, values)) else time
 
 
 class Diagnostics:
@@ -212,7 +211,7 @@ class Diagnostics:
         self.around: tuple[Level, str] | None = None
         self._told_around: tuple[Level, str] | None = None
         self._formulas = formulas
-        self._states: dict[str, tuple[Level, str]] = {}
+        self._states: list[tuple[Level, str]] = []
         self._told = 0
         self._publisher: Publisher | None = None
         try:
@@ -224,14 +223,16 @@ class Diagnostics:
 
     def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
         """Publish and log what is new; whether it was time to."""
-        states = self._states
-        changed = [each for each in reports if states.get(each.name) != _state_of(each)]
+        states, before = [*map(_STATE, reports)], self._states
         around = self.around
         news = around is not None and around != self._told_around
-        if not changed and not news and 0 <= now - self._told < _SECOND:
+        if states == before and not news and 0 <= now - self._told < _SECOND:
             return False
+        missing = [None] * (len(states) - len(before))
+        known = zip(reports, states, [*before, *missing], strict=True)
+        changed = [report for report, state, was in known if state != was]
         self._told = now
-        self._states = {each.name: _state_of(each) for each in reports}
+        self._states = states
         for report in changed:
             self._middleware.log(report.level, f"{report.name}: {report.text}")
         if around is not None and news:
@@ -259,9 +260,8 @@ class Diagnostics:
             self._publisher.close()
 
 
-def _state_of(report: RequirementReport) -> tuple[Level, str]:
-    """What makes a state another."""
-    return report.level, report.unrecorded
+_STATE = attrgetter("level", "unrecorded")
+"""What makes the state of a requirement another."""
 
 
 def _told(report: RequirementReport, formula: str) -> dict[str, str]:

@@ -182,6 +182,8 @@ class SampledJudge:
         """The values of a time, and the inputs of which they are not known and nan."""
         stale = [each for each in self.inputs if each.is_stale(now)] if self._unknown else []
         held = [source.values for source in self.inputs]
+        if not stale:
+            return [held[at][place] for at, place in self._places], stale
         for source in stale:
             at = self.inputs.index(source)
             held[at] = [math.nan] * len(held[at])

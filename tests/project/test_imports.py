@@ -43,8 +43,9 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core",),
-        ("node", "parameters", "ending", "pauses", "callback", "messages"),
-        ("ros2_subscription", "ros1_master", "grid_timer"),
+        ("node", "parameters", "ending", "pauses", "callback", "messages", "packed"),
+        ("ros2_hearing", "ros1_master", "grid_timer"),
+        ("ros2_subscription",),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
         ("simulator",),

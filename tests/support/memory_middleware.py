@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from rtamt import InputError
 from rtamt_ros.callback import answered
 from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.packed import Made
 
 __all__ = ["CLASSES", "MemoryMiddleware", "message"]
 
@@ -94,7 +95,11 @@ class _Publisher:
     middleware: MemoryMiddleware
     topic: str
     message: type
+    made: Made
     latched: bool
+
+    def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
+        self.publish(self.made(time, numbers))
 
     def publish(self, message: Any) -> None:
         assert type(message) is self.message
@@ -167,10 +172,18 @@ class MemoryMiddleware:
         self.subscriptions.append(_Open(self.subscriptions, callback, topic, message))
         return self.subscriptions[-1]
 
-    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+    def publisher(
+        self,
+        topic: str,
+        message: type,
+        *,
+        latched: bool = True,
+        fields: Sequence[Sequence[str]] = (),
+    ) -> Publisher:
         if topic in self.refused:
             raise InputError(f"{topic} is refused")
-        self.publishers.append(_Publisher(self, topic, message, latched))
+        made = Made(message, fields, self.set_stamp)
+        self.publishers.append(_Publisher(self, topic, message, made, latched))
         return self.publishers[-1]
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:

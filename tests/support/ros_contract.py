@@ -139,6 +139,55 @@ class MiddlewareContract:
         talker.ask("publish", topic, {"data": 4.0})
         assert heard(listener, topic, 2) == [3.0, 4.0]
 
+    @pytest.mark.parametrize("latched", [True, False])
+    @pytest.mark.parametrize(
+        ("message", "fields"),
+        [
+            (("nav_msgs", "Odometry"), ["twist.twist.linear.x", "pose.pose.position.y"]),
+            (("geometry_msgs", "PointStamped"), ["point.z"]),
+            (FLOAT, ["data"]),
+            (("std_msgs", "Float32"), ["data"]),  # half as many bits
+        ],
+    )
+    def test_numbers_arrive_to_the_bit_with_their_stamp_beside_whole_messages(
+        self,
+        talker: Peer,
+        listener: Peer,
+        topic: str,
+        message: tuple[str, str],
+        fields: list[str],
+        *,
+        latched: bool,
+    ) -> None:
+        topic = f"{topic}_{message[1]}_{latched}"
+        listener.ask("subscribe", topic, topic, *message, fields)
+        talker.ask("publisher", topic, topic, *message, latched=latched, numbers=fields)
+        meet(talker, topic, listener, topic, fields[0])
+        has_stamp = message[0] != "std_msgs"
+        sent = []
+        for count, number in enumerate((0.0, -0.0, 0.375, -(2.0**100), float("inf"), 2.0**-126)):
+            numbers = [number, -3.5 - count][: len(fields)]
+            stamp = 1_790_000_000_999_999_999 + count
+            talker.ask("publish_numbers", topic, numbers, stamp)
+            talker.ask("publish", topic, {fields[0]: 7.0}, 1)
+            sent += [(stamp, *numbers), (1, 7.0, 0.0)[: len(fields) + 1]]
+        heard(listener, topic, len(sent))
+        kept = [tuple(each) for each in listener.ask("kept", topic) if each[1] != PROBE]
+        wanted = [(stamp if has_stamp else None, *values) for stamp, *values in sent]
+        assert list(map(repr, kept)) == list(map(repr, wanted))  # tells -0.0 from 0.0
+
+    def test_who_comes_late_gets_the_last_numbers_of_a_latched_topic(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        point = "geometry_msgs", "PointStamped"
+        talker.ask("publisher", topic, topic, *point, latched=True, numbers=["point.y"])
+        for value in (1.0, 2.0, 3.0):
+            talker.ask("publish_numbers", topic, [value], SECOND)
+        listener.ask("subscribe", topic, topic, *point, ["point.y"])
+        assert heard(listener, topic, 1) == [3.0]
+        talker.ask("publish_numbers", topic, [4.0], SECOND)
+        assert heard(listener, topic, 2) == [3.0, 4.0]
+
     @pytest.mark.parametrize("plain_first", [True, False])
     def test_beside_a_latched_publisher_another_is_heard_and_all_once(
         self, world: World, talker: Peer, listener: Peer, topic: str, *, plain_first: bool

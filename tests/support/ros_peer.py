@@ -182,11 +182,24 @@ class Desk:
         self._handles[key] = self.node.every(period, call)
 
     def publisher(
-        self, key: str, topic: str, package: str, name: str, *, latched: bool = False
+        self,
+        key: str,
+        topic: str,
+        package: str,
+        name: str,
+        *,
+        latched: bool = False,
+        numbers: Sequence[str] = (),
     ) -> None:
-        """Makes a publisher."""
+        """Makes a publisher, also of numbers in these fields."""
         message = self.node.message_class(package, name)
-        self._handles[key] = self.node.publisher(topic, message, latched=latched)
+        fields = [each.split(".") for each in numbers]
+        made = self.node.publisher(topic, message, latched=latched, fields=fields)
+        self._handles[key] = made
+
+    def publish_numbers(self, key: str, numbers: Sequence[float], stamp: int) -> None:
+        """Publishes numbers in the fields that the publisher was made with."""
+        self._handles[key].publish_numbers(stamp, numbers)
 
     def publish(self, key: str, values: Mapping[str, Any], stamp: int | None = None) -> None:
         """Publishes a message with these values of fields."""

@@ -127,6 +127,15 @@ def stamp(message: Any) -> int:
     return header.stamp.sec * 10**9 + header.stamp.nanosec
 
 
+def set_stamp(message: Any, time: int) -> None:
+    """Sets the time in the header of a message."""
+    of, (seconds, rest) = message.header.stamp, divmod(time, 10**9)
+    if hasattr(of, "secs"):
+        of.secs, of.nsecs = seconds, rest
+    else:
+        of.sec, of.nanosec = seconds, rest
+
+
 def resident(process: int) -> int:
     """The bytes of memory that a process holds."""
     with open(f"/proc/{process}/statm") as file:  # noqa: PTH123 - a file of the kernel

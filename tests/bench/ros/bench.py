@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,18 @@ def ours(*, dense: bool = False, count: int = 1, ros_arguments: tuple[str, ...] 
 
     name = f"{'dense' if dense else 'sampled'}, {count} spec{'s' * (count > 1)}"
     return Subject(name, last, "geometry_msgs/PointStamped", "point.x", command)
+
+
+def first(subject: Subject) -> list[Subject]:
+    """The same before all programs of the usual priority; none where that is not permitted."""
+    before = ["chrt", "-f", "10"]
+    try:
+        subprocess.run([*before, "true"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        return []
+    of, name = subject.command, f"{subject.name}, first"
+    assert of is not None
+    return [replace(subject, name=name, command=lambda *given: [*before, *of(*given)])]
 
 
 def of_2020(python: str, script: str, messages: str) -> Subject:

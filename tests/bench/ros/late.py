@@ -6,11 +6,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bare
 import numpy as np
-from bench import INPUT, PATIENCE, Subject, bench
+from bench import HOP, INPUT, PATIENCE, Subject, bench
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,21 @@ def measure(
             worker.ended()
         rows, late = running.load("sink"), running.load("told")
     return Late(round(seconds * rate) * count, int(late[:, 0].sum()), rows[:, 2], used / seconds)
+
+
+def floor(generation: int, rate: float, seconds: float, *, count: int, busy: int) -> Late:
+    """The same of a bare publisher of so many topics, which judges nothing."""
+    topics = [f"bench/out{number}" for number in range(count)]
+    with bench(generation) as running:
+        last = replace(HOP, topic=topics[-1], message="geometry_msgs/PointStamped", field="point.x")
+        sink = running.worker("sink", last, topic=last.topic)
+        ticks = running.worker("ticks", topics=topics, rate=rate, seconds=seconds)
+        with others(busy):
+            running.wait(lambda: not ticks.runs(), ticks, seconds + PATIENCE)
+        sink.ask_to_end()
+        sink.ended()
+        (samples, late, used), rows = running.load("ticks"), running.load("sink")
+    return Late(int(samples) * count, int(late) * count, rows[:, 2], used / seconds)
 
 
 @contextmanager

@@ -25,7 +25,7 @@ import late
 import latency
 import memory
 import restarts
-from bench import HOP, Subject, of_2020, ours, relay
+from bench import HOP, Subject, first, of_2020, ours, relay
 
 Row = dict[str, Any]
 SECONDS = {10.0: 30.0, 100.0: 20.0, 1000.0: 10.0}
@@ -83,17 +83,29 @@ def memories(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[
         }
 
 
-def lates(generation: int, _peers: list[Subject], *, quick: bool) -> Iterator[Row]:
-    """Rows of late samples at 200 Hz, with all processors free and with all of them taken."""
-    seconds = 6.0 if quick else 60.0
+def lates(
+    generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
+) -> Iterator[Row]:
+    """Rows of late samples at 200 Hz, with all processors free and with all of them taken.
+
+    The bare publisher of as many topics comes first, then the node with the priority of other
+    programs, and then the node before them (``chrt -f 10``), where that is permitted.
+    """
+    seconds = seconds or (6.0 if quick else 60.0)
     for busy in (0, os.cpu_count() or 1):
         for count in (1, 20):
-            subject = ours(count=count)
-            found = late.measure(generation, subject, 200.0, seconds, count=count, busy=busy)
-            row: Row = {"what": subject.name, "busy": busy, "samples": found.samples}
-            row["late"], row["late %"] = found.late, 100 * found.late / found.samples
-            row["p50"], row["p99"], row["max"] = latency.quantiles(found.after_stamp)
-            yield row | {"CPU %": 100 * found.load}
+            bare = late.floor(generation, 200.0, seconds, count=count, busy=busy)
+            yield _late_row(f"bare, {count} topic{'s' * (count > 1)}", busy, bare)
+            for subject in (ours(count=count), *first(ours(count=count))):
+                found = late.measure(generation, subject, 200.0, seconds, count=count, busy=busy)
+                yield _late_row(subject.name, busy, found)
+
+
+def _late_row(what: str, busy: int, found: late.Late) -> Row:
+    row: Row = {"what": what, "busy": busy, "samples": found.samples, "late": found.late}
+    row["late %"] = 100 * found.late / found.samples
+    row["p50"], row["p99"], row["max"] = latency.quantiles(found.after_stamp)
+    return row | {"CPU %": 100 * found.load}
 
 
 def agreements(
@@ -125,7 +137,7 @@ SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
     "memory": (memories, "memory over an hour of messages at full speed"),
 }
 
-LASTING = ("agree", "restarts")
+LASTING = ("agree", "restarts", "late")
 """The sections whose duration can be asked for."""
 
 
@@ -157,7 +169,9 @@ def main() -> None:
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes")
     parser.add_argument(
-        "--seconds", type=float, help=f"how long {' and '.join(LASTING)} run, twice each (600)"
+        "--seconds",
+        type=float,
+        help=f"how long each run of {', '.join(LASTING)} takes (600, late 60)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
     parser.add_argument(

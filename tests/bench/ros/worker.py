@@ -151,6 +151,36 @@ def told(ros: int, file: str) -> None:
     node.close()
 
 
+def ticks(ros: int, topics: list[str], rate: float, seconds: float, file: str) -> None:
+    """Publishes a stamped number on every topic, once a period, with nothing judged.
+
+    Saves how many periods there were, how many were late, which is when the next was due already,
+    and the seconds of processor time.
+    """
+    node = bare.node(ros, "ticks")
+    kind = bare.message_class("geometry_msgs", "PointStamped")
+    publishers = [node.publisher(topic, kind) for topic in topics]
+    wait(lambda: node.readers(publishers[-1]) > 0, f"a reader of {topics[-1]}")
+    time.sleep(1.0)
+    print("ready", flush=True)
+    period, late = round(1e9 / rate), 0
+    used, start = time.process_time(), time.time_ns()
+    count = round(seconds * rate)
+    for number in range(1, count + 1):
+        due = start + number * period
+        while (rest := due - time.time_ns()) > 0:
+            time.sleep(rest * 1e-9)
+        late += time.time_ns() >= due + period
+        for publisher in publishers:
+            message = kind()
+            message.point.x = float(number)
+            bare.set_stamp(message, due)
+            publisher.publish(message)
+    np.save(file, (count, late, time.process_time() - used))
+    time.sleep(0.5)
+    node.close()
+
+
 def relay(ros: int, topic: str, to: str) -> None:
     """Passes the number of a Twist on as a Float64, the least that a monitor could do."""
     node = bare.node(ros, "relay")
@@ -215,5 +245,5 @@ def hour(
 
 
 if __name__ == "__main__":
-    roles = (source, noise, sink, told, evaluator, relay, hour)
+    roles = (source, noise, sink, told, evaluator, ticks, relay, hour)
     {role.__name__: role for role in roles}[sys.argv[1]](**json.loads(sys.argv[2]))
