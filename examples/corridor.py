@@ -1,11 +1,14 @@
-"""A corridor with a point in it, the smallest task that needs a memory."""
+"""A corridor with a point in it, the smallest task that needs a memory; alone, and many at once."""
 
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
-__all__ = ["Corridor"]
+__all__ = ["Corridor", "VectorCorridor"]
 
 
 class Corridor(gym.Env[np.ndarray, np.ndarray]):
@@ -40,3 +43,59 @@ class Corridor(gym.Env[np.ndarray, np.ndarray]):
     def _observed(self) -> tuple[np.ndarray, dict[str, Any]]:
         obs = np.array([self._x], np.float32)
         return obs, {"x": float(obs[0])}
+
+
+class VectorCorridor(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many corridors in arrays; each does what a `Corridor` with a ``TimeLimit`` does.
+
+    Nothing is reset by itself, the mode ``DISABLED``: ``reset(options={"reset_mask": mask})``
+    begins new episodes in the corridors of the mask. A list of seeds has one for each corridor.
+    """
+
+    def __init__(self, num: int, stride: float = 0.1, steps: int = 50) -> None:
+        """Makes ``num`` corridors whose episodes have ``steps`` steps."""
+        alone = Corridor(stride)
+        self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
+        self.num_envs = num
+        self.single_observation_space = alone.observation_space
+        self.single_action_space = alone.action_space
+        self.observation_space = batch_space(self.single_observation_space, num)
+        self.action_space = batch_space(self.single_action_space, num)
+        self._stride, self._limit = stride, steps
+        self._x = np.zeros(num)
+        self._steps = np.zeros(num, np.int64)
+        self._random = [np.random.default_rng() for _ in range(num)]
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Puts the points of the mask anywhere; without one all."""
+        seeds = seed if isinstance(seed, list) else [seed] * self.num_envs
+        if isinstance(seed, int):
+            seeds = [seed + k for k in range(self.num_envs)]
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, np.bool_))
+        for k in np.flatnonzero(mask):
+            if seeds[k] is not None:
+                self._random[k] = np.random.default_rng(seeds[k])
+            self._x[k] = self._random[k].uniform(-1.0, 1.0)
+        self._steps[mask] = 0
+        return self._observed()
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Moves the points; walls stop them at -1 and 1."""
+        moved = self._x + self._stride * np.clip(actions[:, 0].astype(np.float64), -1.0, 1.0)
+        self._x = np.clip(moved, -1.0, 1.0)
+        self._steps += 1
+        obs, infos = self._observed()
+        never = np.zeros(self.num_envs, np.bool_)
+        return obs, np.zeros(self.num_envs), never, self._steps >= self._limit, infos
+
+    def _observed(self) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        obs = self._x[:, None].astype(np.float32)
+        there = np.ones(self.num_envs, np.bool_)
+        return obs, {"x": obs[:, 0].astype(np.float64), "_x": there}

@@ -18,10 +18,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from scipy import stats
 
-from rtamt_gym import evaluate_policy
-from rtamt_gym.results.intervals import bootstrap
+from rtamt_gym import MethodComparison, compare_methods, evaluate_policy
+from rtamt_gym.evaluation.method_scores import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
 """A row says how many of the episodes satisfied the requirement after so many steps of training,
@@ -150,45 +149,43 @@ def read_curves(path: Path) -> dict[str, Curves]:
     }
 
 
-def interval(values: NDArray[np.float64]) -> str:
-    """The mean over runs; of several with its bootstrap interval of 95 %."""
-    if len(values) < 2:
-        return f"{values.mean():.0f}"
-    low, high = bootstrap(values)
-    return f"{values.mean():.0f} [{low:.0f}, {high:.0f}]"
+def compared(
+    task: Task, curves: Mapping[str, Curves], values: Callable[[Curves], NDArray[np.float64]]
+) -> MethodComparison:
+    """The variants by a curve of each run, such as its rates; the baseline is ours if it has runs.
+
+    Variants may have been judged at other steps, so that the points are numbered.
+    """
+    found = {name: values(curves[name]) for name in task.variants if name in curves}
+    points = range(max(each.shape[1] for each in found.values()))
+    baseline = task.ours if task.ours in found else None
+    return compare_methods(found, baseline=baseline, steps=points)
 
 
-def p_value(ours: NDArray[np.float64], other: NDArray[np.float64]) -> str:
-    """The two-sided p of an exact permutation test on the difference of the means."""
-    if min(len(ours), len(other)) < 2:
-        return ""
-    found = stats.permutation_test(
-        (ours, other),
-        lambda a, b, axis: np.mean(a, axis=axis) - np.mean(b, axis=axis),
-        n_resamples=200_000,  # more than there are permutations of 10 and 10 runs: 184756
-        vectorized=True,
-    )
-    return f"{found.pvalue:.1g}"
+def interval(found: Estimate, runs: int) -> str:
+    """A mean over runs; of several with its bootstrap interval of 95 %."""
+    low, high = found.interval
+    return f"{found.value:.0f}" + (f" [{low:.0f}, {high:.0f}]" if runs > 1 else "")
 
 
 def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
     """The cells of the table of results: a header, and a row for every variant that has runs."""
-    ours = curves.get(task.ours)
     paid = any(found.returns.any() for found in curves.values())
     rows = [["variant", "seeds", "satisfied, %", *["return"] * paid, "90 % at", "p", "s a seed"]]
+    if not curves:
+        return rows
+    rated = compared(task, curves, lambda found: 100 * found.rates).methods
+    returned = compared(task, curves, lambda found: found.returns).methods
     for variant in task.variants:
         if variant not in curves:
             continue
-        found = curves[variant]
-        rates = 100 * found.rates[:, -1]
+        found, rates = curves[variant], rated[variant]
         reached = found.steps[0][found.rates.mean(axis=0) >= 0.9] / 1000
-        row = [variant, str(len(rates)), interval(rates)]
-        row += [interval(found.returns[:, -1])] * paid
+        row = [variant, str(rates.runs), interval(rates.mean, rates.runs)]
+        row += [interval(returned[variant].mean, rates.runs)] * paid
         row += [f"{reached[0]:.0f}k" if reached.size else "never"]
-        if ours is None or variant == task.ours:
-            row += [""]
-        else:
-            row += [p_value(100 * ours.rates[:, -1], rates)]
+        several = task.ours in rated and min(rates.runs, rated[task.ours].runs) > 1
+        row += [f"{rates.p:.1g}" if several and rates.p is not None else ""]
         rows.append([*row, f"{found.seconds[:, -1].mean():.0f}"])
     return rows
 
@@ -204,16 +201,18 @@ def printed(rows: Sequence[Sequence[str]]) -> str:
 
 def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
     """Draws the rates over the steps of training, with the intervals of their means."""
+    rated = compared(task, curves, lambda found: 100 * found.rates).methods
     with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
         figure, axes = plt.subplots(figsize=(4.6, 2.6))
         styles = cycle(["-", "--"])  # one curve may hide another
         for variant, style in zip(task.drawn, styles, strict=False):
             if variant in curves:
-                steps, rates = curves[variant].steps[0] / 1000, 100 * curves[variant].rates
-                label = f"{variant}, {len(rates)} runs"
-                (line,) = axes.plot(steps, rates.mean(axis=0), style, marker=".", label=label)
-                if len(rates) > 1:
-                    low, high = np.array([bootstrap(column) for column in rates.T]).T
+                steps, found = curves[variant].steps[0] / 1000, rated[variant]
+                label = f"{variant}, {found.runs} runs"
+                means = [each.value for each in found.curve]
+                (line,) = axes.plot(steps, means, style, marker=".", label=label)
+                if found.runs > 1:
+                    low, high = np.array([each.interval for each in found.curve]).T
                     axes.fill_between(
                         steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0
                     )

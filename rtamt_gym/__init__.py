@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison, compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.evaluation import Evaluation
+    from rtamt_gym.evaluation.methods import MethodComparison, compare_methods
     from rtamt_gym.inputs.case import Case
     from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.inputs.space import Space
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
         "Evaluation",
         "Falsification",
         "Fmus",
+        "MethodComparison",
         "Mined",
         "ParallelStlMonitor",
         "Parameter",
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
         "Waveform",
         "batched",
         "compare",
+        "compare_methods",
         "evaluate_policy",
         "evaluate_rollouts",
         "falsify",
@@ -95,6 +98,7 @@ _MODULES = {
     "Evaluation": "rtamt_gym.evaluation.evaluation",
     "Falsification": "rtamt_gym.search.falsification.falsification",
     "Fmus": "rtamt_gym.simulation.fmi",
+    "MethodComparison": "rtamt_gym.evaluation.methods",
     "Mined": "rtamt_gym.search.mining.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
@@ -119,6 +123,7 @@ _MODULES = {
     "Waveform": "rtamt_gym.inputs.waveform",
     "batched": "rtamt_gym.signals.batches",
     "compare": "rtamt_gym.evaluation.comparison",
+    "compare_methods": "rtamt_gym.evaluation.methods",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "falsify": "rtamt_gym.search.falsification.falsify",

@@ -13,11 +13,18 @@ import numpy as np
 
 from rtamt_gym.reports.model import Section, ShownEpisode, ShownRequirement, plain
 from rtamt_gym.reports.texts import aligned, number, time
-from rtamt_gym.reports.views import Cases, ComparedRequirement, Convergence, HeatMap
+from rtamt_gym.reports.views import (
+    Cases,
+    ComparedRequirement,
+    Convergence,
+    Curve,
+    HeatMap,
+    MethodsView,
+)
 from rtamt_gym.results.outcome import BY_END, Word
 from rtamt_gym.tables import counted
 
-__all__ = ["Chart", "Table", "bins", "charts_of", "episode_chart", "pairs_chart"]
+__all__ = ["Chart", "Table", "bins", "charts_of", "curves_charts", "episode_chart", "pairs_chart"]
 
 NOUNS: Mapping[str, str] = {
     "evaluation": "episode",
@@ -25,6 +32,7 @@ NOUNS: Mapping[str, str] = {
     "search": "simulation",
     "matrix": "trace",
     "comparison": "pair",
+    "methods": "run",
 }
 """What one run is called in a section of each kind."""
 
@@ -366,4 +374,51 @@ def pairs_chart(compared: ComparedRequirement) -> Chart | None:
                 zip(*(aligned([pair[i] for pair in compared.pairs]) for i in (0, 1)), strict=True)
             ),
         ),
+    )
+
+
+def curves_charts(view: MethodsView) -> list[Chart]:
+    """The learning curves of methods if they are known, and their performance profiles."""
+    found = []
+    if view.curves:
+        best = max(view.curves, key=lambda curve: curve.values[-1])
+        summary = (
+            f"The mean {view.score} over the runs of each method, with its interval. At the end "
+            f"{best.name} is highest, at {number(best.values[-1])}."
+        )
+        found.append(
+            _curves("Learning", summary, ("steps of training", view.steps), view.score, view.curves)
+        )
+    summary = (
+        f"The share of runs whose {view.score} is above each number: a curve further to the right "
+        "is of a better method, and one that falls early has failed runs."
+    )
+    return [
+        *found,
+        _curves(
+            "Performance profile",
+            summary,
+            (view.score, view.thresholds),
+            "share of runs above",
+            view.profiles,
+        ),
+    ]
+
+
+def _curves(
+    title: str,
+    summary: str,
+    x: tuple[str, tuple[float, ...]],
+    y: str,
+    curves: Sequence[Curve],
+) -> Chart:
+    name, places = x
+    cells = [aligned(each) for each in (places, *(curve.values for curve in curves))]
+    return Chart(
+        "curves",
+        title,
+        summary,
+        300,
+        {"x": name, "places": places, "y": y, "curves": plain(tuple(curves))},
+        Table((name, *(curve.name for curve in curves)), tuple(zip(*cells, strict=True))),
     )

@@ -12,7 +12,14 @@ from typing import Any, Final
 from rtamt.errors import shown_lines
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.reports import texts
-from rtamt_gym.reports.charts import NOUNS, Chart, charts_of, episode_chart, pairs_chart
+from rtamt_gym.reports.charts import (
+    NOUNS,
+    Chart,
+    charts_of,
+    curves_charts,
+    episode_chart,
+    pairs_chart,
+)
 from rtamt_gym.reports.model import (
     Report,
     Section,
@@ -132,11 +139,13 @@ class _View:
                 "verdicts": section.cases.verdicts,
             }
         compared = section.comparison.requirements if section.comparison else ()
+        drawn = curves_charts(section.methods) if section.methods else []
         return _Placed(
             name,
             section,
             {
                 "noun": NOUNS[section.kind],
+                "methods": self._place(name, name, drawn),
                 "requirements": [self._requirement(name, section, r) for r in section.requirements],
                 "compared": [
                     _Placed(

@@ -20,6 +20,7 @@ from rtamt_gym.reports.views import (
     ComparisonView,
     Convergence,
     HeatMap,
+    MethodsView,
     MutantView,
     ShownExample,
     ShownSeries,
@@ -42,9 +43,10 @@ __all__ = [
     "plain",
 ]
 
-SectionKind = Literal["evaluation", "sweep", "search", "matrix", "comparison"]
+SectionKind = Literal["evaluation", "sweep", "search", "matrix", "comparison", "methods"]
 """What a section is about: episodes of a policy, simulations of a record, the search for a
-violation, recorded traces, or two evaluations side by side."""
+violation, recorded traces, two evaluations side by side, or methods of learning over training
+seeds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,6 +290,7 @@ class Section:
         cases: The points of a sweep or a search.
         convergence: The course of a search, for each requirement.
         comparison: The comparison, if the section is about one.
+        methods: The methods of learning, if the section is about some.
         matrix: The recorded traces, if the section is about some.
         mutants: What these notice of the mutants of the requirements; None if none were made.
         source: The file of the result; None if it was an object.
@@ -311,6 +314,7 @@ class Section:
     cases: Cases | None = None
     convergence: tuple[Convergence, ...] = ()
     comparison: ComparisonView | None = None
+    methods: MethodsView | None = None
     matrix: TraceTable | None = None
     mutants: MutantView | None = None
     source: ShownFile | None = None

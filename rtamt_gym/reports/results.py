@@ -11,10 +11,12 @@ from typing import Any, Final
 from rtamt import InputTypeError
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.reports.model import Section
 from rtamt_gym.reports.of_comparison import of_comparison
 from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.of_matrix import of_matrix
+from rtamt_gym.reports.of_methods import of_methods
 from rtamt_gym.reports.of_mined import of_mined
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_runs import of_run, of_runs
@@ -30,7 +32,15 @@ from rtamt_gym.simulation.run import Run
 __all__ = ["SECTIONS", "Access", "section_of"]
 
 Result = (
-    Evaluation | Comparison | Sweep | Record | Falsification | SavedCase | str | os.PathLike[str]
+    Evaluation
+    | Comparison
+    | MethodComparison
+    | Sweep
+    | Record
+    | Falsification
+    | SavedCase
+    | str
+    | os.PathLike[str]
 )
 
 
@@ -69,6 +79,8 @@ def section_of(result: Result, room: int, access: Access = _READING) -> Section:
             return of_evaluation(result, room)
         case Comparison():
             return of_comparison(result)
+        case MethodComparison():
+            return of_methods(result)
         case Sweep() | Record():
             return of_record(result, room)
         case Falsification():
@@ -78,8 +90,9 @@ def section_of(result: Result, room: int, access: Access = _READING) -> Section:
         case str() | os.PathLike():
             return _of_file(Path(result), room, access)
     raise InputTypeError(
-        "expected an Evaluation, a Comparison, a Sweep, a Record, a Falsification, a SavedCase or "
-        f"the path of the file of one, got {type(result).__name__}"
+        "expected an Evaluation, a Comparison, a MethodComparison, a Sweep, a Record, a "
+        "Falsification, a SavedCase or the path of the file of one, got "
+        f"{type(result).__name__}"
     )
 
 
@@ -129,6 +142,7 @@ SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Se
     "case": _case,
     "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.of_kept(kept), room),
     "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.of_kept(kept)),
+    "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.of_kept(kept)),
     "mined": lambda kept, _path, _room, _: of_mined(kept),
 }
 """The section of each kind of result that a file can hold."""

@@ -16,7 +16,10 @@ __all__ = [
     "ComparedRequirement",
     "ComparisonView",
     "Convergence",
+    "Curve",
     "HeatMap",
+    "MethodRow",
+    "MethodsView",
     "MutantView",
     "ShownExample",
     "ShownSeries",
@@ -212,6 +215,77 @@ class ComparisonView:
     b: str
     sentence: str
     requirements: tuple[ComparedRequirement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A curve with a band, as numbers at places that several curves share.
+
+    Attributes:
+        name: What it is of.
+        values: The curve.
+        low: The lower end of the band.
+        high: The upper end.
+    """
+
+    name: str
+    values: ShownSeries
+    low: ShownSeries
+    high: ShownSeries
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRow:
+    """A method over its training seeds.
+
+    Attributes:
+        name: Its name.
+        runs: How many runs it has.
+        mean: The mean of their scores.
+        mean_interval: Its interval.
+        middle: The interquartile mean.
+        middle_interval: Its interval.
+        quartiles: The least score, the quartiles and the greatest.
+        improvement: The chance that a run scores above one of the baseline; None of the baseline.
+        improvement_interval: Its interval.
+        p: The adjusted p-value against the baseline.
+    """
+
+    name: str
+    runs: int
+    mean: float
+    mean_interval: tuple[float, float]
+    middle: float
+    middle_interval: tuple[float, float]
+    quartiles: ShownSeries
+    improvement: float | None = None
+    improvement_interval: tuple[float, float] | None = None
+    p: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MethodsView:
+    """Methods of learning, beside each other.
+
+    Attributes:
+        score: What a score is called.
+        baseline: The method with which the others are compared.
+        sentence: What the comparison says.
+        rows: Each method.
+        steps: The steps of training at which the points of ``curves`` lie.
+        curves: The means over training, of each method; empty if they are not known.
+        thresholds: The scores at which the points of ``profiles`` lie.
+        profiles: The share of runs above each threshold, of each method.
+    """
+
+    score: str
+    baseline: str
+    sentence: str
+    rows: tuple[MethodRow, ...]
+    steps: ShownSeries
+    curves: tuple[Curve, ...]
+    thresholds: ShownSeries
+    profiles: tuple[Curve, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,6 @@
 """The experiments on learning: their tasks, their variants, their statistics."""
 
 import dataclasses
-import itertools
 from pathlib import Path
 from typing import Any
 
@@ -113,20 +112,32 @@ def test_variants_of_the_speed_limit_pay_as_they_say() -> None:
                 assert rewards == plain
 
 
-def test_a_p_value_counts_the_permutations_that_are_as_far_apart() -> None:
-    p_value = script("training").p_value
-    ours, other = np.array([90.0, 100.0, 70.0, 100.0]), np.array([0.0, 80.0, 60.0, 20.0])
-    both = np.concatenate([ours, other])
-    apart = abs(ours.mean() - other.mean())
-    chosen = list(itertools.combinations(range(8), 4))
-    found = [
-        abs(both[list(one)].mean() - np.delete(both, list(one)).mean()) >= apart - 1e-9
-        for one in chosen
-    ]
-    assert p_value(ours, other) == f"{sum(found) / len(chosen):.1g}"
-    assert float(p_value(ours, ours)) == 1.0
-    assert p_value(np.full(10, 100.0), np.zeros(10)) == "1e-05"
-    assert p_value(ours, other[:1]) == ""
+def test_many_corridors_do_what_each_does() -> None:
+    corridor = script("corridor")
+    many = corridor.VectorCorridor(3, stride=0.2, steps=7)
+    singles = [gym.wrappers.TimeLimit(corridor.Corridor(0.2), 7) for _ in range(3)]
+    rng = np.random.default_rng(4)
+    seeds: Any = [5, 6, 7]
+    obs, infos = many.reset(seed=seeds)
+    shown: list[Any] = [env.reset(seed=seed) for env, seed in zip(singles, seeds, strict=True)]
+    resets = 0
+    for step in range(30):
+        assert obs.tolist() == [one.tolist() for one, *_ in shown]
+        assert infos["x"].tolist() == [each[-1]["x"] for each in shown]
+        assert many.observation_space.contains(obs)
+        actions = rng.uniform(-2.0, 2.0, (3, 1)).astype(np.float32)
+        obs, rewards, terminated, truncated, infos = many.step(actions)
+        shown = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+        assert rewards.tolist() == [each[1] for each in shown]
+        assert terminated.tolist() == [each[2] for each in shown]
+        assert truncated.tolist() == [each[3] for each in shown]
+        again = truncated if step != 3 else np.array([False, True, False])  # one in mid-episode
+        if again.any():
+            resets += int(again.sum())
+            obs, infos = many.reset(seed=[step] * 3, options={"reset_mask": again})
+            for k in np.flatnonzero(again):
+                shown[k] = singles[k].reset(seed=step)
+    assert resets > 9
 
 
 def test_what_is_finished_is_not_run_again(

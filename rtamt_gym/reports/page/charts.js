@@ -287,3 +287,45 @@ function pairs(chart, c) {
     }),
   };
 }
+
+const dashes = ["solid", "dash", "dot", "dashdot", "longdash", "longdashdot"];
+
+// Curves with bands. A colour is of a method, and so is a dash for eyes that do not tell colours apart.
+function curves(chart, c) {
+  const paints = [c.signal, c.violated, c.satisfied, c.undecided, c.muted];
+  const traces = chart.curves.flatMap((curve, i) => {
+    const color = paints[i % paints.length];
+    return [
+      {
+        type: "scatter",
+        mode: "lines",
+        x: [...chart.places, ...chart.places.toReversed()],
+        y: [...reals(curve.high), ...reals(curve.low).toReversed()],
+        fill: "toself",
+        fillcolor: faded(color, 0.15),
+        line: { width: 0 },
+        hoverinfo: "skip",
+        showlegend: false,
+      },
+      {
+        type: "scatter",
+        mode: "lines",
+        name: curve.name,
+        x: chart.places,
+        y: reals(curve.values),
+        customdata: curve.values.map((value, k) => `${curve.name}: ${show(value)} (${show(curve.low[k])} to ${show(curve.high[k])})`),
+        hovertemplate: "%{customdata}<extra></extra>",
+        line: { color, width: 2, dash: dashes[i % dashes.length] },
+      },
+    ];
+  });
+  return {
+    traces,
+    layout: frame(c, {
+      showlegend: true,
+      legend: { orientation: "h", y: 1.02, yanchor: "bottom", font: { size: 11 } },
+      xaxis: axis(c, chart.x, { showgrid: false }),
+      yaxis: axis(c, chart.y),
+    }),
+  };
+}

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shlex
+from dataclasses import astuple
 from pathlib import Path
 
 import pandas as pd
@@ -11,8 +12,9 @@ from made_results import SPACE, evaluation, row, searched, swept, tank, wave
 
 import rtamt_gym
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Evaluation, compare, write_report
+from rtamt_gym import Evaluation, compare, compare_methods, write_report
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import ShownFile
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
@@ -22,8 +24,9 @@ from rtamt_gym.search.runs.report import to_json
 KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
     "--json, rtamt falsify --json, rtamt falsify --save and Falsification.save, rtamt evaluate "
-    "--save and Evaluation.save, rtamt compare --save and Comparison.save, rtamt mine --json "
-    "write, or the Parquet file or the folder of a sweep, a campaign or a run"
+    "--save and Evaluation.save, rtamt compare --save and Comparison.save, "
+    "MethodComparison.save, rtamt mine --json write, or the Parquet file or the folder of a sweep, "
+    "a campaign or a run"
 )
 
 
@@ -52,6 +55,35 @@ def test_a_comparison_and_its_file_give_one_section(tmp_path: Path) -> None:
     assert low.robustness == 3.0
     assert (-4.0, -1.0) in low.pairs
     assert section.comparison.sentence == made.sentence
+
+
+def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
+    curves = {
+        "plain": [[0.0, 0.25], [0.25, 0.0], [0.0, 0.0]],
+        "shaped": [[0.5, 1.0], [0.25, 0.75], [0.0, 0.125]],
+    }
+    made = compare_methods(curves, steps=[100, 200], resamples=200)
+    made.save(tmp_path / "m.json")
+    section = section_of(tmp_path / "m.json", ROOM)
+    assert section == section_of(made, ROOM)
+    view = section.methods
+    assert view is not None
+    assert view.sentence == made.sentence
+    plain, shaped = view.rows
+    assert (plain.runs, plain.p, plain.improvement) == (3, None, None)
+    assert shaped.quartiles == (0.125, 0.4375, 0.75, 0.875, 1.0)
+    assert shaped.improvement == pytest.approx(8 / 9, abs=1e-5)
+    assert [curve.name for curve in view.curves] == ["plain", "shaped"]
+    _, values, lows, highs = astuple(view.curves[1])
+    assert values == (0.25, 0.625)
+    band = zip(lows, values, highs, strict=True)
+    assert all(low <= value <= high for low, value, high in band)
+    page = render(report_of(made))
+    assert "shaped" in page
+    assert page.count('data-chart="methods-curves') == 2  # learning, and profiles
+    without = section_of(compare_methods({"plain": [0.0, 0.5], "shaped": [1.0, 0.5]}), ROOM)
+    assert without.methods is not None
+    assert without.methods.curves == ()
 
 
 def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) -> None:
@@ -206,8 +238,8 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputTypeError) as caught:
         write_report(tmp_path / "a.html", 3)  # type: ignore[arg-type]
     assert str(caught.value) == (
-        "expected an Evaluation, a Comparison, a Sweep, a Record, a Falsification, a SavedCase or "
-        "the path of the file of one, got int"
+        "expected an Evaluation, a Comparison, a MethodComparison, a Sweep, a Record, a "
+        "Falsification, a SavedCase or the path of the file of one, got int"
     )
     for name, message in (
         ("a.pdf", f"cannot write {tmp_path / 'a.pdf'}: expected a name that ends in .html"),

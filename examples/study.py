@@ -1,0 +1,245 @@
+"""A study over many seeds: three tasks, each with our method, two others and a control.
+
+A run is one seed of one method. Its row is written when it is over, and a program that was stopped
+goes on with the runs that the file lacks. Seeds were fixed before the first run: 30000 and on.
+
+Run: python examples/study.py corridor patrol speed_limit --seeds 30 --output study.jsonl
+"""
+
+import argparse
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import train_corridor
+import train_patrol
+import train_speed_limit
+from corridor import VectorCorridor
+from gymnasium.vector import VectorEnv
+from training import FIRST_JUDGED
+
+from rtamt_gym import VectorStlMonitor, VectorStlReward, evaluate_policy
+
+FIRST_SEED = 30_000
+EPISODES = 100
+METHODS = ("ours", "plain", "naive", "control")
+GAMMA = 0.98
+
+Envs = VectorEnv[Any, Any, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is learned, and how it is judged.
+
+    Attributes:
+        required: The requirements, the same for all methods.
+        signals: Their signals.
+        period: Time between two samples; None: the environment says it.
+        learner: Makes, from a method and a seed, a learner with its environments.
+        seen: Makes environments as the policy of a method sees them, whose episodes judge.
+        steps: Steps of the environments that every run trains.
+        points: How often a run is judged, at equal distances.
+    """
+
+    required: Mapping[str, str]
+    signals: Mapping[str, Any]
+    period: float | None
+    learner: Callable[[str, int], Any]
+    seen: Callable[[str], Any]
+    steps: int
+    points: int
+
+
+def ppo(envs: Envs, seed: int, steps: int, n_steps: int) -> Any:
+    """PPO whose noise lasts ten steps, whose rollouts are whole episodes, and whose rate falls."""
+    from stable_baselines3 import PPO
+    from vec_env import GymnasiumVecEnv
+
+    made: list[Any] = []
+
+    def rate(_: float) -> float:
+        """From 1e-3 to 0 over all steps of a run, which is trained in parts."""
+        return 1e-3 * max(0.0, 1.0 - (made[0].num_timesteps if made else 0) / steps)
+
+    model = PPO(
+        "MlpPolicy",
+        GymnasiumVecEnv(envs, seed),
+        n_steps=n_steps,
+        batch_size=250,
+        learning_rate=rate,
+        gamma=GAMMA,
+        gae_lambda=1.0,
+        use_sde=True,
+        sde_sample_freq=10,
+        seed=seed,
+        device="cpu",
+    )
+    made.append(model)
+    return model
+
+
+def corridor(num: int) -> Envs:
+    """Corridors of the first task."""
+    return VectorCorridor(num, stride=0.1, steps=train_corridor.STEPS)
+
+
+def corridor_kept(method: str) -> dict[str, Any]:
+    """The arguments of the monitors of the first task."""
+    return {
+        "specs": train_corridor.REQUIRED,
+        "signals": train_corridor.SIGNALS,
+        "period": 1,
+        "on_violation": "report",
+        "observe": "state" if method == "ours" else None,
+        "clip": 2.0,  # margins go down to -1.8
+    }
+
+
+def corridor_learner(method: str, seed: int) -> Any:
+    """What learns to visit both places; the control sees no state of the monitors."""
+    envs, kept = corridor(40), corridor_kept(method)
+    if method == "naive":
+        envs = VectorStlReward(envs, mode="replace", **kept)
+    elif method != "plain":
+        paid: dict[str, Any] = {"weight": 2.0, "bonus": train_corridor.BONUS}
+        envs = VectorStlReward(envs, mode="progress", gamma=GAMMA, **paid, **kept)
+    return ppo(envs, seed, 40_000, train_corridor.STEPS)
+
+
+def patrol(num: int) -> Envs:
+    """Corridors of the second task."""
+    return VectorCorridor(num, stride=0.2, steps=train_patrol.STEPS)
+
+
+def patrol_kept(method: str) -> dict[str, Any]:
+    """The arguments of the monitors of the second task."""
+    return {
+        "specs": train_patrol.REQUIRED,
+        "signals": train_patrol.SIGNALS,
+        "period": 1,
+        "observe": {"ours": "obligations", "control": "state"}.get(method),
+        "clip": 2.0,
+    }
+
+
+def patrol_learner(method: str, seed: int) -> Any:
+    """What learns to visit both places again and again; the control sees no clocks."""
+    envs, kept = patrol(10), patrol_kept(method)
+    if method == "naive":
+        envs = VectorStlReward(envs, mode="replace", on_violation="report", **kept)
+    elif method != "plain":
+        paid: dict[str, Any] = {"penalty": 1.0, "on_violation": "terminate"}
+        envs = VectorStlReward(envs, mode="potential", gamma=GAMMA, **paid, **kept)
+    return ppo(envs, seed, 32_000, train_patrol.STEPS)
+
+
+LIMIT = {"ours": "terminate", "plain": "plain", "naive": "naive", "control": "truncate"}
+"""The methods of the third task as `train_speed_limit` calls them."""
+
+TASKS = {
+    "corridor": Task(
+        train_corridor.REQUIRED,
+        train_corridor.SIGNALS,
+        1.0,
+        corridor_learner,
+        lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_kept(method)),
+        steps=40_000,
+        points=5,
+    ),
+    "patrol": Task(
+        train_patrol.REQUIRED,
+        train_patrol.SIGNALS,
+        1.0,
+        patrol_learner,
+        lambda method: VectorStlMonitor(
+            patrol(EPISODES), on_violation="report", **patrol_kept(method)
+        ),
+        steps=32_000,
+        points=8,
+    ),
+    "speed_limit": Task(
+        train_speed_limit.REQUIRED,
+        train_speed_limit.SIGNALS,
+        None,
+        lambda method, seed: train_speed_limit.learner(LIMIT[method], seed),
+        lambda _: train_speed_limit.made,
+        steps=163_840,
+        points=2,
+    ),
+}
+
+
+def run(name: str, method: str, seed: int) -> dict[str, Any]:
+    """Trains one method with one seed; its row."""
+    import torch
+
+    torch.set_num_threads(1)
+    task = TASKS[name]
+    learner = task.learner(method, seed)
+    steps, satisfied, seconds = [], [], 0.0
+    for _ in range(task.points):
+        begin = process_time()
+        learner.learn(task.steps // task.points, reset_num_timesteps=False)
+        seconds += process_time() - begin
+        found = evaluate_policy(
+            learner,
+            task.seen(method),
+            task.required,
+            task.signals,
+            period=task.period,
+            episodes=EPISODES,
+            seed=FIRST_JUDGED,
+            n_envs=EPISODES,
+            keep=0,
+        )
+        steps.append(learner.num_timesteps)
+        satisfied.append(found.success.satisfied)
+    return {
+        "task": name,
+        "method": method,
+        "seed": seed,
+        "steps": steps,
+        "satisfied": satisfied,
+        "episodes": EPISODES,
+        "seconds": round(seconds, 1),
+    }
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """The rows of a file; a last line that was cut off is none."""
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            rows.append(json.loads(line))
+        except ValueError:
+            continue
+    return rows
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Runs what the file lacks."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("tasks", nargs="+", choices=TASKS)
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
+    parser.add_argument("--seeds", type=int, default=30, help="runs of every method")
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="of the runs")
+    parser.add_argument("--output", type=Path, required=True, help="the file of rows")
+    arguments = parser.parse_args(argv)
+    finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
+    for name in arguments.tasks:
+        for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
+            for method in arguments.methods:
+                if (name, method, seed) in finished:
+                    continue
+                row = run(name, method, seed)
+                with arguments.output.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+                print(f"{name}, {method}, seed {seed}: {row['satisfied'][-1]} of {EPISODES}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""Vector environments of Gymnasium for learners of Stable-Baselines3.
+
+Those learners have a form of their own for many environments. Here the steps of all stay arrays, so
+that an environment that is fast because it is many at once stays fast.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+
+__all__ = ["GymnasiumVecEnv"]
+
+
+class GymnasiumVecEnv(VecEnv):
+    """A vector environment of Gymnasium as a `VecEnv`.
+
+    It must be one that resets nothing by itself, ``AutoresetMode.DISABLED``; a monitor that ends
+    episodes is one of these too. Environments whose episodes have ended are reset here, and have
+    ``"terminal_observation"`` and ``"TimeLimit.truncated"`` in their infos, which are empty else.
+    """
+
+    def __init__(self, envs: VectorEnv[Any, Any, Any], seed: int | None = None) -> None:
+        """Takes the environments, and the seed of their first reset."""
+        if envs.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
+            found = envs.metadata.get("autoreset_mode")
+            raise ValueError(f"expected environments of AutoresetMode.DISABLED, got {found}")
+        self.render_mode = None
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self.envs = envs
+        self._seed = seed
+        self._actions: Any = None
+
+    def reset(self) -> Any:
+        """Begins an episode in every environment."""
+        obs, _ = self.envs.reset(seed=self._seed)
+        self._seed = None
+        return obs
+
+    def step_async(self, actions: Any) -> None:
+        """Keeps the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
+        """Steps all environments, and resets those whose episodes have ended."""
+        obs, rewards, terminated, truncated, _ = self.envs.step(self._actions)
+        ended = np.logical_or(terminated, truncated)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if ended.any():
+            for k in np.flatnonzero(ended):
+                cut = bool(truncated[k] and not terminated[k])
+                infos[k] = {"terminal_observation": obs[k], "TimeLimit.truncated": cut}
+            obs, _ = self.envs.reset(options={"reset_mask": ended})
+        return obs, np.asarray(rewards, np.float32), ended, infos
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of the vector environment, once for each environment asked for."""
+        return [getattr(self.envs, attr_name)] * len(self._places(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not possible: arrays hold all environments."""
+        raise NotImplementedError(attr_name)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        """Not possible: arrays hold all environments."""
+        raise NotImplementedError(method_name)
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:  # noqa: ARG002
+        """False: no environment has wrappers of its own."""
+        return [False] * len(self._places(indices))
+
+    def _places(self, indices: Any) -> Sequence[int]:
+        return list(self._get_indices(indices))

@@ -1,0 +1,396 @@
+"""`compare_methods`: how methods of learning compare over training seeds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing
+from rtamt_gym.evaluation.compared import LEVEL
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.method_scores import Estimate, MethodScores
+from rtamt_gym.evaluation.paired import holm
+from rtamt_gym.results.codec import document, read_as, save
+from rtamt_gym.results.intervals import check_confidence
+from rtamt_gym.results.seeds import (
+    improvement,
+    interquartile_mean,
+    mean,
+    permutation_p,
+    profile,
+    stratified_bootstrap,
+)
+from rtamt_gym.tables import Terminal, counted, p_text
+
+__all__ = ["MethodComparison", "compare_methods"]
+
+Floats = NDArray[np.float64]
+
+MethodRuns = ArrayLike | Sequence[Evaluation] | Mapping[str, "ArrayLike | Sequence[Evaluation]"]
+"""The runs of a method: a score for each training seed, or a curve of scores; of several tasks a
+mapping of such."""
+
+_POINTS: Final = 51
+"""The thresholds of performance profiles."""
+
+
+@dataclass(frozen=True, repr=False)
+class MethodComparison:
+    """Methods of learning over training seeds; `compare_methods` makes it, and ``print`` shows it.
+
+    Attributes:
+        methods: What came of each method, by name.
+        baseline: The name of the method with which the others are compared.
+        tasks: The names of the tasks; one empty text of a single task.
+        thresholds: The thresholds of the performance profiles.
+        steps: The steps of training at which the points of curves lie; empty without curves.
+        score: What a score is called.
+        confidence: How often an interval shall cover the truth.
+        resamples: How often the runs were drawn for the intervals.
+        seed: The seed of what was drawn.
+    """
+
+    methods: Mapping[str, MethodScores]
+    baseline: str
+    tasks: tuple[str, ...]
+    thresholds: tuple[float, ...]
+    steps: tuple[float, ...]
+    score: str
+    confidence: float
+    resamples: int
+    seed: int
+
+    @property
+    def sentence(self) -> str:
+        """What is shown about each method beside the baseline."""
+        return " ".join(
+            self._sentence(name, found)
+            for name, found in self.methods.items()
+            if name != self.baseline
+        )
+
+    def _sentence(self, name: str, found: MethodScores) -> str:
+        adjusted = 1.0 if found.adjusted is None else found.adjusted
+        gap = found.mean.value - self.methods[self.baseline].mean.value
+        if adjusted >= LEVEL:
+            return (
+                f"No difference is shown between {name} and {self.baseline} ({p_text(adjusted)})."
+            )
+        return (
+            f"{name} has {abs(gap):.3g} {'more' if gap > 0 else 'less'} mean {self.score} than "
+            f"{self.baseline} ({p_text(adjusted)})."
+        )
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draws the scores of all runs, the profiles, and the curves if there are any.
+
+        Needs the extra ``plot``.
+
+        Args:
+            path: The name of the picture, such as ``methods.png``, ``.svg`` or ``.pdf``.
+
+        Raises:
+            InputError: If the name ends otherwise.
+        """
+        try:
+            from rtamt_gym import drawing
+            from rtamt_gym.evaluation.method_pictures import draw
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "MethodComparison.plot") from error
+        drawing.check_format(Path(path))
+        drawing.save(draw(self.methods, self.steps, self.thresholds, self.score), Path(path))
+
+    def to_json(self) -> str:
+        """Strict JSON that holds all of the comparison."""
+        kept = {each.name: getattr(self, each.name) for each in fields(self)}
+        methods = {
+            name: {each.name: getattr(found, each.name) for each in fields(found)}
+            for name, found in self.methods.items()
+        }
+        return document("methods", _plain({**kept, "methods": methods, "sentence": self.sentence}))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the text of `to_json` into a file.
+
+        Raises:
+            InputError: If the name does not end in ``.json``.
+        """
+        save(self.to_json(), path)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> MethodComparison:
+        """Reads a file that `save` has written.
+
+        Raises:
+            InputError: If the file does not hold a comparison of methods.
+        """
+        return read_as(path, "methods", MethodComparison.of_kept)
+
+    @staticmethod
+    def of_kept(kept: Mapping[str, Any]) -> MethodComparison:
+        """The comparison that a result of the kind ``"methods"`` holds, read as JSON."""
+        values = {each.name: kept[each.name] for each in fields(MethodComparison)}
+        for name in ("tasks", "thresholds", "steps"):
+            values[name] = tuple(values[name])
+        values["methods"] = {name: _read(found) for name, found in kept["methods"].items()}
+        return MethodComparison(**values)
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {counted(len(self.methods), 'method')}: {listing(self.methods)}>"
+
+    def __str__(self) -> str:
+        share = f"{100 * self.confidence:g} %"
+        head = ["method", "runs", "mean", share, "IQM", share, "least", "median"]
+        head += [f"above {self.baseline}", "p"]
+        rows = [head]
+        for name, found in self.methods.items():
+            row = [name, str(found.runs)]
+            for each in (found.mean, found.interquartile_mean):
+                row += [f"{each.value:.3g}", _ends(each)]
+            row += [f"{found.quartiles[0]:.3g}", f"{found.quartiles[2]:.3g}"]
+            if found.improvement is None or found.adjusted is None:
+                row += ["", ""]
+            else:
+                row += [f"{found.improvement.value:.2f}", p_text(found.adjusted)[2:].lstrip("= ")]
+            rows.append(row)
+        of = "" if self.tasks == ("",) else f" over {counted(len(self.tasks), 'task')}"
+        title = f"{self.score}{of}, a run for each training seed"
+        return "\n".join([title, "", *Terminal().table(rows, "<" + ">" * (len(head) - 1))])
+
+
+def compare_methods(
+    runs: Mapping[str, MethodRuns],
+    *,
+    baseline: str | None = None,
+    steps: ArrayLike | None = None,
+    score: str = "satisfaction",
+    confidence: float = 0.95,
+    resamples: int = 10_000,
+    seed: int = 0,
+) -> MethodComparison:
+    """Compares methods of learning over runs with different training seeds.
+
+    A run is one policy: its many episodes are no independent trials of the method that made it. So
+    every number here counts runs. The definitions are those of Agarwal et al., "Deep Reinforcement
+    Learning at the Edge of the Statistical Precipice" (NeurIPS 2021):
+
+    | number | of the scores, runs x tasks |
+    |---|---|
+    | mean | the mean over tasks of the means over runs |
+    | interquartile mean | the mean of the middle half of all scores: a few runs weigh little |
+    | probability of improvement | of a run against one of the baseline, equal ones count half |
+    | performance profile | the share of all scores above each threshold |
+    | intervals | percentiles of the stratified bootstrap: runs are drawn anew within each task |
+
+    The p-value is that of a two-sided permutation test on the means, within each task. An interval
+    of few runs is too narrow: where all are equal it has no width. The interquartile mean hides up
+    to a quarter of failed runs; `MethodScores.quartiles` begins with the least of all.
+
+    Args:
+        runs: For each method the scores of its runs, such as shares of satisfied episodes: a number
+            or an `Evaluation` for each training seed. With ``steps`` a curve for each, an array of
+            shape (runs, points). Of several tasks a mapping of such by the name of the task, with
+            the same number of runs in each.
+        baseline: The method with which the others are compared; None: the first.
+        steps: The steps of training at which the points of curves lie. The last point of a curve
+            is the score of its run.
+        score: What a score is called in tables and pictures.
+        confidence: How often an interval shall cover the truth.
+        resamples: How often the runs are drawn for the intervals.
+        seed: The seed of what is drawn: the same arguments give the same comparison.
+
+    Raises:
+        InputError: If there is no method or no run, numbers of runs or points or names of tasks
+            differ, or a score is not finite.
+        InputTypeError: If ``runs`` is no mapping.
+
+    Example:
+        >>> from rtamt_gym import compare_methods
+        >>> found = compare_methods(
+        ...     {"plain": [0.0, 0.1, 0.0, 0.2, 0.1], "shaped": [0.9, 1.0, 0.2, 1.0, 1.0]}
+        ... )
+        >>> shaped = found.methods["shaped"]
+        >>> round(shaped.mean.value, 2), round(shaped.interquartile_mean.value, 2)
+        (0.82, 0.97)
+        >>> round(shaped.improvement.value, 2), round(shaped.p, 3)
+        (0.98, 0.016)
+    """
+    check_confidence(confidence)
+    check_count(Argument("resamples"), resamples)
+    points = None if steps is None else tuple(map(float, np.asarray(steps).ravel()))
+    scores = _scores(runs, points)
+    tasks = _tasks(scores)
+    named = next(iter(scores)) if baseline is None else baseline
+    if named not in scores:
+        raise InputError(
+            f"expected baseline= as one of {listing(scores)}, got {baseline!r}"
+            f"{nearest(baseline, scores)}"
+        )
+    curves = {
+        name: np.stack([of_task[task] for task in tasks], axis=1)
+        for name, of_task in scores.items()
+    }
+    ends = {name: curve[..., -1] for name, curve in curves.items()}
+    every = np.concatenate([each.ravel() for each in ends.values()])
+    low, high = min(0.0, float(every.min())), max(1.0, float(every.max()))
+    thresholds = np.linspace(low, high, _POINTS)
+    interval = partial(stratified_bootstrap, confidence=confidence, resamples=resamples, seed=seed)
+    chances = {
+        name: permutation_p(each, ends[named], seed=seed)
+        for name, each in ends.items()
+        if name != named
+    }
+    adjusted = holm(chances)
+    methods = {}
+    for name, each in ends.items():
+        share = profile(each, thresholds)
+        methods[name] = MethodScores(
+            tuple(tuple(map(float, row)) for row in each),
+            _estimate([each], mean, interval),
+            _estimate([each], interquartile_mean, interval),
+            _estimates(share, interval([each], partial(profile, thresholds=thresholds))),
+            ()
+            if points is None
+            else tuple(
+                _estimate([curves[name][..., k]], mean, interval) for k in range(len(points))
+            ),
+            None if name == named else _estimate([each, ends[named]], improvement, interval),
+            chances.get(name),
+            adjusted.get(name),
+        )
+    return MethodComparison(
+        methods,
+        named,
+        tasks,
+        tuple(map(float, thresholds)),
+        points or (),
+        score,
+        confidence,
+        resamples,
+        seed,
+    )
+
+
+_Bootstrap = Callable[[Sequence[Floats], Callable[..., Any]], tuple[Any, Any]]
+
+
+def _estimate(samples: Sequence[Floats], statistic: Callable[..., Any], of: _Bootstrap) -> Estimate:
+    low, high = of(samples, statistic)
+    return Estimate(float(statistic(*samples)), (float(low), float(high)))
+
+
+def _estimates(values: Floats, interval: tuple[Floats, Floats]) -> tuple[Estimate, ...]:
+    return tuple(
+        Estimate(float(value), (float(low), float(high)))
+        for value, low, high in zip(values, *interval, strict=True)
+    )
+
+
+def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[str, Floats]]:
+    """The curves of each method and task, of shape (runs, points); checked."""
+    if not isinstance(runs, Mapping):
+        raise InputTypeError(
+            "expected the runs as a mapping, such as {'plain': [0.1, 0.0], 'shaped': [0.9, 1.0]}, "
+            f"got {type(runs).__name__}"
+        )
+    if not runs:
+        raise InputError("expected one method at least, got none")
+    found = {}
+    for name, given in runs.items():
+        by_task = given if isinstance(given, Mapping) else {"": given}
+        if not by_task:
+            raise InputError(f"expected one task at least of {name!r}, got none")
+        found[str(name)] = {
+            str(task): _curves(each, points, f"{name!r}" + (f" on {task!r}" if task else ""))
+            for task, each in by_task.items()
+        }
+    return found
+
+
+def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  # noqa: ANN401
+    """The curves of the runs of one method on one task; a score is a curve of one point."""
+    listed = [
+        each.success.rate if isinstance(each, Evaluation) else each
+        for each in (given if isinstance(given, list | tuple) else np.asarray(given))
+    ]
+    try:
+        array = np.array(listed, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"expected numbers for each run of {of}, got others: {error}") from error
+    if points is None:
+        wanted, fits = "a score for each run, shape (runs,)", array.ndim == 1
+    else:
+        wanted = f"a curve for each run, shape (runs, {len(points)}) as steps= has"
+        fits = array.ndim == 2 and array.shape[1] == len(points)
+    if not fits or not array.size:
+        raise InputError(f"expected {wanted}, of {of}, got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(
+            f"expected finite scores of {of}, got one that is not in run "
+            f"{int(np.argwhere(~np.isfinite(array))[0][0])}; a run that failed has a score too, "
+            "such as 0"
+        )
+    return array.reshape(len(array), -1)
+
+
+def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
+    """The names of the tasks, which all methods have, with as many runs in each."""
+    (first, tasks), *others = ((name, tuple(of_task)) for name, of_task in scores.items())
+    for name, its in others:
+        if set(its) != set(tasks):
+            raise InputError(
+                f"expected the same tasks of all methods, got {listing(tasks)} of {first!r} and "
+                f"{listing(its)} of {name!r}"
+            )
+    for name, of_task in scores.items():
+        counts = {task: len(each) for task, each in of_task.items()}
+        if len(set(counts.values())) > 1:
+            raise InputError(
+                f"expected as many runs of {name!r} in each task, got {counts}; compare tasks with "
+                "other numbers of runs apart"
+            )
+    return tasks
+
+
+def _ends(estimate: Estimate) -> str:
+    low, high = estimate.interval
+    return f"[{low:.3g}, {high:.3g}]"
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - what a comparison holds
+    """The same with estimates as JSON holds them."""
+    match value:
+        case Estimate():
+            return {"value": value.value, "interval": list(value.interval)}
+        case Mapping():
+            return {name: _plain(each) for name, each in value.items()}
+        case tuple() | list():
+            return [_plain(each) for each in value]
+    return value
+
+
+def _read(kept: Mapping[str, Any]) -> MethodScores:
+    """Reads what `_plain` has made of a method."""
+    values = {each.name: kept[each.name] for each in fields(MethodScores)}
+    values["scores"] = tuple(tuple(map(float, row)) for row in kept["scores"])
+    for name in ("mean", "interquartile_mean", "improvement"):
+        values[name] = None if kept[name] is None else _read_estimate(kept[name])
+    for name in ("profile", "curve"):
+        values[name] = tuple(map(_read_estimate, kept[name]))
+    return MethodScores(**values)
+
+
+def _read_estimate(kept: Mapping[str, Any]) -> Estimate:
+    low, high = kept["interval"]
+    return Estimate(float(kept["value"]), (float(low), float(high)))

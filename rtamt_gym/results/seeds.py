@@ -1,0 +1,172 @@
+"""Statistics of methods over runs with other training seeds, as few runs allow them.
+
+The definitions are those of Agarwal et al., "Deep Reinforcement Learning at the Edge of the
+Statistical Precipice" (NeurIPS 2021), whose reference is the package rliable. Scores are an array
+of shape (runs, tasks); leading axes are resamples of it. NumPy alone is needed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "improvement",
+    "interquartile_mean",
+    "mean",
+    "permutation_p",
+    "profile",
+    "stratified_bootstrap",
+]
+
+Floats = NDArray[np.float64]
+
+_AT_ONCE: Final = 2_000_000
+"""The numbers that are drawn at once: memory for all resamples would not be there."""
+
+_EXACT: Final = 200_000
+"""The most splits of the runs that a permutation test lists."""
+
+_DRAWN: Final = 99_999
+"""The splits that it draws where there are more."""
+
+_ROUNDING: Final = 1e-12
+"""What rounding may take from a difference, as a share of the numbers."""
+
+
+def mean(scores: Floats) -> Any:  # noqa: ANN401 - a number, or one for each resample
+    """The mean over tasks of the means over runs.
+
+    Example:
+        >>> float(mean(np.array([[0.0, 1.0], [1.0, 1.0]])))
+        0.75
+    """
+    return scores.mean(axis=(-2, -1))
+
+
+def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
+    """The mean of the middle half of all scores, runs and tasks together.
+
+    Of n scores ``floor(n / 4)`` are left out at either end, as SciPy's ``trim_mean`` does.
+
+    Example:
+        >>> float(interquartile_mean(np.array([[0.0], [0.8], [0.9], [1.0]])))
+        0.85...
+    """
+    ordered = np.sort(scores.reshape(*scores.shape[:-2], -1), axis=-1)
+    cut = ordered.shape[-1] // 4
+    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
+
+
+def profile(scores: Floats, thresholds: Floats) -> Floats:
+    """The performance profile: the share of all scores above each threshold.
+
+    Example:
+        >>> profile(np.array([[0.2], [0.8], [1.0]]), np.array([0.0, 0.5, 1.0])).round(2).tolist()
+        [1.0, 0.67, 0.0]
+    """
+    every = scores.reshape(*scores.shape[:-2], -1, 1)
+    found: Floats = (every > thresholds).mean(axis=-2)
+    return found
+
+
+def improvement(scores: Floats, other: Floats) -> Any:  # noqa: ANN401 - as `mean`
+    """The chance that a run of one method scores above a run of the other on the same task.
+
+    Equal scores count half, so that it is Mann and Whitney's U as a share of all pairs; the mean
+    over tasks.
+
+    Example:
+        >>> float(improvement(np.array([[1.0], [0.5]]), np.array([[0.5], [0.0]])))
+        0.875
+    """
+    ours, theirs = scores[..., :, None, :], other[..., None, :, :]
+    won = (ours > theirs).mean(axis=(-3, -2)) + 0.5 * (ours == theirs).mean(axis=(-3, -2))
+    return won.mean(axis=-1)
+
+
+def stratified_bootstrap(
+    samples: Sequence[Floats],
+    statistic: Callable[..., Any],
+    *,
+    confidence: float = 0.95,
+    resamples: int = 10_000,
+    seed: int = 0,
+) -> tuple[Any, Any]:
+    """The percentile interval of a statistic: runs are drawn anew within each task.
+
+    Args:
+        samples: The scores of each method, which are drawn apart.
+        statistic: Takes arrays of shape (resamples, runs, tasks), one for each of ``samples``, and
+            gives an array whose first axis is resamples.
+        confidence: How often an interval shall cover the truth.
+        resamples: How often the runs are drawn.
+        seed: The seed of what is drawn.
+
+    Example:
+        >>> low, high = stratified_bootstrap([np.array([[0.0], [1.0], [1.0], [1.0]])], mean)
+        >>> float(low), float(high)
+        (0.25, 1.0)
+    """
+    rng = np.random.default_rng(seed)
+    # What a statistic of two methods compares is pairs of runs.
+    each = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
+    found = [
+        statistic(*(_drawn(scores, count, rng) for scores in samples))
+        for count in _batches(resamples, max(1, _AT_ONCE // each))
+    ]
+    tail = 50.0 * (1.0 - confidence)
+    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail], axis=0)
+    return low, high
+
+
+def _batches(count: int, most: int) -> Iterator[int]:
+    while count > 0:
+        yield min(count, most)
+        count -= most
+
+
+def _drawn(scores: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """Resamples of the runs, of each task apart: an array of shape (count, runs, tasks)."""
+    places = rng.integers(len(scores), size=(count, *scores.shape))
+    return scores[places, np.arange(scores.shape[1])]
+
+
+def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
+    """The two-sided p-value of a permutation test on the difference of the means.
+
+    If the methods are equal, which of them a run belongs to is arbitrary: p is the share of all
+    ways to deal the runs of a task out to both methods for which the means are at least as far
+    apart as they are. Of one task with up to 200,000 ways all are counted. Else 99,999 are drawn,
+    and p is (1 + those as far apart) / 100,000 (Phipson and Smyth, 2010).
+
+    Example:
+        >>> permutation_p(np.array([[0.9], [1.0], [1.0]]), np.array([[0.0], [0.1], [0.0]]))
+        0.1
+    """
+    both = np.concatenate([scores, other])
+    runs, tasks = len(scores), scores.shape[1]
+    apart = abs(float(mean(scores) - mean(other)))
+    least = apart - _ROUNDING * float(np.abs(both).max())
+    if tasks == 1 and math.comb(len(both), runs) <= _EXACT:
+        chosen = np.array(list(itertools.combinations(range(len(both)), runs)))
+        return float((_gaps(both[chosen, 0].sum(axis=1)[:, None], both, runs) >= least).mean())
+    rng = np.random.default_rng(seed)
+    hits = 0
+    for count in _batches(_DRAWN, max(1, _AT_ONCE // both.size)):
+        orders = rng.random((count, *both.shape)).argsort(axis=1)[:, :runs]
+        sums = both[orders, np.arange(tasks)].sum(axis=1)
+        hits += int((_gaps(sums, both, runs) >= least).sum())
+    return (1 + hits) / (1 + _DRAWN)
+
+
+def _gaps(sums: Floats, both: Floats, runs: int) -> Floats:
+    """How far the means are apart where the first method's runs of each task have these sums."""
+    rest = both.sum(axis=0) - sums
+    gaps: Floats = np.abs((sums / runs - rest / (len(both) - runs)).mean(axis=1))
+    return gaps
