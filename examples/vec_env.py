@@ -27,9 +27,8 @@ class GymnasiumVecEnv(VecEnv):
         if envs.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
             found = envs.metadata.get("autoreset_mode")
             raise ValueError(f"expected environments of AutoresetMode.DISABLED, got {found}")
-        self.render_mode = None
-        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self.envs = envs
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self._seed = seed
         self._actions: Any = None
 

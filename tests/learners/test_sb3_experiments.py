@@ -3,9 +3,13 @@
 import csv
 import dataclasses
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from experiments import script
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
 
 RUNS = [
     ("train_corridor", ["progress-state", "dqn-progress-state", "progress-lstm"], 1024),
@@ -34,3 +38,82 @@ def test_an_experiment_runs_and_gives_the_same_rows_again(
     assert [row["variant"] for row in first] == variants
     assert {row["steps"] for row in first} == {str(steps)}
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+METHODS = [("corridor", method) for method in ("ours", "plain", "naive", "control")]
+
+
+@pytest.mark.parametrize(("task", "method"), [*METHODS, ("patrol", "ours"), ("patrol", "control")])
+def test_a_run_of_the_study_gives_the_same_row_again_and_is_not_run_twice(
+    task: str,
+    method: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    study = script("study")
+    short = dataclasses.replace(study.TASKS[task], steps=2000, points=1)
+    monkeypatch.setitem(study.TASKS, task, short)
+    files = [tmp_path / "first.jsonl", tmp_path / "second.jsonl"]
+    for file in files:
+        options = [task, "--methods", method, "--seeds", "1", "--output", str(file)]
+        study.main(options)
+        said = capsys.readouterr().out
+        assert said.startswith(f"{task}, {method}, seed 30000: ")
+        study.main(options)
+        assert capsys.readouterr().out == ""
+    first, second = (
+        {key: value for key, value in row.items() if key != "seconds"}
+        for file in files
+        for row in study.rows_of(file)
+    )
+    assert first == second
+    assert first["steps"] == [2000]
+    assert first["episodes"] == 100
+
+
+class Counting(VectorEnv[Any, Any, Any]):
+    """Two environments that show their step; the second one ends at its second step."""
+
+    def __init__(self) -> None:
+        self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
+        self.num_envs = 2
+        self.single_observation_space = Box(0.0, 9.0, (1,), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (1,), np.float32)
+        self.steps = np.zeros(2)
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+        mask = np.ones(2, np.bool_) if options is None else options["reset_mask"]
+        self.steps[mask] = 0.0
+        return self.steps[:, None].astype(np.float32), {}
+
+    def step(self, actions: Any) -> Any:  # noqa: ANN401, ARG002
+        self.steps += 1.0
+        terminated = np.array([self.steps[0] == 3.0, False])
+        truncated = np.array([self.steps[0] == 3.0, self.steps[1] == 2.0])
+        obs = self.steps[:, None].astype(np.float32)
+        return obs, self.steps * 10.0, terminated, truncated, {}
+
+
+def test_a_learner_sees_the_last_observation_and_the_next_episode() -> None:
+    envs = script("vec_env").GymnasiumVecEnv(Counting(), seed=1)
+    assert envs.reset().tolist() == [[0.0], [0.0]]
+    found = [envs.step(np.zeros((2, 1), np.float32)) for _ in range(3)]
+    assert [obs[:, 0].tolist() for obs, *_ in found] == [[1.0, 1.0], [2.0, 0.0], [0.0, 1.0]]
+    assert [rewards.tolist() for _, rewards, *_ in found] == [[10, 10], [20, 20], [30, 10]]
+    assert [ended.tolist() for *_, ended, _ in found] == [
+        [False, False],
+        [False, True],
+        [True, False],
+    ]
+    assert found[0][3] == [{}, {}]
+    assert found[1][3] == [{}, {"terminal_observation": [2.0], "TimeLimit.truncated": True}]
+    # One that ends for both reasons is over: nothing is to be added for what would come.
+    assert found[2][3] == [{"terminal_observation": [3.0], "TimeLimit.truncated": False}, {}]
+
+
+def test_environments_that_reset_themselves_are_refused() -> None:
+    envs = Counting()
+    envs.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+    with pytest.raises(ValueError, match=r"expected environments of AutoresetMode\.DISABLED, got"):
+        script("vec_env").GymnasiumVecEnv(envs)

@@ -83,7 +83,7 @@ def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
 
 
 def test_no_example_is_left_out() -> None:
-    learning = {*SCRIPTS, "training", "corridor"}  # tests/learners run them
+    learning = {*SCRIPTS, "training", "corridor", "study", "vec_env"}  # tests/learners run them
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {*ARGUMENTS, *learning}
 
 
