@@ -1,7 +1,7 @@
 """A study over many seeds: three tasks, each with our method, two others and a control.
 
 A run is one seed of one method. Its row is written when it is over, and a program that was stopped
-goes on with the runs that the file lacks. Seeds were fixed before the first run: 30000 and on.
+goes on with the runs that the file lacks.
 
 Run: python examples/study.py corridor patrol speed_limit --seeds 30 --output study.jsonl
 """
@@ -19,9 +19,9 @@ import train_patrol
 import train_speed_limit
 from corridor import VectorCorridor
 from gymnasium.vector import VectorEnv
-from training import FIRST_JUDGED
+from training import FIRST_JUDGED, printed
 
-from rtamt_gym import VectorStlMonitor, VectorStlReward, evaluate_policy
+from rtamt_gym import VectorStlMonitor, VectorStlReward, compare_methods, evaluate_policy
 
 FIRST_SEED = 30_000
 EPISODES = 100
@@ -220,8 +220,41 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
+    """The cells of the table of a task: a header, and a row for every method that has runs."""
+    curves: dict[str, list[list[float]]] = {}
+    seconds: dict[str, list[float]] = {}
+    steps: list[int] = []
+    for row in rows:
+        if row["task"] == name:
+            steps = row["steps"]
+            rates = [100 * count / row["episodes"] for count in row["satisfied"]]
+            curves.setdefault(row["method"], []).append(rates)
+            seconds.setdefault(row["method"], []).append(row["seconds"])
+    cells = [["method", "runs", "mean, %", "IQM, %", "least", "quartiles", "below 80 %", "s a run"]]
+    if not curves:
+        return cells
+    for method, found in compare_methods(curves, steps=steps).methods.items():
+        low, high = found.mean.interval
+        least, *quartiles, _ = found.quartiles
+        ends = [run[-1] for run in curves[method]]
+        cells.append(
+            [
+                method,
+                str(found.runs),
+                f"{found.mean.value:.1f} [{low:.1f}, {high:.1f}]",
+                f"{found.interquartile_mean.value:.1f}",
+                f"{least:.0f}",
+                ", ".join(f"{each:.0f}" for each in quartiles),
+                f"{sum(end < 80 for end in ends)} of {found.runs}",
+                f"{sum(seconds[method]) / found.runs:.0f}",
+            ]
+        )
+    return cells
+
+
 def main(argv: list[str] | None = None) -> None:
-    """Runs what the file lacks."""
+    """Runs what the file lacks, and prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("tasks", nargs="+", choices=TASKS)
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
@@ -239,6 +272,7 @@ def main(argv: list[str] | None = None) -> None:
                 with arguments.output.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
                 print(f"{name}, {method}, seed {seed}: {row['satisfied'][-1]} of {EPISODES}")
+        print(printed(table(rows_of(arguments.output), name)))
 
 
 if __name__ == "__main__":

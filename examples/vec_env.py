@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 __all__ = ["GymnasiumVecEnv"]
 
 
-class GymnasiumVecEnv(VecEnv):
+class GymnasiumVecEnv(VecEnv):  # type: ignore[misc]  # it has no types here
     """A vector environment of Gymnasium as a `VecEnv`.
 
     It must be one that resets nothing by itself, ``AutoresetMode.DISABLED``; a monitor that ends

@@ -58,10 +58,11 @@ def test_a_run_of_the_study_gives_the_same_row_again_and_is_not_run_twice(
     for file in files:
         options = [task, "--methods", method, "--seeds", "1", "--output", str(file)]
         study.main(options)
-        said = capsys.readouterr().out
+        said, *rows = capsys.readouterr().out.splitlines()
         assert said.startswith(f"{task}, {method}, seed 30000: ")
         study.main(options)
-        assert capsys.readouterr().out == ""
+        assert capsys.readouterr().out.splitlines() == rows
+        assert rows[-1].split()[:2] == [method, "1"]
     first, second = (
         {key: value for key, value in row.items() if key != "seconds"}
         for file in files
