@@ -11,9 +11,9 @@ from paths import EXAMPLES, ROOT
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
 
 
-def tables() -> list[list[list[str]]]:
+def tables(head: str = "variant") -> list[list[list[str]]]:
     """The tables of the page: of each the cells of its rows, without the line below the header."""
-    found = re.findall(r"^\| variant .*\n(?:\|.*\n)+", PAGE, re.MULTILINE)
+    found = re.findall(rf"^\| {head} .*\n(?:\|.*\n)+", PAGE, re.MULTILINE)
     rows = [[line.strip("|").split("|") for line in text.splitlines()] for text in found]
     return [[[cell.strip() for cell in row] for row in [table[0], *table[2:]]] for table in rows]
 
@@ -58,3 +58,25 @@ def test_the_first_table_repeats_the_others() -> None:
         satisfied = {cells[0].replace("**", ""): cells[2].replace("**", "") for cells in table}
         shown = [cell.strip().replace("**", "") for cell in row[-3:]]
         assert shown == [satisfied[one] for one in ("plain", "naive", script(name).TASK.ours)]
+
+
+def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
+    study = script("study")
+    rows = study.rows_of(EXAMPLES / "results" / "study.jsonl")
+    named = re.findall(r"^<!-- study (\w+) -->", PAGE, re.MULTILINE)
+    assert set(named) == {row["task"] for row in rows}
+    for name, table in zip(named, tables("method"), strict=True):
+        assert table == study.table(rows, name)
+        for method, runs, mean, _, least, *_ in table[1:]:
+            of = [row for row in rows if (row["task"], row["method"]) == (name, method)]
+            ends = [100 * row["satisfied"][-1] / row["episodes"] for row in of]
+            assert {row["episodes"] for row in of} == {100}
+            assert len(of) == len({row["seed"] for row in of}) == int(runs)
+            # Fixed before the first run: no seed between is left out.
+            seeds = sorted(row["seed"] for row in of)
+            assert seeds == list(range(seeds[0], seeds[0] + len(of)))
+            assert seeds[0] == (31_000 if name == "corridor" else 30_000)
+            assert mean.startswith(f"{np.mean(ends):.1f} [")
+            assert float(least) == min(ends)
+    for name in ("corridor", "patrol"):
+        assert f"{study.TASKS[name].steps:,}".replace(",", " ") in PAGE
