@@ -35,7 +35,7 @@ def test_every_number_counts_runs() -> None:
     assert shaped.improvement is not None
     # The failed run is level with one run of five and above the others.
     assert shaped.improvement.value == pytest.approx((5 * 5 + 4.5) / 30)
-    assert plain.improvement is plain.p is plain.adjusted is None
+    assert (plain.improvement, plain.p, plain.adjusted) == (None, None, None)
     assert same.improvement is not None
     assert same.improvement.value == 0.5
     assert same.p == same.adjusted == 1.0
