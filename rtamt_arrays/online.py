@@ -16,13 +16,19 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, assert_never
 
-from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, schedule
 from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, exact
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.terms import ArrayReader, ArraySample, columns, terms
+from rtamt_arrays.terms import (
+    ArrayReader,
+    ArraySample,
+    checked_lanes,
+    checked_state,
+    columns,
+    terms,
+)
 
 __all__ = ["OnlineMonitor", "OnlineReading", "OnlineState"]
 
@@ -115,11 +121,7 @@ class OnlineMonitor:
             InputError: On fewer lanes than 1.
             InputTypeError: On a number of lanes that is not an ``int``.
         """
-        if isinstance(lanes, bool) or not isinstance(lanes, int):
-            raise InputTypeError(f"expected a number of lanes, got {brief(lanes)}")
-        if lanes < 1:
-            raise InputError(f"expected 1 lane or more, got {lanes}")
-        o, dtype = self._o, self._reader.dtype
+        o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
         places = [sum(self._lengths[:i]) for i in range(len(self._lengths))]
         return OnlineState(
             ring=o.full((sum(self._lengths), lanes), 0.0, dtype),
@@ -191,17 +193,15 @@ class OnlineMonitor:
         return following, OnlineReading(robustness, nan)
 
     def _check(self, state: OnlineState) -> None:
-        if not isinstance(state, OnlineState):
-            raise InputTypeError(
-                f"expected a state of this monitor, got {brief(state)}; init(lanes) makes the first"
-            )
-        rows = (state.ring.shape[0], state.place.shape[0], state.totals.shape[0])
-        expected = (sum(self._lengths), len(self._lengths), len(self._totals))
-        if rows != expected:
-            raise InputError(
-                f"expected a state of this monitor with {expected} cells, delays and totals, "
-                f"got {rows}: it is that of another specification"
-            )
+        checked_state(
+            state,
+            OnlineState,
+            {
+                "ring": sum(self._lengths),
+                "place": len(self._lengths),
+                "totals": len(self._totals),
+            },
+        )
 
 
 class _Step:

@@ -11,7 +11,15 @@ from rtamt.program.program import Program
 from rtamt_arrays.functions import FUNCTIONS
 from rtamt_arrays.operations import Operations, Tensor
 
-__all__ = ["ArrayReader", "ArraySample", "columns", "terms", "traces"]
+__all__ = [
+    "ArrayReader",
+    "ArraySample",
+    "checked_lanes",
+    "checked_state",
+    "columns",
+    "terms",
+    "traces",
+]
 
 ArraySample = Mapping[str, Tensor] | Tensor
 """Arrays by variable, or one array whose last axis has the variables in order."""
@@ -97,6 +105,44 @@ def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
             f"expected {reader.kind} of real numbers for {what}, got {brief(value)}"
         )
     return array
+
+
+def checked_lanes(lanes: object) -> int:
+    """A number of lanes.
+
+    Raises:
+        InputError: On fewer than 1.
+        InputTypeError: On what is no ``int``.
+    """
+    if isinstance(lanes, bool) or not isinstance(lanes, int):
+        raise InputTypeError(f"expected a number of lanes, got {brief(lanes)}")
+    if lanes < 1:
+        raise InputError(f"expected 1 lane or more, got {lanes}")
+    return lanes
+
+
+def checked_state(state: object, kind: type, rows: Mapping[str, int]) -> None:
+    """Refuse what is no state of a monitor.
+
+    Args:
+        state: What a caller handed over.
+        kind: The class of its states.
+        rows: The length of the first axis of some of their arrays.
+
+    Raises:
+        InputError: On a state of another specification.
+        InputTypeError: On what is no state.
+    """
+    if not isinstance(state, kind):
+        raise InputTypeError(
+            f"expected a state of this monitor, got {brief(state)}; init(lanes) makes the first"
+        )
+    found = {name: getattr(state, name).shape[0] for name in rows}
+    if found != rows:
+        raise InputError(
+            f"expected a state of this monitor, whose rows are {rows}, got {found}: "
+            "it is that of another specification"
+        )
 
 
 def terms(

@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from rtamt import Align, Period
 from rtamt_arrays.compiling import Spec, program_of
+from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.functions import exact
 from rtamt_arrays.jax.operations import JaxOperations, JaxReader
 from rtamt_arrays.offline import evaluated
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.terms import ArraySample, traces
+from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
-__all__ = ["OnlineMonitor", "OnlineReading", "OnlineState", "evaluate", "online"]
+__all__ = [
+    "BoundsReading",
+    "EpisodeArrays",
+    "EpisodeState",
+    "OnlineMonitor",
+    "OnlineReading",
+    "OnlineState",
+    "episode",
+    "evaluate",
+    "online",
+]
 
 
 def online(
@@ -42,6 +54,33 @@ def online(
     return OnlineMonitor(
         program_of(spec, period, align, online=True), JaxOperations(), JaxReader(dtype)
     )
+
+
+def episode(
+    spec: Spec, period: Period | None = None, *, align: Align | None = None, dtype: object = None
+) -> EpisodeArrays:
+    """`rtamt.VectorEpisodeMonitor` as pure functions: robustness, bounds and verdict of each lane.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        period: As for `rtamt.Monitor`.
+        align: As for `rtamt.Monitor`.
+        dtype: The kind of floats; None: that of JAX, which is float32 unless x64 is enabled.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples, or more than six
+            operators without an end inside others.
+        InputError: On a period that is none, or float64 that is not enabled.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> monitor = episode("always[0:100](x > 1)")
+        >>> state, reading = monitor.update(monitor.init(2), {"x": jnp.array([5.0, 0.0])})
+        >>> reading.lower.tolist(), reading.upper.tolist(), reading.verdict.tolist()
+        ([-inf, -inf], [4.0, -1.0], [0, -1])
+    """
+    program = program_of(spec, period, align, online=False)
+    return EpisodeArrays(program, JaxOperations(), JaxReader(dtype))
 
 
 def evaluate(

@@ -55,8 +55,8 @@ FLOORS = {
     "rtamt_arrays": (
         ("operations", "compiling"),
         ("functions",),
-        ("terms",),
-        ("offline", "online"),
+        ("terms", "worlds"),
+        ("offline", "online", "episode"),
         ("jax",),
         ("__init__",),
     ),

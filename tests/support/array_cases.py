@@ -13,7 +13,7 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from rtamt import Formula, VectorMonitor, evaluate
+from rtamt import Formula, VectorEpisodeMonitor, VectorMonitor, evaluate
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 from rtamt_arrays.operations import Tensor
@@ -51,6 +51,18 @@ class Case(NamedTuple):
             monitor.reset(mask)
             rows.append(monitor.update(sample[:, places]))
         return np.array(rows)
+
+    def episode(self, formula: Formula, names: tuple[str, ...]) -> list[Floats]:
+        """Attributes of `rtamt.VectorEpisodeMonitor`, each with a row for each sample."""
+        monitor = VectorEpisodeMonitor(formula, LANES)
+        places = [s.VARIABLES.index(name) for name in monitor.variables]
+        rows: list[list[Floats]] = [[] for _ in names]
+        for sample, mask in zip(self.samples, self.resets, strict=True):
+            monitor.reset(mask)
+            monitor.update(sample[:, places])
+            for name, values in zip(names, rows, strict=True):
+                values.append(getattr(monitor, name))
+        return [np.array(values) for values in rows]
 
     def offline(self, formula: Formula) -> Floats:
         """What `rtamt.evaluate` gives, a row for each lane."""
