@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from numbers import Integral, Real
+from typing import TypeGuard
 
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
@@ -24,7 +25,7 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:
     """Converts a finite number above 0, and at most ``high``, to a float; refuses any other."""
-    if isinstance(value, Real) and 0.0 < float(value) <= high and float(value) < math.inf:
+    if _is_number(value) and 0.0 < float(value) <= high and float(value) < math.inf:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
     raise InputError(
@@ -34,9 +35,14 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
 
 def check_amount(name: str, value: object) -> float:
     """Converts a finite number, 0 or more, to a float; refuses any other."""
-    if isinstance(value, Real) and 0.0 <= float(value) < math.inf:
+    if _is_number(value) and 0.0 <= float(value) < math.inf:
         return float(value)
     raise InputError("expected ", Argument(name), f" as a finite number, 0 or more, got {value!r}")
+
+
+def _is_number(value: object) -> TypeGuard[Real]:
+    """Whether it is a real number; a flag is none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def check_count(what: object, count: object) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack, get_args
@@ -14,6 +15,7 @@ from gymnasium.vector import VectorEnv
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame
@@ -260,10 +262,15 @@ def evaluate_policy(
             so_far.evaluation = made_of(so_far.record, 0, episodes)
         raise
     tell_failures(record)
-    if runner.unasked:
-        _tell_open_end(runner, record)
-    begun = _repeats(runner, record)
-    return made_of(record, 0 if begun is False else keep, begun=begun)
+    try:
+        if runner.unasked:
+            _tell_open_end(runner, record)
+        begun = _repeats(runner, record)
+        return made_of(record, 0 if begun is False else keep, begun=begun)
+    except KeyboardInterrupt as pressed:  # all episodes are over: only what was played again is not
+        whole: Any = pressed
+        whole.evaluation = made_of(record, 0)
+        raise
 
 
 def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
@@ -330,13 +337,17 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
             # What the last sample has decided, or the end: one episode shows it.
             last = outcome.decided_at == row.simulated
             if outcome.verdict is Verdict.SATISFIED and last:
-                failing = runner.simulate({}, row.seed, stop="end", at_termination="failure")
-                if failing.courses[name].verdict is Verdict.VIOLATED:
-                    cut = runner.simulate({}, row.seed, stop="end", at_termination="cut")
-                    window = cut.courses[name].verdict is Verdict.UNDECIDED
-                    warn_of_open_end(name, window=window)
+                again = partial(runner.simulate, {}, row.seed, stop="end")
+                try:
+                    failing = again(at_termination="failure")
+                    if failing.courses[name].verdict is not Verdict.VIOLATED:
+                        break
+                    cut = again(at_termination="cut")
+                except Exception:  # noqa: BLE001 - an episode that does not repeat shows nothing
                     return
-                break
+                window = cut.courses[name].verdict is Verdict.UNDECIDED
+                warn_of_open_end(name, window=window)
+                return
 
 
 def _add(stopping: Stopping, row: Trial) -> bool:
@@ -356,6 +367,7 @@ def _worst_runs(
 ) -> tuple[dict[str, tuple[Run, ...]], dict[int, tuple[Frame, ...]]]:
     """The worst episodes of each requirement, played again in full, and pictures by seed."""
     runs: dict[int, Run] = {}
+    failed: dict[int, Exception] = {}
     frames = {}
     found = {}
     for name in record.requirements:
@@ -365,10 +377,23 @@ def _worst_runs(
         )
         for row in ranked[:keep]:
             number = row.seed or 0
-            if number not in runs:
+            if number in runs or number in failed:
+                continue
+            try:
                 runs[number], pictures = filming.play(row)
-                if pictures:
-                    frames[number] = pictures
-        found[name] = tuple(runs[row.seed or 0] for row in ranked[:keep])
+            except Exception as error:  # noqa: BLE001 - what was found without it stays
+                failed[number] = error
+                continue
+            if pictures:
+                frames[number] = pictures
+        numbers = [row.seed or 0 for row in ranked[:keep]]
+        found[name] = tuple(runs[number] for number in numbers if number in runs)
     filming.tell()
+    for number, error in failed.items():
+        warnings.warn(
+            f"the episode with seed {number} is missing among the worst ones, since it could not "
+            f"be played again: {type(error).__name__}: {error}",
+            RuntimeWarning,
+            stacklevel=caller_level(),
+        )
     return found, frames

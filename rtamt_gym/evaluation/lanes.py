@@ -88,6 +88,12 @@ class Lane:
         self.task = None
         return replace(row, wall=self._wall)
 
+    def leave(self) -> None:
+        """Ends an episode that nobody goes on with: its environment becomes what it was before."""
+        if self.task is not None:
+            self.task = None
+            self._simulation.leave()
+
     def share(self, wall: float) -> None:
         """Adds the episode's share of the seconds that a step of all episodes took."""
         self._wall += wall
@@ -104,7 +110,16 @@ def side_by_side(
     Raises:
         Exception: What the model raises. The episodes that run then are lost.
     """
-    todo = iter(tasks)
+    try:
+        yield from _played(lanes, model, space, iter(tasks))
+    finally:  # after an error, an interruption, and where no more episodes are asked for
+        for lane in lanes:
+            lane.leave()
+
+
+def _played(
+    lanes: Sequence[Lane], model: Model, space: spaces.Space[Any], todo: Iterator[Task]
+) -> Iterator[tuple[int, Trial]]:
     batch = model.batch(space, len(lanes))
     free = list(enumerate(lanes))
     while True:

@@ -302,6 +302,11 @@ class Simulation:
             raise
         return self.over
 
+    def leave(self) -> None:
+        """Ends a simulation that nobody goes on with: what it changed of the system is undone."""
+        if not self.over:
+            self._close()
+
     def trial(self, case: Case, error: str = "") -> Trial:
         """What the simulation came to; with the error that has ended it, if one did."""
         reported = getattr(self._system, "reported", None)

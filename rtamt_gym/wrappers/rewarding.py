@@ -142,6 +142,13 @@ def find_or_make(
     given = {"specs": specs, "signals": signals}
     within = env
     while isinstance(within, gym.Wrapper | VectorWrapper):
+        if isinstance(within, Rewarding):
+            raise InputError(
+                f"expected an environment without a reward of its requirements, got one with "
+                f"{type(within).__name__}, "
+                "which pays for its specifications already; give one wrapper all specifications, "
+                'and what each counts in weights={"upright": 1.0, "near": 0.5} or priorities='
+            )
         if isinstance(within, kind):
             names = [*(name for name, value in given.items() if value is not None), *options]
             if names:

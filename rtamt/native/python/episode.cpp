@@ -24,6 +24,7 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
 }
 
 double finish(EpisodeObject& object, const std::string& end) {
+    require_idle(object);
     const End reading = end_of(end);
     if (object.machine.samples() == 0) refuse_state("refuse_finish");
     object.machine.finish(reading);

@@ -348,6 +348,30 @@ def test_a_second_monitor_is_refused() -> None:
     )
 
 
+def test_a_reward_around_a_reward_is_refused() -> None:
+    inner = StlReward(Replay([1]), "always(x > 1)", X, mode="add")
+    for env in (inner, TimeLimit(inner, 9)):
+        for given in ({}, {"specs": "always(x > 2)", "signals": X}):
+            assert refused(env, **given) == (
+                "expected an environment without a reward of its requirements, got one with "
+                "StlReward, which pays for its specifications already; give one wrapper all "
+                'specifications, and what each counts in weights={"upright": 1.0, "near": 0.5} or '
+                "priorities="
+            )
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("weight", True), ("clip", True), ("gamma", True), ("bonus", False), ("penalty", True)],
+)
+def test_a_flag_is_no_number(name: str, value: bool) -> None:  # noqa: FBT001
+    given = {"specs": "always(x > 1)", "signals": X}
+    assert f"expected {name}= as a finite number" in refused(Replay([1]), **given, **{name: value})
+    assert "expected weights['spec']= as a finite number above 0, got True" in refused(
+        Replay([1]), **given, weights={"spec": True}
+    )
+
+
 def test_what_the_monitor_refuses_the_reward_refuses() -> None:
     with pytest.raises(ParseError):
         StlReward(Replay([1]), "always(x >", X, mode="add")
