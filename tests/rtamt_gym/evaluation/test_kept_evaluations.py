@@ -97,9 +97,9 @@ def test_a_worst_episode_that_fails_when_it_is_played_again_is_told_and_left_out
 
 
 @pytest.mark.filterwarnings("ignore:6 of 9 episodes failed")
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(3)])
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit])
 def test_an_end_amid_episodes_side_by_side_leaves_the_monitors_as_they_were(
-    error: BaseException,
+    kind: type[BaseException],
 ) -> None:
     made: list[StlMonitor[Any, Any]] = []
 
@@ -107,11 +107,11 @@ def test_an_end_amid_episodes_side_by_side_leaves_the_monitors_as_they_were(
         made.append(StlMonitor(Level(), "always(x < 4)", {"x": "obs[0]"}, **READ))
         return made[-1]
 
-    model = Model(error, STEPS + 2)
+    model = Model(kind(3), STEPS + 2)
     try:
         evaluate_policy(model, make, episodes=9, n_envs=3, keep=0)
     except KeyboardInterrupt:
-        assert isinstance(error, KeyboardInterrupt)
+        assert kind is KeyboardInterrupt
     assert len(made) == 3
     for env in made:
         assert isinstance(env.env, Level)
