@@ -11,7 +11,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from rtamt import StateError
+from rtamt import InputTypeError, StateError
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import assumed
 from rtamt_gym.judging.episodes import EpisodeRecords, record
@@ -193,6 +193,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
 
     _UNPICKLED = frozenset({"_columns", "_times"})
     _panel: VectorPanel
+    _knows_flags = False
 
     @lists_reading(EpisodeReading)
     def __init__(
@@ -314,11 +315,15 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             StateError: Before :meth:`reset`, after an error, and if an environment whose episode
                 has ended was to be reset by the caller.
             InputError: If a signal is nan or cannot be read.
+            InputTypeError: At the first step, if the environments tell their ends in no flags.
         """
         begun = self.begun = self._begun()
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         # A monitor that misses a sample, because a signal cannot be read, would count wrong.
         self._running = False
+        if not self._knows_flags:
+            _require_flags(self.env, terminated=terminated, truncated=truncated)
+            self._knows_flags = True
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
         self._compare_times(begun if resets is None else resets)
@@ -463,6 +468,21 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
 def _some(lanes: Lanes) -> Lanes | None:
     """The mask itself; None if it is true nowhere."""
     return lanes if np.count_nonzero(lanes) else None
+
+
+def _require_flags(env: object, **flags: Any) -> None:  # noqa: ANN401
+    """Refuses what a step says of ends in anything but flags.
+
+    Raises:
+        InputTypeError: If it does.
+    """
+    for name, given in flags.items():
+        kind = np.asarray(given).dtype
+        if kind != np.bool_:
+            raise InputTypeError(
+                f"expected {name} of {env} as flags, of dtype bool, got dtype {kind}; put a wrapper "
+                "around it whose step converts them, .astype(bool)"
+            )
 
 
 def _flagged(lanes: Lanes, how: str, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401

@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorWrapper
 from replay import Replay, X
 from vector_environments import Envs, native, sync
 
@@ -103,6 +103,32 @@ def test_simulations_that_are_reset_before_the_end_is_seen_are_refused() -> None
     assert str(caught.value) == (
         "signal 'z': qpos[1] reads the simulations, and with AutoresetMode.SAME_STEP they are "
         f"reset before the end is seen; {WAY_OUT}"
+    )
+
+
+class Numbers(VectorWrapper):
+    """Tells one of the ends in numbers."""
+
+    def __init__(self, env: Any, place: int) -> None:  # noqa: ANN401
+        super().__init__(env)
+        self.place = place
+
+    def step(self, actions: Any) -> Any:  # noqa: ANN401
+        found = list(super().step(actions))
+        found[self.place] = np.asarray(found[self.place]).astype(np.int8)
+        return tuple(found)
+
+
+@pytest.mark.parametrize(("place", "name"), [(2, "terminated"), (3, "truncated")])
+def test_ends_that_are_no_flags_are_refused_at_the_first_step(place: int, name: str) -> None:
+    inner = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync")
+    env = VectorStlMonitor(Numbers(inner, place), "always(abs(theta) < 9)", ANGLE)
+    env.reset(seed=1)
+    with pytest.raises(InputTypeError) as caught:
+        env.step(np.array([1, 1]))
+    assert str(caught.value) == (
+        f"expected {name} of {env.env} as flags, of dtype bool, got dtype int8; put a wrapper "
+        "around it whose step converts them, .astype(bool)"
     )
 
 
