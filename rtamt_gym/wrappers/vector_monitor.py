@@ -321,9 +321,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         # A monitor that misses a sample, because a signal cannot be read, would count wrong.
         self._running = False
-        if not self._knows_flags:
-            _require_flags(self.env, terminated=terminated, truncated=truncated)
-            self._knows_flags = True
+        self._require_flags(terminated, truncated)
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
         self._compare_times(begun if resets is None else resets)
@@ -383,6 +381,19 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     def stl_episodes(self) -> deque[dict[str, Any]]:
         """The records of the last episodes that ended; a fresh deque."""
         return self._episodes.newest()
+
+    def _require_flags(self, terminated: Any, truncated: Any) -> None:  # noqa: ANN401
+        """Refuses environments whose first step tells ends in anything but flags."""
+        if self._knows_flags:
+            return
+        for name, given in (("terminated", terminated), ("truncated", truncated)):
+            kind = np.asarray(given).dtype
+            if kind != np.bool_:
+                raise InputTypeError(
+                    f"expected {name} of {self.env} as flags, of dtype bool, got dtype {kind}; put "
+                    "a wrapper around it whose step converts them, .astype(bool)"
+                )
+        self._knows_flags = True
 
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP
@@ -468,21 +479,6 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
 def _some(lanes: Lanes) -> Lanes | None:
     """The mask itself; None if it is true nowhere."""
     return lanes if np.count_nonzero(lanes) else None
-
-
-def _require_flags(env: object, **flags: Any) -> None:  # noqa: ANN401
-    """Refuses what a step says of ends in anything but flags.
-
-    Raises:
-        InputTypeError: If it does.
-    """
-    for name, given in flags.items():
-        kind = np.asarray(given).dtype
-        if kind != np.bool_:
-            raise InputTypeError(
-                f"expected {name} of {env} as flags, of dtype bool, got dtype {kind}; put a wrapper "
-                "around it whose step converts them, .astype(bool)"
-            )
 
 
 def _flagged(lanes: Lanes, how: str, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
