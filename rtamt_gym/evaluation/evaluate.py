@@ -389,10 +389,10 @@ def _worst_runs(
         numbers = [row.seed or 0 for row in ranked[:keep]]
         found[name] = tuple(runs[number] for number in numbers if number in runs)
     filming.tell()
-    for number, error in failed.items():
+    for number, why in failed.items():
         warnings.warn(
             f"the episode with seed {number} is missing among the worst ones, since it could not "
-            f"be played again: {type(error).__name__}: {error}",
+            f"be played again: {type(why).__name__}: {why}",
             RuntimeWarning,
             stacklevel=caller_level(),
         )

@@ -61,13 +61,8 @@ class Model:
 
 
 def evaluate(env: Any, **options: Any) -> rtamt_gym.Evaluation:  # noqa: ANN401
-    options = {"policy": lambda _: 0, "episodes": EPISODES, "keep": 1, **options}
-    return evaluate_policy(
-        options.pop("policy"),
-        *(env, "always(x < 4)", {"x": "obs[0]"}),
-        **READ,
-        **options,
-    )
+    given: dict[str, Any] = {"episodes": EPISODES, "keep": 1, **READ, **options}
+    return evaluate_policy(lambda _: 0, env, "always(x < 4)", {"x": "obs[0]"}, **given)
 
 
 def raising(error: BaseException, resets: int) -> Callable[[int], None]:
