@@ -51,7 +51,7 @@ def since(left: Course, right: Course, last: int) -> Course:
     """`left since[0:last] right`: the best sample of `right`, with all of `left` after it."""
     found = np.full(len(left), -np.inf)
     held = np.full(len(left), np.inf)  # the least of `left` in (now - back, now]
-    for back in range(last + 1):
+    for back in range(min(last + 1, len(left))):
         at = np.concatenate([np.full(back, -np.inf), right[: len(right) - back]])
         found = np.maximum(found, np.minimum(at, held))
         until = np.concatenate([np.full(back, np.inf), left[: len(left) - back]])

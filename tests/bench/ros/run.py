@@ -3,6 +3,11 @@
     python tests/bench/ros/run.py [latency drift memory late agree restarts] [--quick] [--seconds N]
         [--json FILE]
 
+Late samples of 1 and 20 specifications, processors free and taken, beside a bare publisher and with
+raised priority, in twelve minutes on a machine that does nothing else:
+
+    python tests/bench/ros/run.py late
+
 The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
 figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
 """
