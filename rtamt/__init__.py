@@ -50,6 +50,7 @@ from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.machines.protocols import End
 from rtamt.monitors.asked import Asked, Evidence
+from rtamt.monitors.book import VerdictBook
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.dense_asked import DenseAsked
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor
@@ -127,6 +128,7 @@ __all__ = [
     "VectorEpisodeMonitor",
     "VectorMonitor",
     "Verdict",
+    "VerdictBook",
     "__version__",
     "check",
     "conjunction",

@@ -10,6 +10,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines import protocols
 from rtamt.machines.protocols import End
 from rtamt.machines.ranges import RefusesRanges
 
@@ -33,6 +34,41 @@ def term_ranges(
     upper: Sequence[ArrayLike],
     n: int,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]: ...
+def feed_banks(
+    banks: Sequence[protocols.EpisodeBank],
+    columns: Sequence[tuple[int, ...]],
+    table: NDArray[np.float64],
+    mask: NDArray[np.bool_] | None,
+) -> int: ...
+def least_of_banks(
+    banks: Sequence[protocols.EpisodeBank], name: str, failed: NDArray[np.bool_] | None
+) -> NDArray[np.float64]: ...
+def finish_banks(
+    banks: Sequence[protocols.EpisodeBank], mask: NDArray[np.bool_] | None, end: End
+) -> bool: ...
+def note_verdicts(
+    banks: Sequence[protocols.EpisodeBank],
+    decided_at: NDArray[np.int64],
+    violated: NDArray[np.bool_],
+    failed: NDArray[np.bool_],
+    first: NDArray[np.int64],
+    violated_at: NDArray[np.int64],
+) -> None: ...
+def forget_verdicts(
+    mask: NDArray[np.bool_] | None,
+    specs: int,
+    num: int,
+    decided_at: NDArray[np.int64],
+    violated: NDArray[np.bool_],
+    failed: NDArray[np.bool_],
+    first: NDArray[np.int64],
+    violated_at: NDArray[np.int64],
+) -> None: ...
+def outcomes_of_banks(
+    banks: Sequence[protocols.EpisodeBank],
+    mask: NDArray[np.bool_] | None,
+    failed: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.int8]]: ...
 
 class DiscreteMachine:
     def __init__(

@@ -15,6 +15,7 @@ from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
+from rtamt.machines.books import PYTHON_BOOKS, BookFunctions
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.dense.signs import PythonDenseSigns
@@ -37,7 +38,16 @@ from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.program import Program
 
-__all__ = ["BACKEND", "BACKENDS", "Backend", "BackendName", "Factories", "choose", "read_only"]
+__all__ = [
+    "BACKEND",
+    "BACKENDS",
+    "Backend",
+    "BackendName",
+    "Factories",
+    "books_of",
+    "choose",
+    "read_only",
+]
 
 BackendName = Literal["native", "python"]
 Backend = Literal["auto", BackendName]
@@ -99,6 +109,9 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
 read_only: Callable[[MemberDescriptorType], object] = readout.read_only
 """Makes a descriptor that reads a slot of a class, and does not write it; the fastest there is."""
 
+_own_books: BookFunctions | None = None
+_are_own: Callable[[Sequence[EpisodeBank]], bool] | None = None
+
 try:
     from rtamt.machines import native
 except ModuleNotFoundError as absent:  # a module that is there but does not load is a broken build
@@ -119,6 +132,7 @@ else:
         native.episode_panel,
     )
     read_only = native.read_only
+    _own_books, _are_own = native.BOOKS, native.are_own
 
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
 """``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
@@ -140,3 +154,10 @@ def choose(backend: Backend) -> BackendName:
         msg = f"backend={backend!r} was not built; reinstall rtamt where a C++20 compiler is found"
         raise InputError(msg)
     return backend
+
+
+def books_of(banks: Sequence[EpisodeBank]) -> BookFunctions:
+    """The fastest functions that read these banks."""
+    if _own_books is not None and _are_own is not None and _are_own(banks):
+        return _own_books
+    return PYTHON_BOOKS

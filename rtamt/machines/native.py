@@ -6,20 +6,24 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+import numpy as np
+from numpy.typing import NDArray
+
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 from rtamt.errors import StateError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
-from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.books import BookFunctions
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import everywhere
 from rtamt.machines.dense.rows import RegionRows, dense_of, readings_of
 from rtamt.machines.dense.signs import PythonDenseSigns
-from rtamt.machines.protocols import DenseSigns, End
+from rtamt.machines.protocols import DenseSigns, End, EpisodeBank
 from rtamt.machines.ranges import RefusesRanges
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
@@ -38,6 +42,8 @@ from rtamt.program.placement import Placement, place
 from rtamt.program.program import Program
 
 __all__ = [
+    "BOOKS",
+    "are_own",
     "dense_episode_machine",
     "dense_episode_on_regions",
     "dense_machine",
@@ -206,6 +212,52 @@ def term_ranges(
 ) -> tuple[list[Floats], list[Floats]]:
     rows, variables = encoded_terms(program), len(program.variables)
     return _native.term_ranges(rows, variables, observed, reader, lower, upper, n)
+
+
+def _feed(
+    banks: Sequence[EpisodeBank],
+    columns: Sequence[tuple[int, ...]],
+    table: Floats,
+    mask: Lanes | None,
+) -> None:
+    while (fed := _native.feed_banks(banks, tuple(columns), table, mask)) < len(banks):
+        # It reads rare forms of samples, or refuses them.
+        banks[fed].update(table[:, list(columns[fed])], mask)
+        banks, columns = banks[fed + 1 :], columns[fed + 1 :]
+        if not banks:
+            return
+
+
+def _finish(banks: Sequence[EpisodeBank], mask: Lanes | None, end: End) -> None:
+    if not _native.finish_banks(banks, mask, end):
+        banks[0].finish(mask, end)  # refuses
+
+
+def _forget(
+    mask: Lanes | None,
+    decided_at: NDArray[np.int64],
+    violated: Lanes,
+    failed: Lanes,
+    first: NDArray[np.int64],
+    violated_at: NDArray[np.int64],
+) -> None:
+    specs, num = decided_at.shape
+    _native.forget_verdicts(mask, specs, num, decided_at, violated, failed, first, violated_at)
+
+
+BOOKS = BookFunctions(
+    _feed,
+    _native.least_of_banks,
+    _finish,
+    _native.note_verdicts,
+    _forget,
+    _native.outcomes_of_banks,
+)
+
+
+def are_own(banks: Sequence[EpisodeBank]) -> bool:
+    """Whether these functions can read the banks."""
+    return set(map(type, banks)) == {_native.EpisodeBank}
 
 
 def refuse_running() -> NoReturn:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt_gym.judging.infos import Lanewise, Where, present
+from rtamt_gym.judging.infos import Lanewise, SpecRows, Where, present
 
 __all__ = ["EpisodeRecords", "record"]
 
 
 def record(
-    outcomes: Mapping[str, Any],
+    outcomes: Mapping[str, Any] | SpecRows,
     violated_by: Lanewise,
     violated_at: Lanewise,
     samples: Lanewise,
@@ -75,6 +75,8 @@ def _element(value: Any, i: int) -> Any:  # noqa: ANN401
     match value:
         case Where():
             return Where(value.there[i], value.value.item(i))
+        case SpecRows():
+            return _element(value.by_name(), i)
         case dict():
             return {key: _element(part, i) for key, part in value.items()}
         case _:

@@ -5,7 +5,7 @@ Every key is written here once; a key that not every environment has gets a `Whe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 __all__ = [
     "VERDICTS",
     "Lanewise",
+    "SpecRows",
     "Where",
     "last_info",
     "outcome",
@@ -33,6 +34,32 @@ class Where(NamedTuple):
 
     there: Lanewise
     value: Lanewise
+
+
+class SpecRows(NamedTuple):
+    """Values of several specifications in many environments.
+
+    Attributes:
+        names: The specifications.
+        found: Arrays with a row for each of them.
+        more: What a specification has beside that, by name.
+    """
+
+    names: Sequence[str]
+    found: Mapping[str, Lanewise]
+    more: Mapping[str, Mapping[str, Lanewise]]
+
+    def by_name(self) -> dict[str, dict[str, Any]]:
+        """The values of each specification."""
+        return {
+            name: {key: _row(value, k) for key, value in self.found.items()}
+            | dict(self.more.get(name, {}))
+            for k, name in enumerate(self.names)
+        }
+
+
+def _row(value: Lanewise, k: int) -> Lanewise:
+    return Where(value.there[k], value.value[k]) if isinstance(value, Where) else value[k]
 
 
 def step_info(
@@ -113,7 +140,7 @@ def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> di
 
 
 def last_info(
-    outcomes: Mapping[str, Any],
+    outcomes: Mapping[str, Any] | SpecRows,
     violated_by: Lanewise,
     violated_at: Lanewise,
     success: Lanewise,

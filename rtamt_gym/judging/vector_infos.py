@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.infos import Where
+from rtamt_gym.judging.infos import SpecRows, Where
 from rtamt_gym.signals.columns import Lanes
 
 __all__ = ["final_infos", "final_observations", "key_mask", "put", "put_last"]
@@ -50,7 +50,8 @@ def put_at(
 ) -> None:
     """Sets a key for the environments of the mask, which have the numbers ``at``.
 
-    ``value`` has an element for each of them, or is a `Where` or a dictionary of such arrays.
+    ``value`` has an element for each of them, or is a `Where`, a dictionary or `SpecRows` of such
+    arrays.
     """
     num = len(mask)
     if isinstance(value, Where):
@@ -66,11 +67,41 @@ def put_at(
         held: Any = {}
         for name, part in value.items():
             put_at(held, name, part, at, mask)
+    elif isinstance(value, SpecRows):
+        held = _spread_rows(value, at, mask)
     else:
         make = np.empty if value.dtype == object else np.zeros  # empty objects are None
         held = make(num, value.dtype)
         held[at] = value
     infos[key], infos[f"_{key}"] = held, mask.copy()
+
+
+def _spread_rows(rows: SpecRows, at: NDArray[np.integer[Any]], mask: Lanes) -> dict[str, Any]:
+    """A dictionary for each row: all rows of a key are spread over the environments at once."""
+    groups: list[dict[str, Any]] = [{} for _ in rows.names]
+    shape = len(groups), len(mask)
+    for key, found in rows.found.items():
+        if isinstance(found, Where):
+            masks = np.zeros(shape, np.bool_)
+            masks[:, at] = found.there
+            has, value = found.there.any(axis=1).tolist(), np.where(found.there, found.value, 0)
+        else:
+            masks, has, value = np.empty(shape, np.bool_), [True] * len(groups), found
+            masks[:] = mask
+        if True not in has:
+            continue
+        make = np.empty if value.dtype == object else np.zeros  # empty objects are None
+        held = make(shape, value.dtype)
+        held[:, at] = value
+        for k, group in enumerate(groups):
+            if has[k]:
+                group[key], group[f"_{key}"] = held[k], masks[k]
+    made: dict[str, Any] = {}
+    for name, group in zip(rows.names, groups, strict=True):
+        for key, value in rows.more.get(name, {}).items():
+            put_at(group, key, value, at, mask)
+        made[name], made[f"_{name}"] = group, mask.copy()
+    return made
 
 
 def put_last(

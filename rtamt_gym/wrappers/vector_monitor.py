@@ -108,9 +108,9 @@ class _LaneMonitoring(Monitoring):
     ) -> None:
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, ended.nonzero()[0]
-        found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
+        found = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
         reported = key_mask(infos, "is_success", self.num_envs)
-        undecided = panel.undecided(at).any(axis=0)
+        undecided = np.logical_or.reduce(panel.undecided(at))
         last = last_info(*found, panel.success(at), undecided, reported[at])
         put_last(infos, last, at, ended, reported)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
@@ -126,7 +126,7 @@ class _LaneMonitoring(Monitoring):
             at, panel = cut.nonzero()[0], self._panel
             if len(at):
                 panel.finish(cut, self._at_truncation)
-                found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
+                found = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
                 self._episodes.append(at, record(*found, panel.samples[at], ~cut[at], cut[at]))
         self._running = False
 

@@ -38,6 +38,7 @@ public:
 template <class Order, class F>
 class ClampedColumns final : public WindowColumns {
     using Element = typename F::Element;
+    using Kept = typename F::Kept;
 
 public:
     ClampedColumns(std::size_t num, const ClampedWindow& window)
@@ -129,7 +130,7 @@ private:
             for (std::size_t i = 0; i < n; ++i) {
                 const Element x = folded[i];
                 settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
-                delayed.put(i, in[i]);
+                delayed.put(i, F::kept(in[i]));
                 open(i, x);
             }
             return;
@@ -138,7 +139,7 @@ private:
             const Element x = folded[i];
             if (t.times[lane + i] >= window_.hi)
                 settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
-            delayed.put(i, in[i]);
+            delayed.put(i, F::kept(in[i]));
             open(i, x);
         }
     }
@@ -148,7 +149,7 @@ private:
     Slots<Element> since_begin_;  // the fold of all elements of lanes that have up to `length`
     Slots<Element> elements_;     // of the chosen lanes, as are their folds
     Slots<Element> folded_;
-    Slots<Element> delayed_;  // the last elements
+    Slots<Kept> delayed_;  // what is kept of the last elements
     RingFold<F> ring_;
 };
 

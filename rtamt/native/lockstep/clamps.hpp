@@ -28,6 +28,12 @@ struct Clamps {
         double worst;
     };
     static constexpr Element identity{kSame ? Order::top : -Order::top, Order::top, Order::top};
+    // What is kept of a time until its window is whole.
+    struct Kept {
+        double best;
+        double worst;
+    };
+    static Kept kept(Element x) { return {x.best, x.worst}; }
 
     static double clamp(double x, double best, double worst) {
         return Order::most(Order::least(x, best), worst);
@@ -48,7 +54,7 @@ struct Clamps {
         }
     }
     // The value of a time when its window is whole, from the fold of the later times of the window.
-    static double settled(Element oldest, Element later) {
+    static double settled(Kept oldest, Element later) {
         return clamp(later.seen, oldest.best, oldest.worst);
     }
     static double now(Element x) { return kSame ? x.best : x.worst; }
@@ -65,14 +71,16 @@ struct Reaches {
         double worst;
     };
     static constexpr Element identity{-Order::top, Order::top};
+    using Kept = double;
+    static Kept kept(Element x) { return x.worst; }
 
     static Element element(double x, double, double worst) { return {x, Order::most(x, worst)}; }
     static Element combine(Element x, Element y) {
         return {Order::most(x.seen, y.seen),
                 Order::least(Order::most(y.seen, x.worst), y.worst)};
     }
-    static double settled(Element oldest, Element later) {
-        return Order::most(later.seen, oldest.worst);
+    static double settled(Kept oldest, Element later) {
+        return Order::most(later.seen, oldest);
     }
     static double now(Element x) { return x.worst; }
     static double best(Element) { return Order::top; }

@@ -13,9 +13,6 @@ namespace {
 
 using episode::FormulaRow;
 
-// Columns take the memory of whole windows at once; beyond this, machines that grow are better.
-constexpr double kMaxNumbers = 1 << 25;
-
 // A register that is read at all times: the values where the only window that it reads is -inf and
 // where it is +inf, which are one column if there is no window. Functions made of min and max of
 // one operand, and of no negation, are clamps of it between those.
@@ -82,8 +79,7 @@ private:
                 range.window ? map(is_min, a->greatest, b->greatest) : range.least;
             ranges_[r] = range;
         } else if (!a->window && f.lo && f.hi && *f.lo == 0 && *f.hi > 0 && unknown(f.a)) {
-            numbers_ += 6.0 * static_cast<double>(*f.hi) * static_cast<double>(num_);
-            if (numbers_ <= kMaxNumbers) ranges_[r] = Range{minus_, plus_, r};
+            ranges_[r] = Range{minus_, plus_, r};
         }
     }
 
@@ -168,7 +164,6 @@ private:
     std::size_t plus_;
     std::vector<std::optional<Range>> ranges_;
     std::vector<Tails> tails_;
-    double numbers_ = 0.0;
 };
 
 class ColumnEpisodes final : public Episodes {

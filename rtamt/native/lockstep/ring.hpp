@@ -27,7 +27,8 @@ public:
         for (std::size_t i = 0; i < num_; ++i) identity.put(i, F::identity);
     }
 
-    // Pushes an element of n lanes from `lane` on, which have one place.
+    // Pushes an element of n lanes from `lane` on, which have one place. In the first block, where
+    // no lane has pushed enough, `out` is left as it is, and no memory of earlier blocks is touched.
     template <class In>
     void push(std::uint64_t place, std::size_t lane, std::size_t n, In in, View<Element> out) {
         if (block_ == 0) {
@@ -40,9 +41,17 @@ public:
         const auto front = slot(half + offset);
         const auto oldest = offset + ahead_ == block_ ? slots_.at(kIdentity, lane)
                                                       : slot(half + offset + ahead_);
+        const auto prefix = slots_.at(kPrefix, lane);
+        if (place < block_) {
+            RTAMT_INDEPENDENT
+            for (std::size_t i = 0; i < n; ++i) {
+                front.put(i, in[i]);
+                prefix.put(i, F::combine(prefix[i], in[i]));
+            }
+            return;
+        }
         const auto back = slot(block_ - half + (block_ - 1 - offset));
         const auto middle = slots_.at(kMiddle, lane);
-        const auto prefix = slots_.at(kPrefix, lane);
         const auto suffix = slots_.at(kSuffix, lane);
         const auto run = [&]<bool kFresh>() {
             RTAMT_INDEPENDENT

@@ -54,18 +54,22 @@ public:
     // An array of value(0) to value(n - 1).
     template <class T, class Value>
     nb::object make(std::size_t n, Value value) const {
+        T* elements = nullptr;
+        nb::object array = unfilled<T>(n, elements);
+        for (std::size_t i = 0; i < n; ++i) elements[i] = value(i);
+        return array;
+    }
+    // An array, and where its elements are to be written while it exists.
+    template <class T>
+    nb::object unfilled(std::size_t n, T*& elements) const {
         const nb::int_ size(n);
         PyObject* arguments[] = {size.ptr(), dtype_};
         PyObject* made = PyObject_Vectorcall(empty_, arguments, 2, nullptr);
         if (made == nullptr) nb::raise_python_error();
         nb::object array = nb::steal(made);
-        auto* elements = static_cast<T*>(Numpy::instance().begin(made));
-        std::vector<ArrayView> view;
-        if (elements == nullptr) {
-            view.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);
-            elements = view.front().template data<T>();
-        }
-        for (std::size_t i = 0; i < n; ++i) elements[i] = value(i);
+        elements = static_cast<T*>(Numpy::instance().begin(made));
+        if (elements == nullptr)
+            elements = ArrayView(array, n, PyBUF_ND | PyBUF_WRITABLE).template data<T>();
         return array;
     }
 

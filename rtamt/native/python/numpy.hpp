@@ -66,11 +66,16 @@ public:
     // The numbers of an aligned array of float64 of this shape, in any layout; no data if it is
     // another object.
     Table table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
+        std::size_t width = 0;
+        const Table found = table(array, rows, width);
+        return width == static_cast<std::size_t>(columns) ? found : Table{};
+    }
+    // The same of any number of columns, which is found.
+    Table table(PyObject* array, Py_ssize_t rows, std::size_t& width) const {
         if (!known_ || !is_array(array)) return {};
         const auto* fields = reinterpret_cast<const Fields*>(array);
-        if (fields->ndim != 2 || fields->dtype != doubles_ || fields->shape[0] != rows ||
-            fields->shape[1] != columns)
-            return {};
+        if (fields->ndim != 2 || fields->dtype != doubles_ || fields->shape[0] != rows) return {};
+        width = static_cast<std::size_t>(fields->shape[1]);
         constexpr auto kSize = static_cast<Py_ssize_t>(sizeof(double));
         const auto place = reinterpret_cast<std::uintptr_t>(fields->data);
         const auto aligned = [](auto bytes) { return bytes % decltype(bytes){alignof(double)} == 0; };
@@ -100,6 +105,22 @@ public:
     void* begin(PyObject* array) const {
         if (!known_ || !is_array(array)) return nullptr;
         return const_cast<char*>(reinterpret_cast<const Fields*>(array)->data);
+    }
+
+    // The elements of a contiguous array of one or two dimensions with n elements of this type in
+    // all; null if it is another object.
+    template <class T>
+    void* elements(PyObject* array, std::size_t n) const {
+        if (!known_ || !is_array(array)) return nullptr;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->dtype != dtype_of(T{}) || fields->ndim < 1 || fields->ndim > 2) return nullptr;
+        Py_ssize_t size = 1;
+        for (int i = fields->ndim - 1; i >= 0; size *= fields->shape[i--])
+            if (fields->strides[i] != size * static_cast<Py_ssize_t>(sizeof(T))) return nullptr;
+        if (size != static_cast<Py_ssize_t>(n) ||
+            reinterpret_cast<std::uintptr_t>(fields->data) % alignof(T) != 0)
+            return nullptr;
+        return const_cast<char*>(fields->data);
     }
 
     // The bytes of a contiguous 1-D array of n bools, which numpy lets be other than 0 and 1; null
@@ -175,6 +196,10 @@ private:
         return true;
     }
 
+    PyObject* dtype_of(double) const { return doubles_; }
+    PyObject* dtype_of(std::int64_t) const { return longs_; }
+    PyObject* dtype_of(std::uint8_t) const { return bools_; }
+
     bool row_of(PyObject* array, Py_ssize_t n, double* out) const {
         const auto* fields = reinterpret_cast<const Fields*>(array);
         if (fields->ndim != 1 || fields->shape[0] != n) return false;
@@ -202,6 +227,7 @@ private:
     PyObject* doubles_ = dtype("float64");
     PyObject* singles_ = dtype("float32");
     PyObject* bools_ = dtype("bool");
+    PyObject* longs_ = dtype("int64");
     bool known_ = false;
 };
 

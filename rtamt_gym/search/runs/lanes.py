@@ -315,7 +315,8 @@ class _Batch:
             for name, (_, judge) in panel.monitors.items()
         }
         decided = {
-            name: np.array(each["decided_at"].value) for name, each in panel.outcomes(over).items()
+            name: np.array(each["decided_at"].value)
+            for name, each in panel.outcomes(over).by_name().items()
         }
         progress = panel.progress
         for place, lane in enumerate(over.tolist()):

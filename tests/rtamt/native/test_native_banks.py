@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rtamt import VectorEpisodeMonitor, VectorMonitor
+from rtamt import EpisodeMonitor, VectorEpisodeMonitor, VectorMonitor
 from rtamt.machines.backend import BACKENDS
 
 native: Any = pytest.importorskip("rtamt._native")
@@ -96,3 +96,26 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
     episodes = BACKENDS["native"].episode_bank(program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
         episodes.finish()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["eventually(always[0:{k}](x > 0))", "always((y > 1) implies eventually[0:{k}](x > 0))"],
+)
+def test_long_windows_of_many_lanes_are_those_of_one(text: str) -> None:
+    num, k = 3_000, 2_000
+    text = text.format(k=k)
+    lanes = VectorEpisodeMonitor(text, num, backend="native")
+    single = {lane: EpisodeMonitor(text, backend="native") for lane in (0, 1_234, num - 1)}
+    random = np.random.default_rng(4)
+    width = len(lanes.variables)
+    tables = [np.asfortranarray(random.normal(2.8, 1.0, (num, width))) for _ in range(97)]
+    for step in range(2 * k + 500):  # the blocks of a window begin anew every k / 2 samples
+        table = tables[step % len(tables)]
+        lanes.update(table)
+        for lane, monitor in single.items():
+            monitor.update(*table[lane])
+        if step % 50 == 0 or step % (k // 2) in {0, 1, k // 2 - 1}:
+            for name in ("robustness", "lower", "upper"):
+                found = getattr(lanes, name)[list(single)]
+                assert found.tolist() == [getattr(each, name) for each in single.values()]

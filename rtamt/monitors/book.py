@@ -1,0 +1,190 @@
+"""The verdicts of several monitors of episodes on the same lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.errors import InputError, InputTypeError
+from rtamt.inputs.lanes import Floats, LaneReader, Lanes
+from rtamt.machines.backend import books_of
+from rtamt.machines.books import BookFunctions, LaneValue
+from rtamt.machines.protocols import End, EpisodeBank
+from rtamt.monitors.options import checked_end
+from rtamt.monitors.vector import VectorEpisodeMonitor
+
+__all__ = ["VerdictBook"]
+
+
+class VerdictBook:
+    """When each of several specifications was decided in each lane, and which was violated first.
+
+    A row of an array is of a monitor, a column of a lane; arrays of shape (num,) are of the lanes.
+    They are the book's own, change in place, and are to be read only. The book holds the monitors:
+    what is called on it does for all of them what they would do one after the other.
+
+    Args:
+        monitors: One or more, of as many lanes. They may be fed by themselves too, before `note`.
+
+    Attributes:
+        decided_at: The sample that decided a verdict, counted from 0; -1 while it is open.
+        violated: Whether a specification is violated.
+        failed: Whether it is violated because `fail` said so.
+        first: The place of the monitor that was violated first in a lane, of several at one
+            sample that of the first; -1 while none is.
+        violated_at: The sample that showed it; -1 while there is none.
+
+    Raises:
+        InputError: Without a monitor, or on monitors of different numbers of lanes.
+        InputTypeError: On something else than a `VectorEpisodeMonitor`.
+
+    Example:
+        >>> near, far = (VectorEpisodeMonitor(f"always(x < {k})", 2) for k in (1, 3))
+        >>> book = VerdictBook([far, near])
+        >>> for sample in ([[0], [0]], [[0], [2]]):
+        ...     _ = book.feed(np.array(sample, float), [(0,), (0,)])
+        >>> book.decided_at.tolist(), book.first.tolist(), book.violated_at.tolist()
+        ([[-1, -1], [-1, 1]], [-1, 1], [-1, 1])
+        >>> book.least("robustness")
+        array([ 1., -1.])
+    """
+
+    def __init__(self, monitors: Iterable[VectorEpisodeMonitor]) -> None:
+        self.monitors = tuple(monitors)
+        for each in self.monitors:
+            if not isinstance(each, VectorEpisodeMonitor):
+                msg = f"expected monitors of the class VectorEpisodeMonitor, got {each!r}"
+                raise InputTypeError(msg)
+        lanes = sorted({each.num for each in self.monitors})
+        if len(lanes) != 1:
+            got = f"monitors of {' and '.join(map(str, lanes))}" if lanes else "no monitor"
+            raise InputError(f"expected one or more monitors of as many lanes, got {got}")
+        (self.num,) = lanes
+        shape = len(self.monitors), self.num
+        self.decided_at: NDArray[np.int64] = np.full(shape, -1, np.int64)
+        self.violated: Lanes = np.zeros(shape, np.bool_)
+        self.failed: Lanes = np.zeros(shape, np.bool_)
+        self.first: NDArray[np.int64] = np.full(self.num, -1, np.int64)
+        self.violated_at: NDArray[np.int64] = np.full(self.num, -1, np.int64)
+        self._fails = False  # whether any lane may have failed
+
+    def feed(
+        self, table: Floats, columns: Sequence[tuple[int, ...]], mask: ArrayLike | None = None
+    ) -> Floats:
+        """Take in a sample in every lane that the mask chooses, and note the verdicts.
+
+        Args:
+            table: Numbers of shape (num, width), a row for each lane. An array of float64 in
+                Fortran's order is read fastest.
+            columns: For each monitor the columns of the table that are its variables.
+            mask: num booleans; None: all lanes.
+
+        Returns:
+            The least robustness of each lane over the monitors; nan before its first sample.
+
+        Raises:
+            InputError: As `VectorEpisodeMonitor.update` does; then monitors in front of the one
+                that refuses its sample have taken theirs.
+            InputTypeError: As `VectorEpisodeMonitor.update` does.
+            StateError: If a lane that is to take a sample is finished.
+        """
+        banks, functions = self._banks()
+        functions.feed(banks, columns, table, self._mask(mask))
+        self.note()
+        return functions.least(banks, "robustness", None)
+
+    def note(self) -> None:
+        """Record what the monitors have decided since, with the last sample of each lane."""
+        banks, functions = self._banks()
+        functions.note(banks, *self._arrays())
+
+    def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
+        """End the traces of the lanes of the mask, as `VectorEpisodeMonitor.finish` does.
+
+        Raises:
+            StateError: If one of these lanes has no sample; then no lane is finished.
+            InputError: On a mask of another shape than (num,), or another reading of the end.
+            InputTypeError: On a mask that is not of booleans.
+        """
+        banks, functions = self._banks()
+        functions.finish(banks, self._mask(mask), checked_end(end))
+        self.note()
+
+    def fail(self, mask: ArrayLike | None = None) -> None:
+        """Count verdicts that are open in the lanes of the mask as violated by the last sample.
+
+        Monitors stay as they are, and so does a lane without a sample.
+
+        Raises:
+            InputError: On a mask of another shape than (num,).
+            InputTypeError: On a mask that is not of booleans.
+        """
+        chosen, begun = self._mask(mask), self.monitors[0].samples > 0
+        lanes = begun if chosen is None else begun & chosen
+        self.failed |= lanes & (self.decided_at < 0)
+        self._fails = True
+        self.note()
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Forget the lanes of the mask, here and in the monitors; without a mask, all.
+
+        Raises:
+            InputError: On a mask of another shape than (num,).
+            InputTypeError: On a mask that is not of booleans.
+        """
+        chosen = self._mask(mask)
+        for monitor in self.monitors:
+            monitor.reset(chosen)
+        self._banks()[1].forget(chosen, *self._arrays())
+        self._fails = self._fails and chosen is not None
+
+    def least(self, value: LaneValue) -> Floats:
+        """The least of a value over the monitors, ``"robustness"``, ``"lower"`` or ``"upper"``.
+
+        The upper bound of what has failed is -0.0. A fresh array of shape (num,).
+        """
+        banks, functions = self._banks()
+        return functions.least(banks, value, self.failed if self._failing(value) else None)
+
+    def outcomes(self, mask: ArrayLike | None = None) -> tuple[Floats, NDArray[np.int8]]:
+        """The robustness and the verdict of every specification so far, of shape (monitors, num).
+
+        They are 0 in lanes that are left out, and in those without a sample.
+
+        Raises:
+            InputError: On a mask of another shape than (num,).
+            InputTypeError: On a mask that is not of booleans.
+        """
+        banks, functions = self._banks()
+        return functions.outcomes(banks, self._mask(mask), self.failed)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        # Unpickled arrays have copies of the dtypes, which machines do not know.
+        for name in ("decided_at", "violated", "failed", "first", "violated_at"):
+            held = state[name]
+            fresh = np.empty(held.shape, held.dtype.type)
+            fresh[...] = held
+            setattr(self, name, fresh)
+
+    def _failing(self, value: LaneValue) -> bool:
+        return self._fails and value == "upper"
+
+    def _arrays(
+        self,
+    ) -> tuple[NDArray[np.int64], Lanes, Lanes, NDArray[np.int64], NDArray[np.int64]]:
+        return self.decided_at, self.violated, self.failed, self.first, self.violated_at
+
+    def _banks(self) -> tuple[tuple[EpisodeBank, ...], BookFunctions]:
+        banks = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
+        return banks, books_of(banks)
+
+    def _mask(self, mask: ArrayLike | None) -> Lanes | None:
+        if mask is None:
+            return None
+        if type(mask) is np.ndarray and mask.dtype == np.bool_ and mask.shape == (self.num,):
+            return np.ascontiguousarray(mask)
+        return LaneReader(self.monitors[0].program, self.num, "raise").mask(mask)

@@ -1,0 +1,299 @@
+"""A book of verdicts says what monitors of single lanes, looked at after every sample, say."""
+
+import copy
+import gc
+import math
+import pickle
+import weakref
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from bits import bits
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtamt import (
+    EpisodeMonitor,
+    InputError,
+    InputTypeError,
+    StateError,
+    VectorEpisodeMonitor,
+    VerdictBook,
+)
+
+Backend = Literal["native", "python"]
+VARIABLES = "xy"
+VALUES: tuple[Literal["robustness", "lower", "upper"], ...] = ("robustness", "lower", "upper")
+TEXTS = (
+    "always(x > 0)",
+    "always(y > -1)",
+    "eventually(x > 1)",
+    "always[0:4](y <= 1)",
+    "always((x > 0) implies eventually[0:3](y > 0))",
+    "eventually always[0:2](x > 0)",
+    "(x > 0) until[0:5] (y > 0)",
+    "always(x + y > -2) and eventually[1:3](y == 0)",
+    "true",
+)
+
+
+class Ledger:
+    """The book of one lane, kept by hand."""
+
+    def __init__(self, texts: list[str]) -> None:
+        self.monitors = [EpisodeMonitor(text, backend="python") for text in texts]
+        self.begin()
+
+    def begin(self) -> None:
+        for monitor in self.monitors:
+            monitor.reset()
+        self.samples = 0
+        self.decided_at = [-1] * len(self.monitors)
+        self.violated = [False] * len(self.monitors)
+        self.failed = [False] * len(self.monitors)
+        self.first = self.violated_at = -1
+
+    def take(self, sample: dict[str, float]) -> None:
+        for monitor in self.monitors:
+            monitor.update(*[sample[name] for name in monitor.variables])
+        self.samples += 1
+        self.look()
+
+    def fail(self) -> None:
+        if self.samples:
+            self.failed = [f or at < 0 for f, at in zip(self.failed, self.decided_at, strict=True)]
+            self.look()
+
+    def finish(self, end: Any) -> None:  # noqa: ANN401 - a name
+        for monitor in self.monitors:
+            monitor.finish(end)
+        self.look()
+
+    def verdict(self, k: int) -> int:
+        return -1 if self.failed[k] else int(self.monitors[k].verdict)
+
+    def look(self) -> None:
+        for k in range(len(self.monitors)):
+            if self.decided_at[k] < 0 and self.verdict(k) != 0:
+                self.decided_at[k] = self.samples - 1
+                self.violated[k] = self.verdict(k) < 0
+                if self.violated[k] and self.violated_at < 0:
+                    self.first, self.violated_at = k, self.samples - 1
+
+    def least(self, name: str) -> float:
+        values: list[float] = [getattr(monitor, name) for monitor in self.monitors]
+        if name == "upper":
+            values = [-0.0 if f else v for f, v in zip(self.failed, values, strict=True)]
+        if any(map(math.isnan, values)):
+            return math.nan
+        return min(values, key=lambda value: (value, math.copysign(1.0, value)))
+
+
+def book_of(texts: list[str], num: int, backend: Any, **options: Any) -> VerdictBook:  # noqa: ANN401
+    return VerdictBook(
+        VectorEpisodeMonitor(text, num, backend=backend, **options) for text in texts
+    )
+
+
+def columns_of(book: VerdictBook) -> list[tuple[int, ...]]:
+    return [tuple(VARIABLES.index(name) for name in each.variables) for each in book.monitors]
+
+
+@settings(max_examples=60)
+@given(
+    texts=st.lists(st.sampled_from(TEXTS), min_size=1, max_size=4),
+    num=st.integers(1, 5),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_book_is_that_of_single_lanes_bit_for_bit(
+    texts: list[str], num: int, seed: int, backend: Backend
+) -> None:
+    book = book_of(texts, num, backend)
+    ledgers = [Ledger(texts) for _ in range(num)]
+    random = np.random.default_rng(seed)
+    for _ in range(random.integers(1, 30)):
+        act(book, ledgers, random)
+        compare(book, ledgers)
+        if random.random() < 0.1:
+            book = (
+                pickle.loads(pickle.dumps(book)) if random.random() < 0.5 else copy.deepcopy(book)
+            )
+
+
+def act(book: VerdictBook, ledgers: list[Ledger], random: np.random.Generator) -> None:
+    """Feeds, ends or resets some lanes of a book, and their ledgers alike."""
+    num, what = len(ledgers), random.random()
+    mask = None if random.random() < 0.5 else random.random(num) < 0.5
+    chosen = [i for i in range(num) if mask is None or mask[i]]
+    over = [any(monitor.finished for monitor in ledgers[i].monitors) for i in chosen]
+    if what < 0.15:
+        book.reset(mask)
+        for i in chosen:
+            ledgers[i].begin()
+    elif what < 0.3 and all(ledgers[i].samples for i in chosen):
+        end = random.choice(["complete", "cut", "open"])
+        book.finish(mask, end=end)
+        for i in chosen:
+            ledgers[i].finish(end)
+    elif what < 0.4:
+        book.fail(mask)
+        for i in chosen:
+            ledgers[i].fail()
+    elif not any(over):
+        table = random.integers(-2, 4, (num, len(VARIABLES))) / 2.0
+        given = np.asfortranarray(table) if random.random() < 0.5 else table
+        fed = book.feed(given, columns_of(book), mask)
+        for i in chosen:
+            ledgers[i].take(dict(zip(VARIABLES, table[i].tolist(), strict=True)))
+        assert bits(fed) == bits([ledger.least("robustness") for ledger in ledgers])
+
+
+def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
+    for name in ("decided_at", "violated", "failed"):
+        expected = np.array([getattr(ledger, name) for ledger in ledgers]).T
+        np.testing.assert_array_equal(getattr(book, name), expected, name)
+    for name in ("first", "violated_at"):
+        assert getattr(book, name).tolist() == [getattr(each, name) for each in ledgers], name
+    for value in VALUES:
+        assert bits(book.least(value)) == bits([each.least(value) for each in ledgers]), value
+    begun = [each.samples > 0 for each in ledgers]
+    robustness, verdicts = book.outcomes()
+    for lane, (ledger, has) in enumerate(zip(ledgers, begun, strict=True)):
+        places = range(len(ledger.monitors))
+        assert verdicts[:, lane].tolist() == [ledger.verdict(k) if has else 0 for k in places]
+        expected_values = [each.robustness if has else 0.0 for each in ledger.monitors]
+        assert bits(robustness[:, lane]) == bits(expected_values)
+
+
+@pytest.mark.parametrize("nan", ["hold", "unknown"])
+def test_samples_that_are_missing_are_read_as_the_monitors_do(nan: Any, backend: Backend) -> None:  # noqa: ANN401
+    texts = ["always(x > 0)", "always(y > -1)", "eventually(x + y > 3)"]
+    book, apart = book_of(texts, 3, backend, nan=nan), book_of(texts, 3, backend, nan=nan)
+    random = np.random.default_rng(7)
+    for step in range(12):
+        table = np.asfortranarray(random.integers(-1, 4, (3, 2)).astype(float))
+        if step:
+            table[random.random((3, 2)) < 0.3] = np.nan
+        book.feed(table, columns_of(book))
+        for monitor, columns in zip(apart.monitors, columns_of(apart), strict=True):
+            monitor.update(table[:, list(columns)])
+        apart.note()
+        for name in ("decided_at", "violated", "first", "violated_at"):
+            assert getattr(book, name).tolist() == getattr(apart, name).tolist()
+        for value in VALUES:
+            assert bits(book.least(value)) == bits(apart.least(value))
+
+
+def test_a_nan_is_refused_with_its_lane_and_the_monitors_in_front_are_fed(backend: Backend) -> None:
+    book = book_of(["always(x > 0)", "always(y > 0)", "always(x > 1)"], 2, backend)
+    with pytest.raises(InputError, match=r"y.*nan.*lane 1"):
+        book.feed(np.array([[1.0, 1.0], [1.0, np.nan]]), columns_of(book))
+    assert [each.samples.tolist() for each in book.monitors] == [[1, 1], [0, 0], [0, 0]]
+
+
+def test_a_finished_lane_takes_no_sample_and_a_fresh_one_does_not_end(backend: Backend) -> None:
+    book = book_of(["always(x > 0)", "always(y > 0)"], 2, backend)
+    with pytest.raises(StateError):
+        book.finish()
+    book.feed(np.ones((2, 2)), columns_of(book), [True, False])
+    with pytest.raises(StateError):
+        book.finish()
+    book.finish([True, False])
+    with pytest.raises(StateError):
+        book.feed(np.ones((2, 2)), columns_of(book))
+    assert [each.samples.tolist() for each in book.monitors] == [[1, 0], [1, 0]]
+    assert book.decided_at.tolist() == [[0, -1], [0, -1]]
+
+
+def test_nothing_is_said_of_lanes_without_samples(backend: Backend) -> None:
+    book = book_of(["true", "false", "always(x > 0)"], 2, backend)
+    book.note()
+    book.fail()
+    assert (book.decided_at == -1).all()
+    assert not book.violated.any()
+    assert not book.failed.any()
+    robustness, verdicts = book.outcomes()
+    assert not robustness.any()
+    assert not verdicts.any()
+    book.feed(np.ones((2, 2)), columns_of(book), [False, True])
+    assert book.decided_at.tolist() == [[-1, 0], [-1, 0], [-1, -1]]
+    assert book.first.tolist() == [-1, 1]
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda backend: book_of([], 2, backend), InputError, "got no monitor"),
+        (
+            lambda backend: VerdictBook(
+                VectorEpisodeMonitor("always(x > 0)", num, backend=backend) for num in (2, 3)
+            ),
+            InputError,
+            "got monitors of 2 and 3",
+        ),
+        (
+            lambda backend: VerdictBook([EpisodeMonitor("always(x > 0)", backend=backend)]),  # type: ignore[list-item]
+            InputTypeError,
+            "expected monitors of the class VectorEpisodeMonitor",
+        ),
+    ],
+)
+def test_what_is_no_list_of_monitors_of_as_many_lanes_is_refused(
+    make: Callable[[Backend], object], error: type[Exception], words: str, backend: Backend
+) -> None:
+    with pytest.raises(error, match=words):
+        make(backend)
+
+
+@pytest.mark.parametrize("mask", [[True], np.ones(3, np.bool_), np.ones((2, 1), np.bool_)])
+def test_a_mask_of_another_shape_is_refused_and_changes_nothing(
+    mask: Any,  # noqa: ANN401
+    backend: Backend,
+) -> None:
+    book = book_of(["always(x > 0)"], 2, backend)
+    book.feed(np.zeros((2, 2)), columns_of(book))
+    before = pickle.dumps(book)
+    for call in (book.reset, book.fail, book.finish, book.outcomes):
+        with pytest.raises(InputError, match="expected a mask of 2 booleans"):
+            call(mask)
+    with pytest.raises(InputTypeError, match="expected a mask of 2 booleans"):
+        book.reset([1, 0])
+    assert pickle.dumps(book) == before
+
+
+def test_functions_in_native_code_refuse_arrays_that_do_not_fit() -> None:
+    native: Any = pytest.importorskip("rtamt._native")
+    book = book_of(["always(x > 0)", "always(y > 0)"], 3, "native")
+    banks = book._banks()[0]
+    good = list(book._arrays())
+    wrong = [
+        np.zeros(6),
+        np.zeros((2, 4), np.int64),
+        np.zeros((4, 3), np.int64)[::2],
+        [[0] * 3] * 2,
+    ]
+    for array in (*wrong, good[0].T, good[0].byteswap().view(good[0].dtype.newbyteorder())):
+        with pytest.raises(ValueError, match="expected contiguous arrays"):
+            native.note_verdicts(banks, array, *good[1:])
+        with pytest.raises(ValueError, match="expected contiguous arrays"):
+            native.forget_verdicts(None, 2, 3, array, *good[1:])
+    with pytest.raises(ValueError, match="expected a bank"):
+        native.note_verdicts((), *good)
+    with pytest.raises(ValueError, match="of as many lanes"):
+        native.least_of_banks((*banks, *book_of(["true"], 2, "native")._banks()[0]), "lower", None)
+    for columns in (((0,),), ((0,), (2,)), ((0,), (0, 1))):
+        with pytest.raises(ValueError, match=r"expected (a column|columns)"):
+            native.feed_banks(banks, columns, np.ones((3, 2)), None)
+
+
+def test_a_book_in_a_cycle_is_collected(backend: Backend) -> None:
+    book = book_of(["always(x > 0)"], 2, backend)
+    book.feed(np.ones((2, 2)), columns_of(book))
+    held: dict[str, object] = {"book": book}
+    book.__dict__["held"] = held
+    gone = weakref.ref(book)
+    del book, held
+    gc.collect()
+    assert gone() is None
