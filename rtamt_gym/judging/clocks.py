@@ -31,7 +31,7 @@ The margin of an operand is its newest known robustness, 0 while none is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -45,7 +45,7 @@ from rtamt_gym.judging.part_values import Aligned, PartValues, Which
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["Obligations", "Owed"]
+__all__ = ["Obligations", "Owed", "parts_owed"]
 
 _Bools = NDArray[np.bool_]
 _Ints = NDArray[np.int64]
@@ -69,6 +69,8 @@ class Owed(NamedTuple):
 class Obligations:
     """What the temporal operators of several specifications owe.
 
+    The twin for one environment is `rtamt_gym.judging.single_clocks.SingleObligations`.
+
     Attributes:
         found: The operators of each specification.
         samples: Samples fed since the reset, of every environment.
@@ -87,17 +89,10 @@ class Obligations:
         reading: Reading,
         columns: Sequence[str],
     ) -> None:
-        self.found = [obligations_of(spec, reading) for spec in judged.values()]
-        parts = {
-            (place, part): bare(spec, part)
-            for place, (spec, found) in enumerate(zip(judged.values(), self.found, strict=True))
-            for each in found
-            for part in each.parts
-        }
-        options = options_of_parts(judged, list(parts.values()), reading)
+        self.found, parts = parts_owed(judged, reading)
         self._courses = {
             key: PartValues(rtamt.VectorMonitor(spec, num, **option), columns)
-            for (key, spec), option in zip(parts.items(), options, strict=True)
+            for key, (spec, option) in parts.items()
         }
         self._clocks = [
             [
@@ -108,7 +103,6 @@ class Obligations:
             ]
             for place, found in enumerate(self.found)
         ]
-        self._columns = columns
         self.samples = np.zeros(num, np.int64)
 
     def reset(self, lanes: Lanes | None = None) -> None:
@@ -129,19 +123,6 @@ class Obligations:
             clock.feed(which, self.samples[which])
         self.samples[which] += 1
 
-    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
-        """Makes the function that feeds a sample of the one environment that there is.
-
-        Args:
-            names: The names of the signals, in the order of the values that the function takes.
-        """
-        places = [names.index(column) for column in self._columns]
-
-        def feed(values: Sequence[float]) -> None:
-            self.feed(np.array([[values[place] for place in places]]))
-
-        return feed
-
     def owed(self) -> list[list[Owed]]:
         """The state of every operator of each specification, in fresh arrays."""
         return [
@@ -149,12 +130,26 @@ class Obligations:
             for clocks in self._clocks
         ]
 
-    def owed_by_one(self) -> list[list[Owed]]:
-        """The same of the one environment that there is, as floats."""
-        return [
-            [Owed(each.clock.item(), tuple(m.item() for m in each.margins)) for each in found]
-            for found in self.owed()
-        ]
+
+def parts_owed(
+    judged: Mapping[str, rtamt.Specification], reading: Reading
+) -> tuple[list[list[Obligation]], dict[tuple[int, rtamt.Formula], tuple[Any, Any]]]:
+    """The operators of each specification, and the formulas whose values their clocks need.
+
+    These are specifications with the options of their monitors, by the place of the specification
+    that they are a part of, and by formula.
+    """
+    found = [obligations_of(spec, reading) for spec in judged.values()]
+    parts = {
+        (place, part): bare(spec, part)
+        for place, (spec, operators) in enumerate(zip(judged.values(), found, strict=True))
+        for each in operators
+        for part in each.parts
+    }
+    options = options_of_parts(judged, list(parts.values()), reading)
+    return found, {
+        key: (spec, option) for (key, spec), option in zip(parts.items(), options, strict=True)
+    }
 
 
 class _Clock:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ import numpy as np
 import rtamt
 from rtamt import End, EpisodeMonitor, InputError, Verdict, holds
 from rtamt.errors import Argument
-from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.feeding import Assessment, Feed, joint_read, one_by_one
@@ -24,6 +22,7 @@ from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monit
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, together
 from rtamt_gym.judging.reading import Reading
+from rtamt_gym.judging.single_clocks import SingleObligations
 from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
@@ -86,7 +85,7 @@ class Panel:
         if cost is not None:
             require_known(reading, Argument("cost", cost))
         self._meter = cost and CostMeter(cost, specs, reading)
-        self._owing: Obligations | None = None
+        self._owing: SingleObligations | None = None
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
         self._stages = StageProgress(specs, judges, reading) or None
         self._reading = reading
@@ -104,8 +103,7 @@ class Panel:
         if self._owing is None:
             require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
-            columns = list(dict.fromkeys(chain(*self.variables.values())))
-            self._owing = Obligations(judged, 1, self._reading, columns)
+            self._owing = SingleObligations(judged, self._reading)
         return self._owing.found
 
     @cached_property
@@ -361,7 +359,7 @@ class Panel:
 
     def values(self) -> MonitorValues[float]:
         """Reads the values of all monitors."""
-        owed = None if self._owing is None else self._owing.owed_by_one()
+        owed = None if self._owing is None else self._owing.owed()
         verdicts = [float(self._verdict(name, judge)) for name, (_, judge) in self.monitors.items()]
         return read_values(self.monitors.values(), self._uppers(), verdicts, self.samples, owed)
 

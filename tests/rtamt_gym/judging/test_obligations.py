@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bits import bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from obligations_oracle import Expected, clock, margin
@@ -15,6 +16,7 @@ import rtamt
 from rtamt_gym import Reading
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.obligations import obligations_of
+from rtamt_gym.judging.single_clocks import SingleObligations
 
 P, Q, R = "p > 0", "q > 0", "r > 0"
 COLUMNS = ["p", "q", "r"]
@@ -106,20 +108,41 @@ def made(text: str, num: int) -> Obligations:
     return Obligations({"spec": rtamt.parse(text)}, num, Reading(period=1), COLUMNS)
 
 
+class One:
+    """The clocks of one environment."""
+
+    def __init__(self, text: str) -> None:
+        self.obligations = SingleObligations({"spec": rtamt.parse(text)}, Reading(period=1))
+        self.reset = self.obligations.reset
+        self.feed = self.obligations.feeder(COLUMNS)
+
+    def owed(self) -> list[tuple[float, list[float]]]:
+        return [(each.clock, list(each.margins)) for each in self.obligations.owed()[0]]
+
+
+def lane(obligations: Obligations, number: int) -> list[tuple[float, list[float]]]:
+    return [
+        (owed.clock[number], [m[number] for m in owed.margins]) for owed in obligations.owed()[0]
+    ]
+
+
 @given(pattern=single() | nested() | past(), rows=traces)
 def test_clocks_and_margins_are_those_of_the_definition(
     pattern: Pattern, rows: list[tuple[float, ...]]
 ) -> None:
     text, expected = pattern
-    obligations = made(text, 1)
+    one, many = One(text), made(text, 1)
     formulas = [rtamt.parse(each.formula).formula for each in expected]
-    assert [each.formula for each in obligations.found[0]] == formulas
+    assert [each.formula for each in one.obligations.found[0]] == formulas
+    assert one.obligations.found == many.found
     trace = {name: [row[i] for row in rows] for i, name in enumerate(COLUMNS)}
     for t, row in enumerate(rows):
-        obligations.feed(np.array([row]))
-        for each, owed in zip(expected, obligations.owed_by_one()[0], strict=True):
-            assert owed.clock == pytest.approx(clock(each, trace, t)), (each, t)
-            assert list(owed.margins) == [margin(p, trace, t) for p in each.operands]
+        one.feed(row)
+        many.feed(np.array([row]))
+        for each, found, of_many in zip(expected, one.owed(), lane(many, 0), strict=True):
+            assert found[0] == pytest.approx(clock(each, trace, t)), (each, t)
+            assert found[1] == [margin(p, trace, t) for p in each.operands]
+            assert bits([found[0], *found[1]]) == bits([of_many[0], *of_many[1]])
 
 
 @settings(max_examples=50)
@@ -131,24 +154,22 @@ def test_environments_have_clocks_of_their_own(
     text, _ = pattern
     rng = np.random.default_rng(seed)
     num = 3
-    together, alone = made(text, num), [made(text, 1) for _ in range(num)]
+    together, alone = made(text, num), [One(text) for _ in range(num)]
     for row in rows:
         table = np.array([row, row[::-1], row[1:] + row[:1]])
         resets, fed = rng.random(num) < 0.15, rng.random(num) < 0.8
         if resets.any():
             together.reset(resets)
         together.feed(table, None if fed.all() else fed)
-        for lane, each in enumerate(alone):
-            if resets[lane]:
+        for number, each in enumerate(alone):
+            if resets[number]:
                 each.reset()
-            if fed[lane]:
-                each.feed(table[lane : lane + 1])
-        for lane, each in enumerate(alone):
-            if each.samples:
-                assert [
-                    (owed.clock[lane], [m[lane] for m in owed.margins])
-                    for owed in together.owed()[0]
-                ] == [(owed.clock, list(owed.margins)) for owed in each.owed_by_one()[0]]
+            if fed[number]:
+                each.feed(table[number].tolist())
+        for number, each in enumerate(alone):
+            if each.obligations.samples:
+                for found, of_many in zip(each.owed(), lane(together, number), strict=True):
+                    assert bits([found[0], *found[1]]) == bits([of_many[0], *of_many[1]])
 
 
 # ---- what is enough ----
