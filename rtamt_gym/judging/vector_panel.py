@@ -246,7 +246,7 @@ class VectorPanel:
         owed = None if self._owing is None else self._owing.owed()
         verdicts = [
             np.where(failed, -1.0, judge.verdict)
-            for failed, judge in zip(self._failed, self._judges, strict=True)
+            for failed, judge in zip(self._book.failed, self._judges, strict=True)
         ]
         return read_values(self.monitors.values(), self._uppers(), verdicts, self.samples, owed)
 
