@@ -84,7 +84,10 @@ def _spread_rows(rows: SpecRows, at: NDArray[np.integer[Any]], mask: Lanes) -> d
         if isinstance(found, Where):
             masks = np.zeros(shape, np.bool_)
             masks[:, at] = found.there
-            has, value = found.there.any(axis=1).tolist(), np.where(found.there, found.value, 0)
+            has, value = (
+                found.there.any(axis=1).tolist(),
+                np.where(found.there, found.value, found.value.dtype.type(0)),
+            )
         else:
             masks, has, value = np.empty(shape, np.bool_), [True] * len(groups), found
             masks[:] = mask
