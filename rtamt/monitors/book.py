@@ -70,6 +70,7 @@ class VerdictBook:
         self.first: NDArray[np.int64] = np.full(self.num, -1, np.int64)
         self.violated_at: NDArray[np.int64] = np.full(self.num, -1, np.int64)
         self._fails = False  # whether any lane may have failed
+        self._found = self._banks()
 
     def feed(
         self, table: Floats, columns: Sequence[tuple[int, ...]], mask: ArrayLike | None = None
@@ -91,14 +92,14 @@ class VerdictBook:
             InputTypeError: As `VectorEpisodeMonitor.update` does.
             StateError: If a lane that is to take a sample is finished.
         """
-        banks, functions = self._banks()
+        banks, functions = self._found
         functions.feed(banks, columns, table, self._mask(mask))
         self.note()
         return functions.least(banks, "robustness", None)
 
     def note(self) -> None:
         """Record what the monitors have decided since, with the last sample of each lane."""
-        banks, functions = self._banks()
+        banks, functions = self._found
         functions.note(banks, *self._arrays())
 
     def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
@@ -109,7 +110,7 @@ class VerdictBook:
             InputError: On a mask of another shape than (num,), or another reading of the end.
             InputTypeError: On a mask that is not of booleans.
         """
-        banks, functions = self._banks()
+        banks, functions = self._found
         functions.finish(banks, self._mask(mask), checked_end(end))
         self.note()
 
@@ -138,7 +139,7 @@ class VerdictBook:
         chosen = self._mask(mask)
         for monitor in self.monitors:
             monitor.reset(chosen)
-        self._banks()[1].forget(chosen, *self._arrays())
+        self._found[1].forget(chosen, *self._arrays())
         self._fails = self._fails and chosen is not None
 
     def least(self, value: LaneValue) -> Floats:
@@ -146,7 +147,7 @@ class VerdictBook:
 
         The upper bound of what has failed is -0.0. A fresh array of shape (num,).
         """
-        banks, functions = self._banks()
+        banks, functions = self._found
         return functions.least(banks, value, self.failed if self._failing(value) else None)
 
     def outcomes(self, mask: ArrayLike | None = None) -> tuple[Floats, NDArray[np.int8]]:
@@ -158,11 +159,15 @@ class VerdictBook:
             InputError: On a mask of another shape than (num,).
             InputTypeError: On a mask that is not of booleans.
         """
-        banks, functions = self._banks()
+        banks, functions = self._found
         return functions.outcomes(banks, self._mask(mask), self.failed)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_found"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._found = self._banks()
         # Unpickled arrays have copies of the dtypes, which machines do not know.
         for name in ("decided_at", "violated", "failed", "first", "violated_at"):
             held = state[name]
@@ -179,6 +184,7 @@ class VerdictBook:
         return self.decided_at, self.violated, self.failed, self.first, self.violated_at
 
     def _banks(self) -> tuple[tuple[EpisodeBank, ...], BookFunctions]:
+        """The machines of the monitors, and the functions that read them fastest."""
         banks = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
         return banks, books_of(banks)
 
