@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from html import escape
 from typing import Any, Generic, TypeVar, Unpack
 
 from rtamt.inputs.between import identical
@@ -196,23 +197,29 @@ class Judgement:
         return f"<Judgement {self.verdict.name}, {values}, end={self.end!r}>"
 
     def __str__(self) -> str:
-        lines = _wrapped(f"{self.verdict.name}: {self.formula}")
+        lines = [f"{self.verdict.name}: {self.formula}", *self._said()]
+        return "\n".join(line for each in lines for line in _wrapped(each))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the verdict, the formula, and what ``str`` says of them."""
+        head = f"{self.verdict._repr_html_()} <code>{escape(self.formula)}</code>"
+        return "<br>".join([head, *map(escape, self._said())])
+
+    def _said(self) -> Iterator[str]:
+        """The lines below the formula, before they are wrapped."""
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
-        lines += _wrapped(f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"')
-        for part in self.untested:
-            lines += _wrapped(str(part))
+        yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
+        yield from map(str, self.untested)
         for each in self.asked:
             # Where values are not known, its left side may hold at an instant.
             never = each.first is None and bool(self.unknown)
             said = "not asked for certain" if never else str(each)
-            lines += _wrapped(said if len(self.asked) == 1 else f"{said}: {each.text}")
+            yield said if len(self.asked) == 1 else f"{said}: {each.text}"
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
-                way = f"no reading of the end decides it: it hangs on {self.open_for}"
+                yield f"no reading of the end decides it: it hangs on {self.open_for}"
             else:
-                way = f'if the trace is all there is, end="complete" says {self.complete.name}'
-            lines += _wrapped(way)
-        return "\n".join(lines)
+                yield f'if the trace is all there is, end="complete" says {self.complete.name}'
 
 
 def _verdict(lower: float, upper: float) -> Verdict:

@@ -175,7 +175,20 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         return f"<Monitor of {self.specification.formula}, latency {self.latency}>"
 
 
-class Verdict(enum.IntEnum):
+class _Coloured:
+    """What a notebook shows of a member: its name on a colour, for a light and a dark page."""
+
+    __slots__ = ()
+
+    name: str
+
+    def _repr_html_(self) -> str:
+        colour = {"VIOLATED": "#b3261e", "UNDECIDED": "#5f6368", "SATISFIED": "#1b6e3c"}[self.name]
+        style = f"background:{colour};color:#fff;padding:0 .4em;border-radius:.3em"
+        return f'<span style="{style}">{self.name}</span>'
+
+
+class Verdict(_Coloured, enum.IntEnum):
     """The verdict on an episode, decided as soon as both bounds have the same sign bit."""
 
     VIOLATED = -1

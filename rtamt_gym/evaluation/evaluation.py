@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
+from rtamt_gym import markup
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played
 from rtamt_gym.evaluation.repeating import HOW_TO_REPEAT
@@ -219,6 +220,23 @@ class Evaluation:
             f"<Evaluation of {self.policy} on {self.system}: {counted(len(self.record), 'episode')}"
             f", {self.success.satisfied} satisfy {SUCCESS}>"
         )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: each requirement with its rate, as a number and as a picture."""
+        results = list(self.requirements.values())
+        if len(results) > 1:
+            results.append(self.success)
+        rows = []
+        for each in results:
+            low, high = each.interval
+            rate, interval = f"{each.rate:.1%}", f"{low:.1%} to {high:.1%}"
+            texts = each.name, f"{each.satisfied} of {each.counted}", rate, interval
+            drawn = markup.plain("")  # interrupted before the first episode was over
+            if each.counted:
+                drawn = markup.bar(each.rate, low, high, f"{rate}, in truth {interval}")
+            rows.append([*map(markup.plain, texts), drawn, markup.code(each.formula)])
+        head = ["", "satisfied", "rate", "95 % interval", "from 0 to 1", "formula"]
+        return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
     def __str__(self) -> str:
         from rtamt_gym.evaluation.tables import evaluation_table

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdict, parse
+from rtamt_gym import markup
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import robustness_text
 from rtamt_gym.judging.reading import PredicateReading, View
@@ -227,6 +228,24 @@ class RunRecord(_ComparesArrays):
         if self.ended not in STOPPED or self.limit is None:
             return None
         return self.limit - self.steps
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: each specification with its verdict, robustness and curve."""
+        rows = [
+            [
+                markup.plain(name),
+                markup.verdict(course.verdict, verdict_text(course.verdict, course.final)),
+                markup.plain(course.final_text(".6g")),
+                markup.plain(
+                    "" if course.decided_at is None else sample_text(course.decided_at, self.period)
+                ),
+                markup.curve(course.robustness, f"robustness of {name}"),
+                markup.code(course.formula),
+            ]
+            for name, course in self.courses.items()
+        ]
+        head = ["", "verdict", "robustness", "certain at", "over time", "formula"]
+        return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
     def __repr__(self) -> str:
         what = f" of {self.violated_by}" if self.ended == "violation" else ""

@@ -28,7 +28,7 @@ FLOORS = {
     ),
     "rtamt_gym": (
         ("checks",),
-        ("shaping", "success", "tables", "drawing", "inputs"),
+        ("shaping", "success", "tables", "drawing", "markup", "inputs"),
         ("signals", "results"),
         ("judging", "benchmarks"),
         ("wrappers", "mujoco"),

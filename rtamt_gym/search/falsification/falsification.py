@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rtamt import Explanation, Verdict
+from rtamt_gym import markup
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
@@ -32,6 +33,8 @@ from rtamt_gym.tables import counted, number
 __all__ = ["Falsification", "with_inputs"]
 
 _WIDTH = 79
+_DRAWN = 100
+"""How many points of a waveform a notebook shows."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,6 +214,23 @@ class Falsification:
             f"{f', {self.failed} failed' if self.failed else ''}, "
             f"robustness {number(self.robustness)}>"
         )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: what was found, and the input with a curve for each waveform."""
+        rows = []
+        for name, entry in self.input.items():
+            if isinstance(entry, Waveform):
+                low, high = min(entry.values), max(entry.values)
+                said = number(low) if low == high else f"{number(low)} to {number(high)}"
+                times = np.linspace(entry.times[0], entry.times[-1], _DRAWN)
+                drawn = markup.curve(entry.at(times), f"{name} over time")
+            else:
+                said, drawn = number(entry), markup.plain("")
+            rows.append([markup.plain(name), markup.plain(said), drawn])
+        of = "input" if self.falsified else "input of the closest"
+        formula = markup.code(self.record.requirements[self.requirement])
+        inputs = markup.table([of, "", "over time"], rows)
+        return f"{markup.plain(repr(self)[1:-1])}<br>{formula}{inputs}"
 
     def __str__(self) -> str:
         left = {} if self.falsified else undecided_texts(self.record, "simulation")
