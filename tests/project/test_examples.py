@@ -22,6 +22,7 @@ ARGUMENTS = {
     "falling_humanoid": ["--episodes", "4"],
     "highway_rss": ["--episodes", "2"],
     "lookahead": [],
+    "operators": [],
     "paper_figures": [],
     "parking": ["--episodes", "5"],
     "patterns": [],
@@ -104,6 +105,25 @@ def test_a_pattern_is_satisfied_by_its_first_trace_and_violated_by_its_second(ru
     for *_, first, above, second, below in rows:
         assert (first, second) == ("SATISFIED", "VIOLATED")
         assert float(above) >= 0 > float(below)
+
+
+def test_operators_hold_where_their_meaning_says(run: Runner) -> None:
+    p = [value > 0 for value in (-1, -2, 1, 2, 1, -1, -1.5, 0.5, 1.5, 0.5)]
+    q = [value > 0 for value in (-1.5, -1, -1, -0.5, 1.5, 1, -1, -1.5, -1, 0.5)]
+    meanings = {
+        "p > 0 implies q > 0": [b or not a for a, b in zip(p, q, strict=True)],
+        "p > 0 xor q > 0": [a != b for a, b in zip(p, q, strict=True)],
+        "always[0:2](p > 0)": [all(p[i : i + 3]) for i in range(10)],
+        "eventually[2:3](p > 0)": [any(p[i + 2 : i + 4]) for i in range(10)],
+        "once[0:2](p > 0)": [any(p[max(0, i - 2) : i + 1]) for i in range(10)],
+        "next(p > 0)": [*p[1:], True],
+        "s_prev(p > 0)": [False, *p[:-1]],
+        "rise(p > 0)": [b and not a for a, b in zip([False, *p], p, strict=False)],
+    }
+    said = {" ".join(formula): held for held, *formula in run("operators").rows("held")}
+    assert len(said) == 24
+    for formula, holds in meanings.items():
+        assert said[formula] == "".join("-+"[each] for each in holds)
 
 
 def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(run: Runner) -> None:
