@@ -46,6 +46,7 @@ from rtamt.language.publications import Publication, publications
 from rtamt.language.scaling import predicates, scaled
 from rtamt.language.specification import Specification
 from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
+from rtamt.language.template import SpecificationTemplate
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.machines.protocols import End
@@ -121,6 +122,7 @@ __all__ = [
     "SemanticsName",
     "Specification",
     "SpecificationError",
+    "SpecificationTemplate",
     "StateError",
     "SubscribedField",
     "Subscription",

@@ -17,7 +17,7 @@ from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
 
-__all__ = ["MAX_TEXT", "as_specification", "load", "parse", "parse_as", "traced"]
+__all__ = ["MAX_TEXT", "as_specification", "load", "no_constant", "parse", "parse_as", "traced"]
 
 MAX_TEXT = 150_000
 """The most characters of a text."""
@@ -70,11 +70,16 @@ def parse(
     spec = parse_as(text, unit, constants or {}, modules, chains=False)
     for name in constants or {}:
         if name not in spec.given:
-            known = f"; its constants are {', '.join(spec.constants)}" if spec.constants else ""
-            near = nearest(name, (*spec.constants, *spec.variables))
-            msg = f"the text has no constant '{name}'{near or known}"
-            raise SpecificationError(msg)
+            raise no_constant(name, spec)
     return spec
+
+
+def no_constant(name: str, spec: Specification) -> SpecificationError:
+    """The error about the name of a constant that a text does not have."""
+    known = f"; its constants are {', '.join(spec.constants)}" if spec.constants else ""
+    others = (each for each in spec.variables if each != name)
+    near = nearest(name, (*spec.constants, *others))
+    return SpecificationError(f"the text has no constant '{name}'{near or known}")
 
 
 def _module_names(modules: Iterable[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Numbers that know how they follow from the constants of a text.
+"""Numbers and intervals that know how they follow from the constants of a text.
 
 A formula with numbers is compiled to a program with numbers, and the names of constants are gone.
 A text that is read with traced constants has numbers in their place that remember the names. They
@@ -7,11 +7,15 @@ are floats, so everything that is made of them is the same, and what is computed
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Self
 
-__all__ = ["Traced", "applied"]
+from rtamt.language.interval import Interval
+
+__all__ = ["Traced", "TracedInterval", "applied"]
 
 
 class Traced(float):
@@ -62,3 +66,33 @@ def applied(name: str, function: Callable[..., float], *operands: float) -> floa
     value = function(*(float(each) for each in operands))
     traced = any(isinstance(each, Traced) for each in operands)
     return Traced(value, name, operands) if traced else value
+
+
+@dataclass(frozen=True, slots=True)
+class TracedInterval(Interval):
+    """An interval with a bound that is a constant of a text, times a factor for sign and unit.
+
+    It differs from one with the same bounds of other names. Here it may be ``[0, inf)``.
+
+    Attributes:
+        begin_of: The name of the constant that is the begin, and the factor; None if a number is.
+        end_of: The same of the end.
+    """
+
+    begin_of: tuple[str, Fraction] | None = None
+    end_of: tuple[str, Fraction] | None = None
+
+    @property
+    def constants(self) -> frozenset[str]:
+        """The names of the constants that are its bounds."""
+        return frozenset(of[0] for of in (self.begin_of, self.end_of) if of is not None)
+
+    def at(self, values: Mapping[str, Fraction]) -> Interval | None:
+        """The interval of these values; None, which is ``[0, inf)``, if there is nothing to bound.
+
+        Raises:
+            SpecificationError: If they make no interval.
+        """
+        begin = self.begin if self.begin_of is None else values[self.begin_of[0]] * self.begin_of[1]
+        end = self.end if self.end_of is None else values[self.end_of[0]] * self.end_of[1]
+        return None if end is None and begin == 0 else Interval(begin, end, self.unit)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from typing import TypeVar
 
 import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 
-__all__ = ["requirement_named"]
+__all__ = ["named_in", "requirement_named"]
+
+_V = TypeVar("_V")
 
 
 def requirement_named(
@@ -38,3 +42,8 @@ def requirement_named(
     if meant := nearest(text, own):
         raise InputError(f"there is no requirement {text!r}; there are {listing(own)}{meant}")
     return None
+
+
+def named_in(text: str, constants: Mapping[str, _V]) -> dict[str, _V]:
+    """The constants that a text names."""
+    return {n: value for n, value in constants.items() if re.search(rf"\b{re.escape(n)}\b", text)}

@@ -12,7 +12,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.checks.requirements import requirement_named
+from rtamt_gym.checks.requirements import named_in, requirement_named
 
 __all__ = [
     "add_apart",
@@ -30,16 +30,11 @@ __all__ = [
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
     """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
-        return rtamt.parse(argument, constants=_in(argument, constants))
+        return rtamt.parse(argument, constants=named_in(argument, constants))
     if not constants:
         return rtamt.load(argument)
     text = Path(argument).read_text(encoding="utf-8", errors="replace")
-    return rtamt.load(argument, constants=_in(text, constants))
-
-
-def _in(text: str, constants: Mapping[str, str]) -> dict[str, str]:
-    """The constants that a text names."""
-    return {n: value for n, value in constants.items() if re.search(rf"\b{n}\b", text)}
+    return rtamt.load(argument, constants=named_in(text, constants))
 
 
 def _is_file(argument: str) -> bool:

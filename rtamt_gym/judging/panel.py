@@ -106,6 +106,11 @@ class Panel:
             self._owing = SingleObligations(judged, self._reading)
         return self._owing.found
 
+    @property
+    def tracks_obligations(self) -> bool:
+        """Whether it follows what temporal operators owe."""
+        return self._owing is not None
+
     @cached_property
     def _described(self) -> dict[str, str]:
         return {

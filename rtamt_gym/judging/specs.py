@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 from rtamt.errors import Argument
-from rtamt_gym.checks.requirements import requirement_named
+from rtamt_gym.checks.requirements import named_in, requirement_named
+from rtamt_gym.judging.constants import ConstantValue, checked_constants, no_such_constant
 
 __all__ = [
     "SpecLike",
@@ -57,11 +58,14 @@ def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: AN
 
 
 def load_specs(
-    specs: SpecsLike, own: Mapping[str, rtamt.Specification] = MappingProxyType({})
+    specs: SpecsLike,
+    own: Mapping[str, rtamt.Specification] = MappingProxyType({}),
+    constants: Mapping[str, ConstantValue] | None = None,
 ) -> dict[str, rtamt.Specification]:
     """Loads the requirements of specifications, by name.
 
-    A text that is the name of a requirement in ``own`` stands for that requirement.
+    A text that is the name of a requirement in ``own`` stands for that requirement. Of
+    ``constants`` each gets those that it names.
 
     Each formula that no other formula of its text uses is a requirement, and is judged by itself;
     see `rtamt.Specification.requirements`. A specification alone names them by its text. In a
@@ -70,21 +74,36 @@ def load_specs(
 
     Raises:
         SpecificationError: If a specification is wrong; a note names it if there are several.
-        InputError: If there is no specification, two requirements have the same name, or a text is
-            nearly a name in ``own``.
-        InputTypeError: If one is neither text, nor a path, nor a ``Specification``.
+        InputError: If there is no specification, two requirements have the same name, a text is
+            nearly a name in ``own``, or none names one of the constants.
+        InputTypeError: If one is neither text, nor a path, nor a ``Specification``, or the
+            constants are no mapping.
     """
+    values = checked_constants(constants)
+    loaded = _load_all(specs, own, values)
+    for name in values:
+        if all(name not in spec.given for spec in loaded.values()):
+            raise no_such_constant(name, loaded)
+    return loaded
+
+
+def _load_all(
+    specs: SpecsLike,
+    own: Mapping[str, rtamt.Specification],
+    constants: Mapping[str, ConstantValue],
+) -> dict[str, rtamt.Specification]:
     if not isinstance(specs, Mapping):
         found = requirement_named(specs, own)
-        return (
-            {specs: found} if isinstance(specs, str) and found else dict(_load(specs).requirements)
-        )
+        if isinstance(specs, str) and found:
+            return {specs: _load(found, constants)}
+        return dict(_load(specs, constants).requirements)
     if not specs:
         raise InputError("expected at least one specification, got an empty mapping")
     loaded: dict[str, rtamt.Specification] = {}
     for name, spec in specs.items():
         try:
-            requirements = (requirement_named(spec, own) or _load(spec)).requirements
+            found = requirement_named(spec, own)
+            requirements = _load(spec if found is None else found, constants).requirements
         except RtamtError as error:
             error.add_note(f"in specification {name!r}")
             raise
@@ -261,23 +280,31 @@ def check_period(
         )
 
 
-def _load(spec: SpecLike) -> rtamt.Specification:
+def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Specification:
     match spec:
         case rtamt.Specification():
-            return spec
+            mine = {name: value for name, value in constants.items() if name in spec.constants}
+            return rtamt.SpecificationTemplate(spec).at(mine) if mine else spec
         case rtamt.Formula():
             return rtamt.Specification.of(spec)
         case os.PathLike():
-            return rtamt.load(Path(spec))
+            return _load_file(Path(spec), constants)
         case str() if spec.endswith(".stl") and len(spec.split()) == 1:
-            return rtamt.load(Path(spec))
+            return _load_file(Path(spec), constants)
         case str():
-            return rtamt.parse(spec)
+            return rtamt.parse(spec, constants=named_in(spec, constants))
     several = '; name several in a mapping, {"safe": "...", "slow": "..."}'
     raise InputTypeError(
         "expected the text of a specification, the path of a .stl file or an "
         f"rtamt.Specification, got {spec!r}{several if isinstance(spec, list | tuple) else ''}"
     )
+
+
+def _load_file(path: Path, constants: Mapping[str, ConstantValue]) -> rtamt.Specification:
+    if not constants:
+        return rtamt.load(path)
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return rtamt.load(path, constants=named_in(text, constants))
 
 
 def _skips(env: AnyEnv) -> str:

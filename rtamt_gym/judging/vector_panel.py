@@ -91,6 +91,11 @@ class VectorPanel:
         return self._owing.found
 
     @property
+    def tracks_obligations(self) -> bool:
+        """Whether it follows what temporal operators owe."""
+        return self._owing is not None
+
+    @property
     def of_instant(self) -> NDArray[np.bool_] | None:
         """True everywhere if the robustness is that of an instant, as of `Panel`; a fresh array."""
         num, reading, _ = self._reading

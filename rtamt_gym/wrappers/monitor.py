@@ -12,7 +12,8 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import SpecificationError
+from rtamt import Specification, SpecificationError
+from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.infos import step_info
@@ -23,6 +24,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.monitoring import (
+    ChangedConstants,
     EpisodeMonitoring,
     OnSatisfaction,
     OnViolation,
@@ -163,6 +165,7 @@ class StlMonitor(
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        constants: Mapping[str, ConstantValue] | None = None,
         history: bool = False,
         observe: Observe | None = None,
         clip: float = 1.0,
@@ -192,6 +195,8 @@ class StlMonitor(
                 the first violation on; ``"first"`` is 1 only at the step that shows it; the last
                 two charge what only the end decides too
             buffer_length: How many records :attr:`stl_episodes` keeps
+            constants: Values of constants that the specifications name, as for `rtamt.parse`, each
+                for all that name it; :attr:`constants` and :meth:`reset` change them later
             history: Whether to keep the samples of the episode for :meth:`explain`, 8 bytes for
                 each variable of each specification
             observe: ``"state"`` appends the state of the monitors to the observation;
@@ -219,6 +224,7 @@ class StlMonitor(
             details=details,
             cost=cost,
             buffer_length=buffer_length,
+            constants=constants,
         )
         given: dict[str, Any] = {
             "specs": recordable(specs),
@@ -232,10 +238,9 @@ class StlMonitor(
         find_period = read_substep_period if read.substeps else read_period
         judged = self._set_up(env, specs, signals, read, options, find_period)
         self.stl_episodes = deque(maxlen=buffer_length)
+        self._history = history
         try:
-            self._panel = Panel(
-                judged.specs, judged.reading, cost, history=history, number=np.float64
-            )
+            self._panel = self._make_panel(judged.specs)
         except SpecificationError as error:
             inner = None if read.substeps else read_substep_period(env)
             if inner is not None and read.period is None and fits(judged, inner, cost):
@@ -253,12 +258,18 @@ class StlMonitor(
     ) -> tuple[ObsType, dict[str, Any]]:
         """Resets the environment and the monitors; the observation is sample 0.
 
+        ``options={"constants": {"limit": 0.3}}`` changes constants of the specifications for this
+        episode and all further ones; the environment does not see them.
+
         Raises:
-            InputError: If a signal is nan or cannot be read.
+            InputError: If a signal is nan or cannot be read; as :attr:`constants` does.
+            SpecificationError: As :attr:`constants` does.
             StateError: If the environment has changed its period since construction.
         """
+        options, change = self._taken(options)
         self._abandon()
         obs, info = self.env.reset(seed=seed, options=options)
+        self._adopt(change)
         self._check_period(self.env)
         panel = self._panel
         panel.reset()
@@ -356,6 +367,13 @@ class StlMonitor(
         super()._tap(env)
         if self._substeps:
             self._inside.inside.env = env
+
+    def _make_panel(self, specs: Mapping[str, Specification]) -> Panel:
+        return Panel(specs, self._of_monitors, self._cost, history=self._history, number=np.float64)
+
+    def _adopt(self, change: ChangedConstants | None) -> None:
+        super()._adopt(change)
+        self._tells_more = self._details or self._panel.tells_more
 
     def _bind_signals(self) -> None:
         if not self._substeps:

@@ -8,16 +8,17 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, get_args
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from rtamt import Explanation, InputError, InputTypeError, StateError
+from rtamt import Explanation, InputError, InputTypeError, Specification, StateError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.episodes import record
@@ -91,6 +92,7 @@ class OwnOptions(TypedDict):
     details: bool
     cost: Cost | None
     buffer_length: int
+    constants: Mapping[str, ConstantValue] | None
 
 
 class MonitorOptions(EpisodeReading, total=False):
@@ -101,6 +103,14 @@ class MonitorOptions(EpisodeReading, total=False):
     details: bool
     cost: Cost | None
     buffer_length: int
+    constants: Mapping[str, ConstantValue] | None
+
+
+class ChangedConstants(NamedTuple):
+    """Other values of constants, and the monitors with them."""
+
+    constants: Constants
+    panel: Any
 
 
 class Monitoring(Observing):
@@ -115,6 +125,10 @@ class Monitoring(Observing):
     """What has shown the samples that are read, if not the environment in the wrapper."""
     _watch: StepTime | None = None
     _compared_steps = 0
+    _next: ChangedConstants | None = None
+    """What the next reset changes."""
+    constant_changes = 0
+    """How often constants have changed."""
 
     def _set_up(
         self,
@@ -148,7 +162,8 @@ class Monitoring(Observing):
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
-        loaded = load_specs(specs, own_requirements(env))
+        loaded = load_specs(specs, own_requirements(env), options["constants"])
+        self._constants = Constants(loaded)
         variables = [name for spec in loaded.values() for name in spec.variables]
         given, own = ({} if signals is None else signals), own_signals(env)
         read = {name: (given if name in given else own).get(name) for name in variables}
@@ -174,6 +189,72 @@ class Monitoring(Observing):
         self._judging = Judging(loaded, signals, reading.having(period=period).whole(RunReading))
         self._of_monitors = of_monitors.having(period=period).whole(RunReading)
         return self._judging._replace(reading=self._of_monitors)
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The values of the constants of the specifications, by name, from the next reset on.
+
+        Set it to change some of them: ``env.constants = {"limit": 0.3}``. Others keep their value.
+        An error leaves all as it was.
+
+        Raises:
+            InputError: If no specification uses one of the constants; or if a constant in a bound
+                would change how many numbers ``observe="obligations"`` appends.
+            SpecificationError: If a value is no number, or if a bound is none, or no multiple of
+                the period.
+        """
+        return (self._constants if self._next is None else self._next.constants).values
+
+    @constants.setter
+    def constants(self, constants: Mapping[str, ConstantValue]) -> None:
+        self._next = self._change(constants)
+
+    def _change(self, constants: Mapping[str, ConstantValue]) -> ChangedConstants | None:
+        """What values of constants change; None if nothing. Raises as `constants` does."""
+        before = self._constants if self._next is None else self._next.constants
+        after = before.at(constants)
+        if after is before:
+            return self._next
+        env = self.env.unwrapped
+        check_period(after.specs, self._judging.reading.period, env, why_no_period(self.env))
+        panel = self._make_panel(after.specs)
+        if self._panel.tracks_obligations:
+            shown, now = self._panel.track_obligations(), panel.track_obligations()
+            if _sizes(shown) != _sizes(now):
+                raise InputError(
+                    f"expected constants that leave the observation space as it is, got "
+                    f"{dict(constants)!r}, which change the temporal operators that ",
+                    Argument("observe", "obligations"),
+                    f" shows: from {_listed(shown)} to {_listed(now)}; make another environment",
+                )
+        return ChangedConstants(after, panel)
+
+    def _make_panel(self, specs: Mapping[str, Specification]) -> Any:  # noqa: ANN401 - of one, or many
+        """Makes monitors of the specifications."""
+        raise NotImplementedError
+
+    def _taken(
+        self, options: dict[str, Any] | None
+    ) -> tuple[dict[str, Any] | None, ChangedConstants | None]:
+        """The options of a reset without the constants, and what these change."""
+        if options is None or "constants" not in options:
+            return options, self._next
+        rest = {name: value for name, value in options.items() if name != "constants"}
+        return rest or None, self._change(options["constants"])
+
+    def _adopt(self, change: ChangedConstants | None) -> None:
+        """Goes over to other values of constants, between two episodes."""
+        if change is None:
+            return
+        self._next = None
+        self._constants, self._panel = change
+        specs = self._constants.specs
+        self._judging = self._judging._replace(specs=specs)
+        self._timed = any(spec.timed for spec in specs.values())
+        self._guards_period = self._timed and self._has_read_period
+        self.constant_changes += 1
+        self._follow_monitors(self._panel.monitors, self._panel.track_obligations)
+        self._bind_signals()
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401
         """Refuses an environment that has changed its period since the wrapper was made.
@@ -221,8 +302,10 @@ class Monitoring(Observing):
 
     @property
     def judging(self) -> Judging:
-        """What it monitors and how; every option of its reading counts as given."""
-        return self._judging
+        """What it monitors from the next reset on, and how; every option counts as given."""
+        if self._next is None:
+            return self._judging
+        return self._judging._replace(specs=self._next.constants.specs)
 
     @property
     def unknown_allowed(self) -> bool:
@@ -258,6 +341,8 @@ class Monitoring(Observing):
             The temporal operators below the top of each specification.
         """
         found = self._panel.track_obligations()
+        if self._next is not None:
+            self._next.panel.track_obligations()
         self._bind_signals()  # what feeds samples was made without
         return found
 
@@ -310,6 +395,7 @@ class EpisodeMonitoring(Monitoring):
 
     stl_episodes: deque[dict[str, Any]]
     _panel: Panel
+    _history: bool
     _running = False
     _newest: dict[str, float] | None = None
 
@@ -384,6 +470,9 @@ class EpisodeMonitoring(Monitoring):
         root = judge.specification.formula
         formula = root if source is judge else root.args[0]  # the judge's is always(formula)
         return titled(judge.explain(), name, formula)
+
+    def _make_panel(self, specs: Mapping[str, Specification]) -> Panel:
+        return Panel(specs, self._of_monitors, self._cost, history=self._history)
 
     @property
     def _told_period(self) -> np.float64 | None:
@@ -479,6 +568,15 @@ class EpisodeMonitoring(Monitoring):
             self._panel.finish(self._at_truncation)
             self._record(self._found(), terminated=False, truncated=True)
         self._running = False
+
+
+def _sizes(shown: list[list[Obligation]]) -> list[list[int]]:
+    """How many numbers each operator of each specification appends to observations, but one."""
+    return [[len(each.operands) for each in found] for found in shown]
+
+
+def _listed(shown: list[list[Obligation]]) -> str:
+    return ", ".join(str(each.formula) for found in shown for each in found) or "none"
 
 
 def _fed_by(tap: Tap, feed: Feed) -> Feed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import gymnasium as gym
@@ -29,7 +30,7 @@ Observe = Literal["state", "obligations"]
 class Observing:
     """A base of wrappers of one environment, and of wrappers of many."""
 
-    _state: StateFeatures | None
+    _state: StateFeatures | None = None
     """What is appended to the observation; None if nothing is."""
     _observe: Observe | None
     _shown_of: tuple[str, ...]
@@ -67,7 +68,7 @@ class Observing:
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__, observe)
-        horizons = tuple(judge.program.latency for _, judge in monitors.values())
+        horizons = _horizons(monitors)
         factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
         operators = tuple(map(tuple, track())) if observe == "obligations" else None
         self._state = StateFeatures(factors, bound, horizons, whole=whole, operators=operators)
@@ -82,6 +83,15 @@ class Observing:
             wrapper.observation_space = appended_space(
                 env.observation_space, self._state.box, observe
             )
+
+    def _follow_monitors(
+        self, monitors: Mapping[str, tuple[Any, Any]], track: Callable[[], list[list[Obligation]]]
+    ) -> None:
+        """Shows other monitors from now on, of as many operators: constants have changed."""
+        state = self._state
+        if state is not None:
+            operators = None if state.operators is None else tuple(map(tuple, track()))
+            self._state = replace(state, horizons=_horizons(monitors), operators=operators)
 
     @property
     def observed(self) -> list[str]:
@@ -157,6 +167,10 @@ class Observing:
         for lane in np.flatnonzero(ended):
             shown[lane] = append(final[lane], numbers[lane])
         infos["final_obs"] = shown
+
+
+def _horizons(monitors: Mapping[str, tuple[Any, Any]]) -> tuple[int | None, ...]:
+    return tuple(judge.program.latency for _, judge in monitors.values())
 
 
 def _refuse_twice(env: Any, name: str, observe: Observe) -> None:  # noqa: ANN401 - an environment, or many

@@ -11,9 +11,9 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, read_period
 from rtamt_gym.signals.agents import agent_sources
@@ -139,6 +139,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        constants: Mapping[str, ConstantValue] | None = None,
         history: bool = False,
         **reading: Unpack[EpisodeReading],
     ) -> None:
@@ -157,6 +158,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
                 it is only reported
             details: Whether to add ``info["stl"]``, the state of every specification
             cost: As for :class:`StlMonitor`
+            constants: As for :class:`StlMonitor`
             buffer_length: How many records :attr:`stl_episodes` keeps
             history: Whether to keep the samples of the episode for :meth:`explain`
             **reading: How samples are judged, as for :class:`StlMonitor`, up to the end of the
@@ -175,13 +177,15 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             details=details,
             cost=cost,
             buffer_length=buffer_length,
+            constants=constants,
         )
         agents = _agents(env)
         self.env = env
         sources = agent_sources(agents, hold=read.nan == "hold")
         judged = self._set_up(env, specs, signals, read, options, read_period, sources, agents)
         self.stl_episodes = deque(maxlen=buffer_length)
-        self._panel = Panel(judged.specs, judged.reading, cost, history=history)
+        self._history = history
+        self._panel = self._make_panel(judged.specs)
         self._bind_signals()
         self._over = False
 
@@ -216,13 +220,18 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
     ) -> tuple[dict[Any, Any], Infos]:
         """Resets the environment and the monitors; the observations are sample 0.
 
+        ``options={"constants": {...}}`` changes constants as for :meth:`StlMonitor.reset`.
+
         Raises:
-            InputError: If a signal is nan or cannot be read.
+            InputError: If a signal is nan or cannot be read; as :attr:`constants` does.
+            SpecificationError: As :attr:`constants` does.
             StateError: If the environment has changed its period since construction.
         """
+        options, change = self._taken(options)
         self._abandon()
         self._over = False
         obs, infos = self.env.reset(seed=seed, options=options)
+        self._adopt(change)
         self._check_period(self.env)
         self._panel.reset()
         found = self._feed_reset(obs, None, None, infos)

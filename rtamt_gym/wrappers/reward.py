@@ -205,7 +205,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         gym.Wrapper.__init__(self, env)
         monitors = self._monitor.monitors
         self._set_up(env, monitors, options, observe, 1)
-        self._paying = [judge if self._whole else source for source, judge in monitors.values()]
+        self._paying = self._payers()
         self._fresh = env is self._monitor  # whose infos are new at every step
         self._factor = self._shaping.factor
         if not self._fresh or (self._whole and self._monitor.judging.reading.view == "step"):
@@ -220,6 +220,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     ) -> tuple[Any, dict[str, Any]]:
         """Resets the environment; the sample of the reset gives the first potential."""
         obs, info = self.env.reset(seed=seed, options=options)
+        if self._followed != self._monitor.constant_changes:
+            self._follow()
+            self._paying = self._payers()
         self._require_known_start()
         self._robustness = self._potential(info)
         self._outcome = self._return = 0.0
@@ -274,6 +277,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             StateError: Without ``history=True``, or before the first :meth:`reset`.
         """
         return self._monitor.explain(name)
+
+    def _payers(self) -> list[Any]:
+        """For each specification what has the robustness that the reward is computed from."""
+        pairs = self._monitor.monitors.values()
+        return [judge if self._whole else source for source, judge in pairs]
 
     def _values(self) -> list[float]:
         """For each specification the robustness that the reward is computed from."""

@@ -16,6 +16,7 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.signals.columns import Lanes
@@ -49,6 +50,8 @@ class Rewarding(Observing):
     """The base of the two wrappers."""
 
     _monitor: StlMonitor[Any, Any] | VectorStlMonitor
+    _followed = 0
+    """The changes of constants that it has followed."""
 
     def _set_up(
         self,
@@ -71,6 +74,22 @@ class Rewarding(Observing):
             whole=self._whole,
         )
         self._watch: ClipWatch | None = ClipWatch(shaping, num)
+        self._followed = self._monitor.constant_changes
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The values of the constants, as the monitor has them; setting it changes some there."""
+        return self._monitor.constants
+
+    @constants.setter
+    def constants(self, constants: Mapping[str, ConstantValue]) -> None:
+        self._monitor.constants = constants
+
+    def _follow(self) -> None:
+        """Goes over to the monitors with other constants."""
+        monitor = self._monitor
+        self._follow_monitors(monitor.monitors, monitor.track_obligations)
+        self._followed = monitor.constant_changes
 
     def _require_known_start(self, begun: Lanes | None = None) -> None:
         """Refuses episodes whose first sample hangs on what is unknown.

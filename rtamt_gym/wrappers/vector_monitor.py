@@ -11,7 +11,8 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
-from rtamt import InputTypeError, StateError
+from rtamt import InputError, InputTypeError, Specification, StateError
+from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import assumed
 from rtamt_gym.judging.episodes import EpisodeRecords, record
@@ -31,6 +32,7 @@ from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.step_time import STEPS
 from rtamt_gym.wrappers.monitoring import (
+    ChangedConstants,
     Monitoring,
     OnSatisfaction,
     OnViolation,
@@ -187,7 +189,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         >>> infos["stl_violated_at"], infos["_stl_violated_at"]
         (array([0, 6, 6]), array([False,  True,  True]))
 
-    Change logs:
+    ChangedConstants logs:
      * v0.5.0 - Initially added
     """
 
@@ -207,6 +209,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        constants: Mapping[str, ConstantValue] | None = None,
         observe: Observe | None = None,
         clip: float = 1.0,
         **reading: Unpack[EpisodeReading],
@@ -232,6 +235,7 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             details=details,
             cost=cost,
             buffer_length=buffer_length,
+            constants=constants,
         )
         given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
         given |= read.whole(EpisodeReading).options()
@@ -240,14 +244,12 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         judged = self._set_up(env, specs, signals, read, options, read_period)
         self._autoreset = autoreset_mode(env)
         check_can_end(options, self._autoreset, env)
-        names = [signal.name for signal in self._signals]
-        self._panel = VectorPanel(judged.specs, env.num_envs, judged.reading, names, cost)
-        panel = self._panel
+        self._panel = panel = self._make_panel(judged.specs)
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
-        self._table = np.full((env.num_envs, len(names)), np.nan)
+        self._table = np.full((env.num_envs, len(self._signals)), np.nan)
         self._running = False
         self.begun: Lanes | None = None
         self.terminal: MonitorValues[Floats] | None = None
@@ -260,8 +262,14 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Resets the environments and their monitors; with ``reset_mask`` only where it is true.
 
+        ``options={"constants": {...}}`` changes constants as for :meth:`StlMonitor.reset`, of all
+        environments: a reset of some with it is refused. What is set as :attr:`constants` waits for
+        a reset of all, and so never happens in a loop that lets the environments reset themselves.
+
         Raises:
-            InputError: If a signal is nan or cannot be read.
+            InputError: If a signal is nan or cannot be read; as :attr:`constants` does; and if some
+                environments are to be reset with other constants.
+            SpecificationError: As :attr:`constants` does.
             StateError: If the environment has changed its period since construction, if it has
                 reset others than the mask says, or if the mask is given before any reset.
         """
@@ -275,9 +283,19 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
                 )
             # Gymnasium's environments take it out, and a wrapper around this one looks for it.
             options = dict(options)
+        change: ChangedConstants | None = None
+        if mask is None or mask.all():
+            options, change = self._taken(options)
+        elif options is not None and "constants" in options:
+            raise InputError(
+                "expected a reset of all environments with other constants, which hold for all, "
+                "got one of some: reset all, or wrap each environment with StlMonitor, "
+                "whose constants change as its episodes end"
+            )
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
         self._abandon(lanes)
         obs, infos = self.env.reset(seed=seed, options=options)
+        self._adopt(change)
         if mask is None:
             self._check_period(self.env)
             if "stl_violated" in infos:  # of environments that cannot be looked into
@@ -394,6 +412,10 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
                     "a wrapper around it whose step converts them, .astype(bool)"
                 )
         self._knows_flags = True
+
+    def _make_panel(self, specs: Mapping[str, Specification]) -> VectorPanel:
+        names = [signal.name for signal in self._signals]
+        return VectorPanel(specs, self.num_envs, self._of_monitors, names, self._cost)
 
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP

@@ -115,6 +115,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         """Resets environments; the sample of a reset gives the first potential."""
         mask = None if options is None else options.get("reset_mask")
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
+        if self._followed != self._monitor.constant_changes:
+            self._follow()
         self._require_known_start(mask)
         values = self._monitor.values()
         self._robustness = self._potential(values)

@@ -22,6 +22,7 @@ from rtamt.language.interval import UNITS, Interval, decimal_text, no_unit
 from rtamt.language.node import MAX_DEPTH, MAX_OPERANDS, Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Operator
+from rtamt.language.traced import TracedInterval
 
 __all__ = ["TreeBuilder"]
 
@@ -60,6 +61,7 @@ class TreeBuilder:
     Attributes:
         positions: Line and column of each node's interval, operator or name.
         bounding: Names of constants that were bounds of intervals.
+        traced: Whether intervals with constants become `TracedInterval`; False at first.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class TreeBuilder:
         self.constants = constants
         self.resolve = resolve
         self.chains = chains
+        self.traced = False
         self.positions: dict[Node, tuple[int, int]] = {}
         self.bounding: set[str] = set()
         self._values: list[Node] = []
@@ -218,7 +221,7 @@ class TreeBuilder:
         if begin is None:
             reason = "expected a finite bound as the begin of an interval, got inf"
             raise self._fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
-        second = at + 1
+        second, scale = at + 1, Fraction(1)
         end: Fraction | None = None
         end_unit: Token | None = None
         if self.tokens[second].type in _CLOSING:
@@ -230,12 +233,19 @@ class TreeBuilder:
                 bounds = f"{decimal_text(begin)}:{decimal_text(end)}{unit.text}"
                 reason = "expected a unit after the end, got one after the begin only"
                 raise self._fail(unit, reason, f"the unit of the end holds for both: [{bounds}]")
-            begin *= UNITS[unit.text] / UNITS[end_unit.text]
+            scale = UNITS[unit.text] / UNITS[end_unit.text]
+            begin *= scale
         unit = end_unit or unit
-        if end is None and begin == 0:
+        begin_of = self._constant_of(first, scale)
+        end_of = self._constant_of(second)
+        named = begin_of is not None or end_of is not None
+        if end is None and begin == 0 and not named:
             return at
+        text = unit.text if unit else None
         try:
-            interval = Interval(begin, end, unit.text if unit else None)
+            interval = Interval(begin, end, text)
+            if named:
+                interval = TracedInterval(begin, end, text, begin_of, end_of)
         except SpecificationError as error:
             if begin < 0:
                 raise self._fail(self.tokens[first], str(error), _BACK) from None
@@ -243,6 +253,14 @@ class TreeBuilder:
             raise self._fail(self.tokens[second], str(error), hint) from None
         self._frames[-1].interval = interval
         return at
+
+    def _constant_of(self, at: int, scale: Fraction = Fraction(1)) -> tuple[str, Fraction] | None:
+        """The constant that is the bound at an index, with its factor; None if none is traced."""
+        negative = self.tokens[at].type == StlParser.MINUS
+        name = self.tokens[at + negative].text
+        if not self.traced or name not in self.constants:
+            return None
+        return name, -scale if negative else scale
 
     def _bound(self, at: int) -> tuple[Fraction | None, Token | None, int]:
         """Value, unit, and index behind a bound."""

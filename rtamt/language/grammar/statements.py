@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Literal, cast
+from functools import partial
+from typing import Literal, NamedTuple, cast
 
 from rtamt.errors import Advice, Argument, ParseError, SpecificationError
 from rtamt.language.formula import Formula, Term, number, variable
@@ -21,7 +22,7 @@ from rtamt.language.grammar.diagnosis import (
 )
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.ranges import RangeReader
-from rtamt.language.grammar.tokens import Span, Statement, Statements, read
+from rtamt.language.grammar.tokens import Limits, Span, Statement, Statements, read
 from rtamt.language.ids import RequirementId
 from rtamt.language.names import lineage
 from rtamt.language.node import Node, interned
@@ -29,7 +30,7 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES, Declaration, Specification
 from rtamt.language.traced import Traced
 
-__all__ = ["read_specification"]
+__all__ = ["read_specification", "read_traced"]
 
 _VALUE = OPERATORS["value"]
 
@@ -55,6 +56,39 @@ def read_specification(
     return reader.specification(statements, unit)
 
 
+RangeOf = Callable[[Mapping[str, Fraction]], tuple[float, float]]
+"""The range that a declaration says, for values of the constants."""
+
+
+class TracedText(NamedTuple):
+    """A text for any values of its constants.
+
+    Attributes:
+        spec: The specification with `Traced` numbers and `TracedInterval`.
+        ranges: The ranges of its declarations, by variable.
+        ranging: The constants that are limits of these.
+        constants: The exact values of its constants.
+    """
+
+    spec: Specification
+    ranges: dict[str, RangeOf]
+    ranging: frozenset[str]
+    constants: dict[str, Fraction]
+
+
+def read_traced(text: str, unit: str, given: Mapping[str, Fraction], *, chains: bool) -> TracedText:
+    """Reads a text for any values of its constants.
+
+    Raises:
+        ParseError: If the text is not a specification.
+    """
+    statements, tokens = read(text)
+    reader = _Reader(text, tokens, given, None, chains=chains, traced=True)
+    reader.builder.traced = True
+    spec = reader.specification(statements, unit)
+    return TracedText(spec, reader.ranges, frozenset(reader.ranging), reader.constants)
+
+
 class _Reader:
     def __init__(
         self,
@@ -77,6 +111,8 @@ class _Reader:
         self.constants = dict(self.given)
         self.defined: set[str] = set()  # constants of the text itself
         self.declarations: dict[str, Declaration] = {}
+        self.ranges: dict[str, RangeOf] = {}
+        self.ranging: set[str] = set()  # constants that are limits of ranges
         self.declared: set[str] = set()
         self.all_declared = False  # whether a variable must be declared
         self.topics: dict[str, str] = {}
@@ -170,9 +206,21 @@ class _Reader:
         default = None if statement.default is None else float(self._value(statement.default))
         kind, within = statement.kind.text, None
         if statement.within is not None:
-            reader = RangeReader(self.text, self.tokens, self.constants)
-            within = reader.read(statement, kind, default)
+            self.ranges[name] = partial(self._range, statement, kind, default)
+            within = self.ranges[name](self.constants)
+            limits = cast("Limits", statement.bounds)
+            found = {limits.lower.stop.text, limits.upper.stop.text}
+            self.ranging |= found & self.constants.keys()
         self.declarations[name] = Declaration(kind, io, default, within)
+
+    def _range(
+        self,
+        statement: Statement,
+        kind: str,
+        default: float | None,
+        constants: Mapping[str, Fraction],
+    ) -> tuple[float, float]:
+        return RangeReader(self.text, self.tokens, constants).read(statement, kind, default)
 
     def _new(self, statement: Statement, types: Iterable[str], constants: Collection[str]) -> str:
         token = cast("Token", statement.name)

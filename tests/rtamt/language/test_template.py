@@ -1,0 +1,140 @@
+"""A text with other values of its constants is the text with these values."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from copy import deepcopy
+from fractions import Fraction
+
+import pytest
+from hypothesis import assume, given
+from named_numbers import Named, with_names
+from strategies import formulas
+
+from rtamt import (
+    Formula,
+    ParseError,
+    Specification,
+    SpecificationError,
+    SpecificationTemplate,
+    parse,
+)
+from rtamt.errors import InputTypeError
+from rtamt.language.grammar import statements
+
+named = formulas(endless=True).flatmap(lambda formula: with_names(str(formula)))
+
+
+def content(spec: Specification) -> tuple[object, ...]:
+    """All that a specification says, and what has a place in its text.
+
+    The place of an operator with an interval is that of the interval, so it is not that of an
+    operator whose bounds a text leaves out.
+    """
+    maps: list[Mapping[object, object]] = [spec.uses, spec.given, spec.types]  # type: ignore[list-item]
+    places = {n: at for n, at in spec.positions.items() if n.interval is not None or n.op is None}
+    said = (spec, str(spec), spec.text, spec.bounding, spec.requirement)
+    return (*said, places, spec.positions.keys(), *map(dict, maps))
+
+
+@given(named)
+def test_other_values_give_what_the_text_with_these_values_gives(named: Named) -> None:
+    spec = parse(named.text, constants=named.first)
+    template = SpecificationTemplate(spec)
+    assert template.names == named.first.keys()
+    try:
+        expected = parse(named.text, constants={**named.first, **named.then})
+    except SpecificationError:  # of several bounds that are wrong each may name another
+        with pytest.raises(SpecificationError, match="expected a bound of at least"):
+            template.at(named.then)
+    else:
+        assert content(template.at(named.then)) == content(expected)
+    assert content(template.at(named.first)) == content(spec)
+
+
+@given(named)
+def test_the_formula_is_that_of_numbers_in_the_places_of_names(named: Named) -> None:
+    assume("--" not in named.written.replace(" ", ""))  # two signs in a row are no bound
+    try:
+        expected = parse(named.written)
+    except SpecificationError:
+        return
+    template = SpecificationTemplate(parse(named.text, constants=named.first))
+    assert template.at(named.then).formula is expected.formula
+
+
+TEXT = (
+    "specification s\nconst float w = 2\nconst float top = 9\ninput float x in [0, top] = 1\n"
+    'float v\n@ topic(v, /v)\n@ id(near, "R-1")\n'
+    "near = always(x > -w)\nsoon = eventually[w ms:top](near and v > 1)\nfast = always(v < w)"
+)
+
+
+def test_requirements_ranges_and_units_follow() -> None:
+    spec = parse(TEXT.replace("w ms:top", "w:top ms"), unit="ms")
+    template = SpecificationTemplate(spec)
+    expected = parse(spec.text, unit="ms", constants={"w": "0.5", "top": Fraction(7, 2)})
+    found = template.at({"w": "0.5", "top": Fraction(7, 2)})
+    assert content(found) == content(expected)
+    assert found.ranges["x"] == (0.0, 3.5)
+    for name, part in spec.requirements.items():
+        other = SpecificationTemplate(part).at({"w": 3, "top": 4})
+        assert content(other) == content(
+            parse(spec.text, unit="ms", constants={"w": 3, "top": 4}).requirements[name]
+        )
+
+
+def test_the_text_is_read_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = parse("const float w = 2; always(eventually[0:w](x > w))")
+    template = SpecificationTemplate(spec)
+    reads: list[str] = []
+    monkeypatch.setattr(statements, "read", reads.append)
+    for value in range(1, 20):
+        wanted = f"always eventually[0:{value}](x > {value})"
+        assert str(template.at({"w": value}).formula) == wanted
+    assert reads == []
+
+
+def test_a_template_is_copied_and_pickled() -> None:
+    template = SpecificationTemplate(parse("always(x < limit)", constants={"limit": 2}))
+    for copy in (deepcopy(template), pickle.loads(pickle.dumps(template))):
+        assert copy.at({"limit": 3}) == parse("always(x < limit)", constants={"limit": 3})
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"limt": 3}, "the text has no constant 'limt'; did you mean 'limit'?"),
+        ({"x": 3}, "the text has no constant 'x'; its constants are"),
+        ({"unused": 3}, "nothing in the text uses the constant 'unused'"),
+        ({"w": -1}, "expected a bound of at least 0, got -1"),
+        ({"limit": "much"}, "expected a finite number for the constant 'limit', got 'much'"),
+        ({"top": -1}, "expected 0 or more as the greatest value, got -1"),
+    ],
+)
+def test_what_cannot_be_is_refused(values: dict[str, object], said: str) -> None:
+    text = (
+        "const float limit = 2; const float unused = 1; const float w = 1; const float top = 4; "
+        "float x in [0, top]; eventually[0:w](x < limit)"
+    )
+    with pytest.raises(SpecificationError) as caught:
+        SpecificationTemplate(text).at(values)  # type: ignore[arg-type]
+    assert said in str(caught.value)
+
+
+def test_an_error_shows_the_place() -> None:
+    with pytest.raises(ParseError) as caught:
+        SpecificationTemplate("const float w = 1; always(eventually[0:w](x > 0))").at({"w": -2})
+    assert "STL:1:37" in str(caught.value)
+    assert "with w = -2" in str(caught.value)
+
+
+def test_values_without_names_are_refused() -> None:
+    with pytest.raises(InputTypeError, match="values of constants by name"):
+        SpecificationTemplate("const float w = 1; always(x > w)").at([1])  # type: ignore[arg-type]
+
+
+def test_a_formula_has_no_constants() -> None:
+    formula: Formula = parse("always(x > 1)").formula
+    assert SpecificationTemplate(formula).names == frozenset()
