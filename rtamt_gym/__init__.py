@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers.monitor import StlMonitor
     from rtamt_gym.wrappers.overlay import RobustnessOverlay
     from rtamt_gym.wrappers.parallel_monitor import ParallelStlMonitor
+    from rtamt_gym.wrappers.parallel_reward import ParallelStlReward
     from rtamt_gym.wrappers.recording import RecordViolations
     from rtamt_gym.wrappers.reward import StlReward
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
         "MethodComparison",
         "Mined",
         "ParallelStlMonitor",
+        "ParallelStlReward",
         "Parameter",
         "Reading",
         "Record",
@@ -101,6 +103,7 @@ _MODULES = {
     "MethodComparison": "rtamt_gym.evaluation.methods",
     "Mined": "rtamt_gym.search.mining.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
+    "ParallelStlReward": "rtamt_gym.wrappers.parallel_reward",
     "Parameter": "rtamt_gym.inputs.ranges",
     "Reading": "rtamt_gym.judging.reading",
     "Record": "rtamt_gym.search.runs.record",

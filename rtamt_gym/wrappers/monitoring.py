@@ -415,6 +415,11 @@ class EpisodeMonitoring(Monitoring):
         return tuple(signal.name for signal in self._signals)
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """The least and the greatest that the robustness can still become."""
+        return self._panel.lower, self._panel.upper
+
+    @property
     def first_violation(self) -> tuple[str, int] | None:
         """The specification that was violated first, and the sample that showed it."""
         name, at = self._panel.violated_by, self._panel.violated_at

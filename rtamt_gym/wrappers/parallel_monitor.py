@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable, Iterable, Mapping
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -25,22 +24,12 @@ from rtamt_gym.wrappers.monitoring import (
     OwnOptions,
     refuse_monitored,
 )
-
-if TYPE_CHECKING or find_spec("pettingzoo"):
-    from pettingzoo.utils import ParallelEnv
-else:
-
-    class ParallelEnv:
-        """Stands for the class of PettingZoo, whose form is enough where it is not installed."""
-
+from rtamt_gym.wrappers.parallel import Infos, ParallelWrapper
 
 __all__ = ["ParallelStlMonitor"]
 
-Infos = dict[Any, dict[str, Any]]
-"""The infos of agents."""
 
-
-class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc]  # it has no types
+class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
     """Monitors an environment of several agents against specifications of what they do together.
 
     The environment is one of PettingZoo's parallel API, and so is the wrapper. Specifications speak
@@ -189,31 +178,10 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         self._bind_signals()
         self._over = False
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the environment has
-        """What the environment has."""
-        if name.startswith("_") or name == "env":
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        return getattr(self.env, name)
-
     @property
     def agents(self) -> list[Any]:
         """The agents of the next step; none after the end of an episode."""
         return [] if self._over else self.env.agents
-
-    @property
-    def unwrapped(self) -> Any:  # noqa: ANN401 - the environment inside of all wrappers
-        """The environment inside of all wrappers."""
-        return self.env.unwrapped
-
-    def observation_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
-        """What an agent observes, the same object at every call."""
-        space: gym.Space[Any] = self.env.observation_space(agent)
-        return space
-
-    def action_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
-        """What an agent does, the same object at every call."""
-        space: gym.Space[Any] = self.env.action_space(agent)
-        return space
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -282,14 +250,6 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             self._conclude(here, infos, terminated=terminated, truncated=truncated)
             self._tell()
         return obs, rewards, terminations, truncations, infos
-
-    def state(self) -> Any:  # noqa: ANN401 - an array, for most environments
-        """The state of the environment as a whole, as it gives it."""
-        return self.env.state()
-
-    def render(self) -> Any:  # noqa: ANN401 - as its mode says
-        """Renders the environment."""
-        return self.env.render()
 
     def close(self) -> None:
         """Closes the environment; an episode that has not ended is recorded as truncated."""

@@ -1,4 +1,4 @@
-"""What `StlReward` and `VectorStlReward` share: the monitor, the shaping, and what is observed."""
+"""What the rewards share: the monitor, the shaping, and what is observed."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe, Observing
+from rtamt_gym.wrappers.parallel_monitor import ParallelStlMonitor
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 __all__ = ["Rewarding", "ShapingOptions", "find_or_make"]
@@ -47,9 +48,9 @@ class ShapingOptions(TypedDict, total=False):
 
 
 class Rewarding(Observing):
-    """The base of the two wrappers."""
+    """The base of the wrappers."""
 
-    _monitor: StlMonitor[Any, Any] | VectorStlMonitor
+    _monitor: StlMonitor[Any, Any] | VectorStlMonitor | ParallelStlMonitor
     _followed = 0
     """The changes of constants that it has followed."""
 
@@ -143,7 +144,7 @@ def find_or_make(
     """Finds the monitor of an environment, or makes one.
 
     Args:
-        kind: `StlMonitor` or `VectorStlMonitor`.
+        kind: `StlMonitor`, `VectorStlMonitor` or `ParallelStlMonitor`.
         env: The environment.
         specs: The argument of the monitor to make; None if the environment has a monitor.
         signals: The argument of the monitor to make; None if the environment has a monitor, or
@@ -160,7 +161,7 @@ def find_or_make(
     what = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
     given = {"specs": specs, "signals": signals}
     within = env
-    while isinstance(within, gym.Wrapper | VectorWrapper):
+    while isinstance(within, gym.Wrapper | VectorWrapper) or hasattr(within, "possible_agents"):
         if isinstance(within, Rewarding):
             raise InputError(
                 f"expected an environment without a reward of its requirements, got one with "
@@ -176,7 +177,7 @@ def find_or_make(
                     f"and the environment has {what}, which is used; give them to that one"
                 )
             return env, within
-        within = within.env
+        within = getattr(within, "env", None)
     for name, value in given.items():
         if value is None and not (name == "signals" and own_signals(env)):
             raise InputError(
