@@ -3,6 +3,7 @@
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 from paths import ROOT
@@ -35,3 +36,15 @@ def test_a_name_is_one_class_or_one_type() -> None:
     assert len(known) > 300
     twice = {name for name, meanings in known.items() if len(meanings) > 1}
     assert twice == ALTERNATIVES
+
+
+def test_a_folder_of_tests_hides_no_library() -> None:
+    """The type checker has a folder of test modules on its path: folders in it are packages."""
+    hidden = set()
+    for test in (ROOT / "tests").rglob("test_*.py"):
+        hidden |= {
+            each
+            for each in test.parent.iterdir()
+            if each.is_dir() and find_spec(each.name) is not None
+        }
+    assert not hidden
