@@ -40,11 +40,12 @@ def test_a_name_is_one_class_or_one_type() -> None:
 
 def test_a_folder_of_tests_hides_no_library() -> None:
     """The type checker has a folder of test modules on its path: folders in it are packages."""
-    hidden = set()
-    for test in (ROOT / "tests").rglob("test_*.py"):
-        hidden |= {
-            each
-            for each in test.parent.iterdir()
-            if each.is_dir() and find_spec(each.name) is not None
-        }
-    assert not hidden
+    found = {
+        folder.name: find_spec(folder.name)
+        for test in (ROOT / "tests").rglob("test_*.py")
+        for folder in test.parent.iterdir()
+        if folder.is_dir()
+    }
+    assert not {
+        name for name, spec in found.items() if spec is not None and spec.origin is not None
+    }
