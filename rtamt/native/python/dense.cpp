@@ -138,15 +138,15 @@ void bind_dense(nb::module_& m) {
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
              nb::arg("result"), nb::arg("clock"), nb::arg("declared"), nb::arg("observed"),
              nb::arg("reader"))
-        .def_prop_ro("settled", [](const DenseObject& o) { return time_of(o, o.machine.settled()); },
+        .def_prop_ro("settled", when_idle<DenseObject>([](auto& o) { return time_of(o, o.machine.settled()); }),
                      "The time before which the result is known; when finished, the end.")
-        .def_prop_ro("finished", [](const DenseObject& o) { return o.machine.finished(); },
+        .def_prop_ro("finished", when_idle<DenseObject>([](auto& o) { return o.machine.finished(); }),
                      "Whether the trace has ended.")
         .def_prop_ro("values",
-                     [](const DenseObject& o) {
+                     when_idle<DenseObject>([](auto& o) {
                          const std::vector<double> values = o.machine.values();
                          return list_of(values.data(), values.size());
-                     },
+                     }),
                      "The last known value of every observed register; nan before the first.")
         .def("finish", finish, "End the trace; return the rest of the result.")
         .def("run", run, nb::arg("given"),

@@ -85,12 +85,14 @@ double finish(DenseEpisodeObject& object, const std::string& end) {
 }
 
 nb::object decided_at(const DenseEpisodeObject& object) {
+    require_idle(object);
     const auto decided = object.machine.decided();
     return decided ? time_of(object, *decided) : nb::object(nb::none());
 }
 
 template <double (DenseEpisodeMachine::*number)() const>
 double get(const DenseEpisodeObject& object) {
+    require_idle(object);
     return (object.machine.*number)();
 }
 
@@ -127,16 +129,16 @@ void bind_dense_episode(nb::module_& m) {
                      "The least robustness over all continuations and ends.")
         .def_prop_ro("upper", get<&Machine::upper>,
                      "The greatest robustness over all continuations and ends.")
-        .def_prop_ro("settled", [](const Self& o) { return time_of(o, o.machine.settled()); },
+        .def_prop_ro("settled", when_idle<Self>([](auto& o) { return time_of(o, o.machine.settled()); }),
                      "The last time at which all variables are known.")
         .def_prop_ro("span",
-                     [](const Self& o) {
+                     when_idle<Self>([](auto& o) {
                          return nb::make_tuple(o.machine.begin(), o.machine.settled());
-                     },
+                     }),
                      "The first and the last tick of the trace, which has begun.")
         .def_prop_ro("decided_at", decided_at,
                      "The first time such that the trace up to it decides the verdict, or None.")
-        .def_prop_ro("finished", [](const Self& o) { return o.machine.finished(); },
+        .def_prop_ro("finished", when_idle<Self>([](auto& o) { return o.machine.finished(); }),
                      "Whether the trace has ended.")
         .def("finish", finish, nb::arg("end") = "complete",
              "End the trace, make the bounds those of this reading; return its robustness.")

@@ -75,7 +75,8 @@ void bind_discrete(nb::module_& m) {
         methods)
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
              nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
-        .def_prop_ro("registers", registers, "The value of every register.")
+        .def_prop_ro("registers", when_idle<DiscreteObject>(registers),
+                     "The value of every register.")
         .def("run", run, nb::arg("columns"), nb::arg("n"),
              "Take in n samples, or none if one is refused; return the observed registers.")
         .def("evaluate", evaluate, nb::arg("columns"), nb::arg("n"), nb::kw_only(),

@@ -45,6 +45,15 @@ void require_idle(const Object<M>& object) {
         refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
 }
 
+// Reads an attribute of a machine that no other thread is running.
+template <class T, class Read>
+auto when_idle(Read read) {
+    return [read](const T& object) {
+        require_idle(object);
+        return read(object);
+    };
+}
+
 // The arguments of an update as Python's (*args, **named).
 inline std::pair<nb::tuple, nb::dict> packed(PyObject* const* args, Py_ssize_t n,
                                              PyObject* kwnames) {

@@ -162,9 +162,9 @@ template <class T>
 nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods,
                            PyGetSetDef* values = nullptr) {
     auto made = machine_class<T>(m, name, doc, methods, values);
-    made.def_prop_ro("samples", [](const T& object) { return object.machine.samples(); },
+    made.def_prop_ro("samples", when_idle<T>([](auto& object) { return object.machine.samples(); }),
                      "The number of samples since the reset.")
-        .def_prop_ro("inputs", [](const T& object) { return inputs(object); },
+        .def_prop_ro("inputs", when_idle<T>([](auto& object) { return inputs(object); }),
                      "The last sample; empty before the first.")
         .def("retire", retire<T>, "Refuse each further update: the monitor has another machine.")
         .def("reset", reset<T>, "Return to the state before the first sample.");
