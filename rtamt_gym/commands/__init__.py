@@ -4,6 +4,7 @@ __all__ = ["COMMANDS", "OF_TRACES", "SEPARATOR"]
 
 COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
+    "init": "write a specification, a test and a job of CI to begin with",
     "envs": "list what can be read from a Gymnasium environment",
     "run": "watch episodes of a Gymnasium environment",
     "evaluate": "say how often a policy satisfies each requirement, and how sure that is",

@@ -27,7 +27,7 @@ FLOORS = {
         ("compat",),
     ),
     "rtamt_gym": (
-        ("checks",),
+        ("checks", "starters"),
         ("shaping", "success", "tables", "drawing", "markup", "inputs"),
         ("signals", "results"),
         ("judging", "benchmarks"),

@@ -1,4 +1,4 @@
-"""The tutorial of docs/ros.md as it stands: its commands, its specification and its transcripts."""
+"""The tutorial of a robot as it stands: its commands, its specification and its transcripts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tutorial of docs/ros.md on a real ROS: its commands as they stand, and what they say."""
+"""The tutorial of a robot on a real ROS: its commands as they stand, and what they say."""
 
 from __future__ import annotations
 

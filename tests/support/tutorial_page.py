@@ -1,4 +1,4 @@
-"""The commands and the transcripts of the tutorial, as they stand in docs/ros.md."""
+"""The commands and the transcripts of the tutorial, as they stand in docs/tutorials/robot.md."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from paths import ROOT
 
 __all__ = ["PAGE", "block"]
 
-PAGE = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tutorials" / "robot.md").read_text(encoding="utf-8")
 
 
 def block(command: str) -> list[str]:

@@ -1,0 +1,100 @@
+"""Starters: a specification, a test and a job of CI for each tutorial.
+
+A folder holds the files of a starter. What is written loses the ``.txt`` of its name, which keeps
+tools from taking a file of a starter for one of ours.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtamt import InputError
+
+__all__ = ["STARTERS", "Starter", "write_starter"]
+
+JOB = ".github/workflows/requirements.yml"
+"""Where a starter's ``job.yml`` is written."""
+
+
+@dataclass(frozen=True)
+class Starter:
+    """What a tutorial begins with.
+
+    Attributes:
+        about: What it is for, in a line.
+        extras: What of rtamt it needs.
+        begin: The first command to give.
+    """
+
+    about: str
+    extras: str
+    begin: str
+
+
+STARTERS: Mapping[str, Starter] = {
+    "environment": Starter(
+        "learn under requirements, in an environment of Gymnasium", "gym,search", "python train.py"
+    ),
+    "recordings": Starter(
+        "recordings as a gate in CI",
+        "check",
+        "rtamt monitor requirements.stl --require-asked -- recordings",
+    ),
+    "violation": Starter(
+        "find a violation, and keep it as a test",
+        "search",
+        "rtamt falsify tank:tank requirements.stl --vary inflow=0:1,points=5 "
+        "--duration 60 --period 1 --save overflow.json",
+    ),
+    "robot": Starter(
+        "a robot under ROS, and its recordings as a gate",
+        "bags",
+        "rtamt monitor follows.stl --period 100ms -- recordings",
+    ),
+}
+"""The starters by name, which is the name of the page of the tutorial too."""
+
+
+def starter_files(name: str) -> dict[str, str]:
+    """Returns the texts of a starter's files, by their paths.
+
+    Example:
+        >>> sorted(starter_files("violation"))
+        ['.github/workflows/requirements.yml', 'requirements.stl', 'tank.py', 'test_tank.py']
+    """
+    folder = Path(__file__).with_name(name)
+    files = {}
+    for path in sorted(each for each in folder.rglob("*") if each.is_file()):
+        written = path.relative_to(folder).as_posix().removesuffix(".txt")
+        files[JOB if written == "job.yml" else written] = path.read_text(encoding="utf-8")
+    return files
+
+
+def write_starter(name: str, folder: Path) -> list[str]:
+    """Writes the files of a starter into a folder; returns their paths in it.
+
+    Args:
+        name: One of `STARTERS`.
+        folder: The folder, which is made if it is not there.
+
+    Raises:
+        InputError: If a file is there already, or a file stands where a folder has to be;
+            nothing is written then.
+    """
+    files = starter_files(name)
+    there = [each for each in files if (folder / each).exists() or (folder / each).is_symlink()]
+    if there:
+        more = f" and {len(there) - 1} more" if there[1:] else ""
+        raise InputError(
+            f"{folder / there[0]}{more} would be overwritten: give another folder, "
+            f"rtamt init {name} FOLDER"
+        )
+    for place in (folder, *((folder / each).parent for each in files)):
+        above = next((each for each in (place, *place.parents) if each.exists()), place)
+        if above.exists() and not above.is_dir():
+            raise InputError(f"{above} is a file: give another folder, rtamt init {name} FOLDER")
+    for each, text in files.items():
+        path = folder / each
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+    return list(files)
