@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers.parallel_reward import ParallelStlReward
     from rtamt_gym.wrappers.recording import RecordViolations
     from rtamt_gym.wrappers.reward import StlReward
+    from rtamt_gym.wrappers.shared_buffers import SharedBuffers
+    from rtamt_gym.wrappers.vector_forms import as_vector_env
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
@@ -69,6 +71,7 @@ if TYPE_CHECKING:
         "Run",
         "Runner",
         "SavedCase",
+        "SharedBuffers",
         "Signal",
         "Snapshot",
         "Space",
@@ -80,6 +83,7 @@ if TYPE_CHECKING:
         "VectorStlMonitor",
         "VectorStlReward",
         "Waveform",
+        "as_vector_env",
         "batched",
         "compare",
         "compare_methods",
@@ -113,6 +117,7 @@ _MODULES = {
     "Run": "rtamt_gym.simulation.run",
     "Runner": "rtamt_gym.search.runs.runner",
     "SavedCase": "rtamt_gym.search.runs.saved_case",
+    "SharedBuffers": "rtamt_gym.wrappers.shared_buffers",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Space": "rtamt_gym.inputs.space",
@@ -124,6 +129,7 @@ _MODULES = {
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
+    "as_vector_env": "rtamt_gym.wrappers.vector_forms",
     "batched": "rtamt_gym.signals.batches",
     "compare": "rtamt_gym.evaluation.comparison",
     "compare_methods": "rtamt_gym.evaluation.methods",

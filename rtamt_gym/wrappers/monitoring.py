@@ -53,6 +53,7 @@ from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import STEPS, StepTime, step_time_of
 from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.wrappers.observing import Observing
+from rtamt_gym.wrappers.vector_forms import PufferVectorEnv, is_pool
 
 __all__ = [
     "EpisodeMonitoring",
@@ -63,7 +64,6 @@ __all__ = [
     "check_can_end",
     "refuse_monitored",
     "single_env",
-    "vector_env",
 ]
 
 OnViolation = Literal["terminate", "truncate", "report"]
@@ -619,6 +619,8 @@ def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or ma
             within = within.env
         elif isinstance(within, SyncVectorEnv):
             within, where = within.envs[0], " around each of its environments"
+        elif isinstance(within, PufferVectorEnv):
+            within, where = within.one, " around each of its environments"
         else:
             return
     refuse_monitored(type(within).__name__, where)
@@ -626,24 +628,15 @@ def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or ma
 
 def single_env(env: Any) -> gym.Env[Any, Any]:  # noqa: ANN401 - whatever is given
     """The environment, if a scalar wrapper can be around it."""
-    if isinstance(env, gym.Env):
+    many = isinstance(env, VectorEnv) or is_pool(env)
+    if isinstance(env, gym.Env) and not many:
         return env
     way_out = "make it with gym.make"
-    if isinstance(env, VectorEnv):
+    if many:
         way_out = "VectorStlMonitor and VectorStlReward are for many environments at once"
     elif hasattr(env, "possible_agents"):
         way_out = "ParallelStlMonitor is for several agents"
     raise InputTypeError(f"expected an environment of Gymnasium, got {env!r}; {way_out}")
-
-
-def vector_env(env: Any) -> VectorEnv[Any, Any, Any]:  # noqa: ANN401 - whatever is given
-    """The environment, if a vector wrapper can be around it."""
-    if isinstance(env, VectorEnv):
-        return env
-    way_out = "make it with gym.make_vec"
-    if isinstance(env, gym.Env):
-        way_out = "StlMonitor and StlReward are for one environment"
-    raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 
 def check_can_end(options: OwnOptions, autoreset: AutoresetMode, env: object) -> None:

@@ -39,9 +39,9 @@ from rtamt_gym.wrappers.monitoring import (
     OwnOptions,
     check_can_end,
     refuse_monitored,
-    vector_env,
 )
 from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.vector_forms import as_vector_env
 
 __all__ = ["VectorStlMonitor"]
 
@@ -240,7 +240,8 @@ class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
         given |= read.whole(EpisodeReading).options()
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
-        VectorWrapper.__init__(self, vector_env(env))
+        env = as_vector_env(env)
+        VectorWrapper.__init__(self, env)
         judged = self._set_up(env, specs, signals, read, options, read_period)
         self._autoreset = autoreset_mode(env)
         check_can_end(options, self._autoreset, env)
