@@ -1,9 +1,8 @@
 """The patterns of requirements, each with a trace that satisfies it and one that violates it.
 
-Requirements of robots and controllers are mostly one of a few patterns. The catalogue has an
-example of each; the table says what it asks for, and what the monitor finds in its two traces.
+Requirements of robots are mostly one of a few. The table says what is found in their two traces.
 
-Run: python examples/patterns.py --plot docs/examples/patterns.png
+Run: python examples/patterns.py --plot patterns.png, or with --each FOLDER a file for each
 """
 
 import argparse
@@ -16,16 +15,10 @@ import numpy as np
 import rtamt
 from rtamt.patterns import CATALOGUE, Pattern
 
-GUIDES: dict[str, tuple[float, ...]] = {
-    "never": (3,),
-    "always within limits": (18, 24),
-    "settling time": (0.9, 1.1),
-    "overshoot": (1, 1.2),
-    "rise time": (0.1, 0.9),
-    "rate limit": (-2, 2),
-}
+GUIDES: dict[str, tuple[float, ...]] = {"never": (3,), "always within limits": (18, 24)}
+GUIDES |= {"settling time": (0.9, 1.1), "overshoot": (1, 1.2), "rise time": (0.1, 0.9)}
+GUIDES["rate limit"] = (-2, 2)
 """The levels of the patterns that are about a quantity; the others are about what holds when."""
-COLOURS = {rtamt.Verdict.SATISFIED: "C2", rtamt.Verdict.VIOLATED: "C1"}
 
 
 def draw(ax: Any, pattern: Pattern, trace: Any, colour: str) -> None:
@@ -47,27 +40,34 @@ def draw(ax: Any, pattern: Pattern, trace: Any, colour: str) -> None:
         ax.tick_params(axis="y", length=0)
 
 
+def pair(panels: Any, pattern: Pattern) -> list[str]:
+    """Judges and draws both traces of a pattern; returns what the monitor says of each."""
+    said = []
+    panels[1].sharey(panels[0])
+    for ax, trace in zip(panels, (pattern.satisfying, pattern.violating), strict=True):
+        found = rtamt.judge(pattern.formula, dict(trace), period=1, end="complete")
+        said.append(f"{found.verdict.name:>12}{found.robustness:6.2f}")
+        draw(ax, pattern, trace, "C2" if rtamt.holds(found.robustness) else "C1")
+    return said
+
+
 def main(argv: list[str] | None = None) -> None:
     """Judges and draws both traces of every pattern."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--plot", type=Path, help="draw the traces into this file")
+    parser.add_argument("--each", type=Path, help="draw each pattern into a file of this folder")
     arguments = parser.parse_args(argv)
     plt.style.use(Path(__file__).with_name("paper.mplstyle"))
     figure, axes = plt.subplots(7, 4, figsize=(9, 8.5), sharex=True)
     print(f"{'pattern':22}{'first trace':>18}{'second trace':>18}")
-    pairs = iter(axes.reshape(-1, 2))
-    for pattern, panels in zip(CATALOGUE, pairs, strict=False):
-        said = []
-        for ax, trace in zip(panels, (pattern.satisfying, pattern.violating), strict=True):
-            found = rtamt.judge(pattern.formula, dict(trace), period=1, end="complete")
-            said.append(f"{found.verdict.name:>12}{found.robustness:6.2f}")
-            draw(ax, pattern, trace, COLOURS[found.verdict])
-        low, high = zip(*(ax.get_ylim() for ax in panels), strict=True)
-        for ax in panels:
-            ax.set_ylim(min(low), max(high))
+    for pattern, panels in zip(CATALOGUE, axes.reshape(-1, 2), strict=False):
+        print(f"{pattern.name:22}" + "".join(pair(panels, pattern)))
         name = pattern.name.replace(" ", r"\ ")
         panels[0].set_title(rf"$\bf{{{name}}}$: {pattern.wanted}", fontsize=7.5)
-        print(f"{pattern.name:22}" + "".join(said))
+        if arguments.each:
+            alone, its_panels = plt.subplots(1, 2, figsize=(6, 1.5))
+            pair(its_panels, pattern)
+            alone.savefig(arguments.each / f"{pattern.name.replace(' ', '_')}.png", dpi=110)
     for ax in axes.flat[2 * len(CATALOGUE) :]:
         ax.set_axis_off()
     axes[-1, 0].set_xlabel("time in s")

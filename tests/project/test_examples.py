@@ -16,6 +16,7 @@ import pytest
 from experiments import SCRIPTS
 from paths import EXAMPLES
 
+import rtamt
 from rtamt.patterns import CATALOGUE
 
 ARGUMENTS = {
@@ -50,7 +51,7 @@ class Run:
 Runner = Callable[[str], Run]
 
 
-def _run(example: str, folder: Path) -> Run:
+def _run(example: str, folder: Path, *more: str) -> Run:
     spec = importlib.util.spec_from_file_location(example, EXAMPLES / f"{example}.py")
     assert spec is not None
     assert spec.loader is not None
@@ -59,7 +60,7 @@ def _run(example: str, folder: Path) -> Run:
     pictures = [folder / f"{name}.png" for name in PICTURES.get(example, [example])]
     target = folder if example in PICTURES else pictures[0]
     with contextlib.redirect_stdout(io.StringIO()) as out, mpl.rc_context():
-        module.main([*ARGUMENTS[example], "--plot", str(target)])
+        module.main([*ARGUMENTS[example], "--plot", str(target), *more])
         plt.close("all")
     return Run(out.getvalue(), pictures)
 
@@ -105,6 +106,23 @@ def test_a_pattern_is_satisfied_by_its_first_trace_and_violated_by_its_second(ru
     for *_, first, above, second, below in rows:
         assert (first, second) == ("SATISFIED", "VIOLATED")
         assert float(above) >= 0 > float(below)
+
+
+def test_the_page_on_patterns_has_the_words_the_traces_and_a_picture_of_each(
+    tmp_path: Path,
+) -> None:
+    page = (EXAMPLES.parent / "docs" / "patterns.md").read_text(encoding="utf-8")
+    pictures = re.findall(r"\]\(examples/patterns/(.+)\)", page)
+    assert len(CATALOGUE) == len(pictures)
+    _run("patterns", tmp_path, "--each", str(tmp_path))
+    for pattern, picture in zip(CATALOGUE, pictures, strict=True):
+        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+        shown = page.partition(f"examples/patterns/{picture}")[2].partition("\n### ")[0]
+        assert f"\n{pattern.formula}\n" in shown
+        assert rtamt.in_words(pattern.formula) in shown
+        for trace in (pattern.satisfying, pattern.violating):
+            for name, values in trace.items():
+                assert f"{name}=[{', '.join(f'{value:g}' for value in values)}]" in shown
 
 
 def test_operators_hold_where_their_meaning_says(run: Runner) -> None:
