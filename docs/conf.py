@@ -3,8 +3,12 @@
 `sphinx-build -W -n docs build/site` makes a folder of files that needs no server and no network.
 """
 
-from typing import Any
+import json
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
+from docutils.nodes import document
+from myst_parser.parsers.sphinx_ import MystParser
 from sphinx.application import Sphinx
 
 import rtamt
@@ -15,7 +19,7 @@ project_copyright = author
 version = release = rtamt.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "markdown", ".ipynb": "notebook"}
 exclude_patterns = ["search.md"]  # where the page of sweeps was; the site searches there
 
 # Pages: links to files and headings as on the pages of a repository.
@@ -70,6 +74,36 @@ def _tables(*hooked: Any) -> None:  # noqa: ANN401 - the last one is the lines
     lines[:] = made
 
 
+class Notebook(MystParser):
+    """Notebooks as pages: their cells, and what is kept in them of what they show."""
+
+    supported: ClassVar[tuple[str, ...]] = ("notebook",)
+
+    def parse(self, inputstring: str, document: document) -> None:
+        """Writes a notebook as a page of MyST, and parses that."""
+        parts = (part for cell in json.loads(inputstring)["cells"] for part in _of_cell(cell))
+        super().parse("\n\n".join(parts), document)
+
+
+def _of_cell(cell: dict[str, Any]) -> Iterator[str]:
+    source = "".join(cell["source"])
+    if cell["cell_type"] == "markdown":
+        yield source
+        return
+    yield f"```python\n{source}\n```"
+    for output in cell["outputs"]:
+        data = output.get("data", {})
+        if "image/png" in data:
+            source = f"data:image/png;base64,{data['image/png']}"
+            yield f'```{{raw}} html\n<img alt="what the cell draws" src="{source}">\n```'
+        elif "text/html" in data:
+            table = "".join(data["text/html"])
+            yield f'```{{raw}} html\n<div class="notebook-output">{table}</div>\n```'
+        else:
+            yield f"```text\n{''.join(data.get('text/plain') or output['text'])}\n```"
+
+
 def setup(app: Sphinx) -> None:
     """Sphinx calls this; the hook comes before that of napoleon."""
+    app.add_source_parser(Notebook)
     app.connect("autodoc-process-docstring", _tables, priority=400)

@@ -60,8 +60,10 @@ def test_every_page_stands_in_one_list_of_the_site() -> None:
             r"^```{toctree}\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
         ):
             names = [line for line in toctree.split() if not line.startswith(":")]
-            listed += [page.parent / f"{name}.md" for name in names]
+            files = [page.parent / f"{name}.md" for name in names]
+            listed += [file if file.exists() else file.with_suffix(".ipynb") for file in files]
     wanted = [page for page in PAGES if page.stem not in MOVED | {"index"}]
+    wanted += DOCS.rglob("*.ipynb")
     named = {page.relative_to(DOCS).as_posix(): listed.count(page) for page in wanted}
     lists = "tutorials.md, guides.md, understanding.md or reference.md in docs"
     assert {name for name, times in named.items() if not times} == set(), f"add them to {lists}"

@@ -100,6 +100,12 @@ def test_the_page_on_examples_shows_them_all() -> None:
     assert max(picture.stat().st_size for picture in pictures) < 150_000
 
 
+def test_the_gallery_has_every_picture_of_an_example() -> None:
+    page = (EXAMPLES.parent / "docs" / "gallery.md").read_text(encoding="utf-8")
+    pictures = {path.name for path in (EXAMPLES.parent / "docs" / "examples").glob("*.png")}
+    assert pictures == set(re.findall(r"\(examples/(\w+\.png)\)", page))
+
+
 def test_a_pattern_is_satisfied_by_its_first_trace_and_violated_by_its_second(run: Runner) -> None:
     rows = run("patterns").rows("pattern")
     assert len(rows) == len(CATALOGUE)

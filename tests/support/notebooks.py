@@ -1,0 +1,88 @@
+"""Notebooks as they are played: their cells in order, and what each shows.
+
+Run: python tests/support/notebooks.py docs/notebooks/*.ipynb, which writes what the cells show.
+"""
+
+import ast
+import base64
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+__all__ = ["Output", "play"]
+
+Output = dict[str, Any]
+"""What a cell shows, as the format of notebooks has it."""
+
+
+def play(path: Path) -> Iterator[tuple[dict[str, Any], list[Output]]]:
+    """Runs a notebook; yields each of its cells of code with what it shows now."""
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
+        if cell["cell_type"] == "code":
+            yield (
+                cell,
+                list(_outputs("".join(cell["source"]), f"{path.name}, cell {number}", names)),
+            )
+
+
+def _outputs(source: str, where: str, names: dict[str, Any]) -> Iterator[Output]:
+    body = ast.parse(source).body
+    last = body.pop() if body and isinstance(body[-1], ast.Expr) else None
+    value = None
+    pictures: list[Output] = []
+
+    def show() -> None:
+        for number in plt.get_fignums():
+            file = BytesIO()
+            plt.figure(number).savefig(file, format="png", dpi=72, bbox_inches="tight")
+            text = base64.b64encode(file.getvalue()).decode()
+            data = {"image/png": text, "text/plain": ["<Figure>"]}
+            pictures.append({"output_type": "display_data", "data": data, "metadata": {}})
+        plt.close("all")
+
+    with redirect_stdout(StringIO()) as said, mpl.rc_context():
+        plt.show, shown_before = show, plt.show
+        try:
+            exec(compile(ast.Module(body, []), where, "exec"), names)  # noqa: S102 - our own
+            if isinstance(last, ast.Expr):
+                value = eval(compile(ast.Expression(last.value), where, "eval"), names)  # noqa: S307
+        finally:
+            plt.show = shown_before
+    if said.getvalue():
+        text = said.getvalue().splitlines(keepends=True)
+        yield {"name": "stdout", "output_type": "stream", "text": text}
+    yield from pictures
+    if value is not None:
+        data = {"text/plain": repr(value).splitlines(keepends=True)}
+        if hasattr(value, "_repr_html_"):
+            data["text/html"] = value._repr_html_().splitlines(keepends=True)
+        yield {"output_type": "execute_result", "data": data, "metadata": {}, "execution_count": 1}
+
+
+def main(paths: list[str]) -> None:
+    """Writes what the cells of notebooks show into them."""
+    for path in map(Path, paths):
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        cells = (cell for cell in notebook["cells"] if cell["cell_type"] == "code")
+        for number, (cell, (_, outputs)) in enumerate(zip(cells, play(path), strict=True), 1):
+            cell["execution_count"] = number
+            cell["outputs"] = outputs
+            for output in outputs:
+                if "execution_count" in output:
+                    output["execution_count"] = number
+        text = json.dumps(notebook, indent=1, ensure_ascii=False)
+        path.write_text(f"{text}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
