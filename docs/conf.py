@@ -31,6 +31,7 @@ default_role = "py:obj"
 smartquotes = False  # they turn what can be copied into what cannot
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "description"
+autodoc_mock_imports = ["jax", "torch"]  # large, and the page of rtamt_arrays shows our names alone
 autodoc_typehints_description_target = "documented"
 napoleon_use_ivar = True
 napoleon_use_rtype = False

@@ -77,6 +77,11 @@ class EpisodeArrays:
         self._lattice = exact(operations)
         self._axes = {register: axis for axis, register in enumerate(self._placement.unknowns)}
         self._corners = 1 << len(self._axes)
+        corners = list(itertools.product((-INF, INF), repeat=len(self._axes)))
+        self._ends = [  # each unknown at each corner
+            operations.constant([corner[axis] for corner in corners], reader.dtype)[:, None]
+            for axis in range(len(self._axes))
+        ]
         self._shapes = self._offsets()
         streams = self._shapes.items()
         self._histories = {
@@ -158,7 +163,7 @@ class EpisodeArrays:
             history=o.full((sum(self._histories.values()), lanes), 0.0, dtype),
             kept=o.full((len(self._identities), self._corners, lanes), 0.0, dtype),
             first=o.full((len(self._firsts), lanes), 0.0, dtype),
-            age=o.integers([0] * lanes),
+            age=o.full((lanes,), 0, o.count),
             nan=o.full((lanes,), 0.0, dtype) != 0.0,
         )
 
@@ -231,7 +236,8 @@ class EpisodeArrays:
         kept: list[Tensor] = []
         for i, identity in enumerate(self._identities):
             kept.append(o.where(begins, o.full((), identity, dtype), state.kept[i]))
-        histories, row = dict[int, Tensor](), 0
+        histories: dict[int, Tensor] = {}
+        row = 0
         for r, length in self._histories.items():
             histories[r] = o.concatenate([state.history[row : row + length], known[r][None]])
             row += length
@@ -349,8 +355,8 @@ class EpisodeArrays:
         if begin <= last:
             x = tuple(view.streams[a].read(o, begin, last) for a in window.args)
             if begin < 0:
-                offsets = o.integers([-d for d in range(begin, last + 1)])
-                x = fold.masked(o, now.age >= offsets[:, None, None], x)
+                offsets = o.arange(begin, last + 1)
+                x = fold.masked(o, now.age >= -offsets[:, None, None], x)
         rest = end - max(begin - 1, last)
         if rest > 0:
             shape = x[0].shape[1:] if x else (1, 1)
@@ -393,9 +399,7 @@ class EpisodeArrays:
         x = self._elements(now, view, window, begin, end, seen=seen)
         tail = self._identities_of(fold, (1, 1))
         if view.world == "settled":
-            ends = itertools.product((-INF, INF), repeat=len(self._axes))
-            corner = self._o.column([corner[axis] for corner in ends], self._reader.dtype)
-            tail = (*tail[:-1], corner)
+            tail = (*tail[:-1], self._ends[axis])
         elif not seen:
             tail = tuple(view.streams[a].tail for a in window.args)
         count = end - begin + 1
@@ -427,7 +431,7 @@ class EpisodeArrays:
 
     def _inside(self, now: Arrival, window: Window, begin: int, end: int) -> Tensor:
         """Whether the times at offsets are in the window of time 0."""
-        offsets = self._o.integers(list(range(begin, end + 1)))[:, None, None]
+        offsets = self._o.arange(begin, end + 1)[:, None, None]
         times = now.age + offsets
         inside = times >= max(0, window.lo or 0)
         return inside if window.hi is None else inside & (times <= window.hi)

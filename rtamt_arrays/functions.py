@@ -84,15 +84,20 @@ def fold_all(fold: Fold, elements: Elements) -> Elements:
 
 
 def _no_negative_zero(o: Operations, x: Tensor) -> Tensor:
-    return x + o.where(x == 0.0, 0.0, o.where(x == x, -0.0, math.nan))  # noqa: PLR0124
+    return x + o.where(x == 0.0, 0.0, _nothing(o, x))
 
 
 def _rounded(o: Operations, x: Tensor) -> Tensor:
-    return x + o.where(x == x, -0.0, math.nan)  # noqa: PLR0124
+    return x + _nothing(o, x)
+
+
+def _nothing(o: Operations, x: Tensor) -> Tensor:
+    """-0.0, which adds nothing to a number, and nan for nan."""
+    return o.where(x == x, -0.0, x)  # noqa: PLR0124
 
 
 def _holds(o: Operations, x: Tensor, y: Tensor, holds: Tensor) -> Tensor:
-    value = o.where(holds, math.inf, -math.inf)
+    value = o.where(holds, math.inf, o.full((), -math.inf, x.dtype))
     return o.where(o.isnan(x) | o.isnan(y), math.nan, value)
 
 
@@ -105,7 +110,7 @@ FUNCTIONS: Mapping[str, Callable[..., Tensor]] = {
     "add": lambda _, x, y: x + y,
     "sub": lambda _, x, y: x - y,
     "mul": lambda o, x, y: _rounded(o, x * y),
-    "div": lambda o, x, y: x / (y + o.where(x == x, -0.0, math.nan)),  # noqa: PLR0124
+    "div": lambda o, x, y: x / (y + _nothing(o, x)),
     "pow": lambda o, x, y: o.pow(x, y),
     "log": lambda o, x, y: o.ln(x) / o.ln(y),
     "min": lambda o, x, y: exact(o).lesser(x, y),

@@ -12,6 +12,7 @@ identity of the fold, so that a reset costs nothing.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple, assert_never
@@ -90,6 +91,15 @@ class OnlineMonitor:
                 self._rungs[slot] = [(self._delayed(scheduled.length, (0.0,)), scheduled.length)]
             elif isinstance(scheduled, Window):
                 self._rungs[slot] = self._ladder(scheduled)
+        o, dtype = operations, reader.dtype
+        ends = list(itertools.accumulate(self._lengths))
+        self._table = _Table(
+            o.constant([0, *ends[:-1]] if ends else [], o.row),
+            o.constant(ends, o.row),
+            o.constant(self._lengths, o.count)[:, None],
+            o.constant(self._identities, dtype)[:, None],
+            o.constant(self._totals, dtype)[:, None],
+        )
         starts = [program.start(s) for s, each in self._schedule if isinstance(each, Window)]
         self._oldest = 1 + max(self.latency, *self._lengths, *starts, 0)
 
@@ -122,12 +132,11 @@ class OnlineMonitor:
             InputTypeError: On a number of lanes that is not an ``int``.
         """
         o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
-        places = [sum(self._lengths[:i]) for i in range(len(self._lengths))]
         return OnlineState(
             ring=o.full((sum(self._lengths), lanes), 0.0, dtype),
-            place=o.integers(places),
+            place=o.concatenate([self._table.begins]),  # one of its own, which may be overwritten
             totals=o.full((len(self._totals), lanes), 0.0, dtype),
-            age=o.integers([0] * lanes),
+            age=o.full((lanes,), 0, o.count),
             nan=o.full((lanes,), 0.0, dtype) != 0.0,
         )
 
@@ -167,7 +176,7 @@ class OnlineMonitor:
         values = columns(self.program, self._reader, sample, lanes)
         known, wrong = terms(self.program, o, self._reader.dtype, values)
         slots: dict[int, Tensor] = dict(enumerate(known))
-        step = _Step(o, state, self._lengths, self._identities, self._totals, self._reader.dtype)
+        step = _Step(o, state, self._table)
         for slot, scheduled in self._schedule:
             match scheduled:
                 case Map(function, args):
@@ -204,28 +213,38 @@ class OnlineMonitor:
         )
 
 
+class _Table(NamedTuple):
+    """Where the delays lie in the ring, and what stands for times before a lane's reset.
+
+    Attributes:
+        begins: The first cell of each delay.
+        ends: The cell behind the last one of each delay.
+        lengths: Samples by which each delay is late, as a column.
+        identities: What a delay gives of times before the reset, as a column.
+        totals: The folds of no samples, as a column.
+    """
+
+    begins: Tensor
+    ends: Tensor
+    lengths: Tensor
+    identities: Tensor
+    totals: Tensor
+
+
 class _Step:
     """Reads and writes of one step, which are gathered until its end."""
 
-    def __init__(
-        self,
-        o: Operations,
-        state: OnlineState,
-        lengths: Sequence[int],
-        identities: Sequence[float],
-        totals: Sequence[float],
-        dtype: object,
-    ) -> None:
-        self._o, self._state, self._lengths = o, state, lengths
+    def __init__(self, o: Operations, state: OnlineState, table: _Table) -> None:
+        self._o, self._state, self._table = o, state, table
         self._lanes = tuple(state.age.shape)
-        self._written: list[Tensor] = [None] * len(lengths)
-        self._totals: list[Tensor] = [None] * len(totals)
-        if lengths:
-            there = state.age >= o.integers(lengths)[:, None]
+        self._written: list[Tensor] = [None] * len(table.lengths)
+        self._totals: list[Tensor] = [None] * len(table.totals)
+        if self._written:
+            there = state.age >= table.lengths
             late = o.gather(state.ring, state.place)
-            self._late = o.where(there, late, o.column(identities, dtype))
-        if totals:
-            self._sums = o.where(state.age > 0, state.totals, o.column(totals, dtype))
+            self._late = o.where(there, late, table.identities)
+        if self._totals:
+            self._sums = o.where(state.age > 0, state.totals, table.totals)
 
     def delayed(self, delay: int, x: Elements) -> Elements:
         """Give numbers to a delay, and what it was given as many samples ago as it is long."""
@@ -243,13 +262,12 @@ class _Step:
 
     def following(self, nan: Tensor, age: Tensor) -> OnlineState:
         """The state after the step."""
-        o, state, lengths = self._o, self._state, self._lengths
+        o, state, table = self._o, self._state, self._table
         ring, place, totals = state.ring, state.place, state.totals
         if self._written:
             ring = o.scatter(ring, place, o.stack(self._written))
-            begins = o.integers([sum(lengths[:i]) for i in range(len(lengths))])
             place = place + 1
-            place = o.where(place == begins + o.integers(lengths), begins, place)
+            place = o.where(place == table.ends, table.begins, place)
         if self._totals:
             totals = o.stack(self._totals)
         return OnlineState(ring, place, totals, age, nan)

@@ -12,16 +12,24 @@ Tensor = Any
 
 
 class Operations(Protocol):
-    """The functions in which array libraries differ. Time, if there is any, is the first axis."""
+    """The functions in which array libraries differ. Time, if there is any, is the first axis.
+
+    Attributes:
+        count: The kind of integers that count.
+        row: The kind of integers that name the rows of a table.
+    """
+
+    count: object
+    row: object
 
     def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
         """An array of one value."""
 
-    def integers(self, values: Sequence[int]) -> Tensor:
-        """A vector of 32-bit integers."""
+    def constant(self, values: Sequence[float], dtype: object) -> Tensor:
+        """A vector of numbers, made where a monitor is made: it may have to reach a device."""
 
-    def column(self, values: Sequence[float], dtype: object) -> Tensor:
-        """ArrayReader along the first of two axes; the second has the length 1."""
+    def arange(self, begin: int, end: int) -> Tensor:
+        """The integers from one on to below another, as counts."""
 
     def where(self, condition: Tensor, x: Tensor | float, y: Tensor | float) -> Tensor:
         """The values of x where the condition holds, and those of y elsewhere."""
@@ -44,14 +52,17 @@ class Operations(Protocol):
     def ln(self, x: Tensor) -> Tensor:
         """The natural logarithm; nan below 0."""
 
-    def log1p(self, x: Tensor) -> Tensor:
-        """The natural logarithm of 1 + x."""
+    def isinf(self, x: Tensor) -> Tensor:
+        """Whether a value is infinite."""
+
+    def logaddexp(self, x: Tensor, y: Tensor) -> Tensor:
+        """ln(exp(x) + exp(y)) of finite numbers."""
 
     def pow(self, x: Tensor, y: Tensor) -> Tensor:
         """The power."""
 
     def as_integers(self, x: Tensor) -> Tensor:
-        """Booleans as 32-bit integers."""
+        """Booleans as counts."""
 
     def least(self, x: Tensor, most: int) -> Tensor:
         """The lesser of integers and a number."""

@@ -6,7 +6,9 @@ from hypothesis import HealthCheck, settings
 import rtamt
 
 # Tests and fixtures that two files have in common.
-pytest.register_assert_rewrite("ros_contract", "ros_live", "ros_tutorial", "ros2_client")
+pytest.register_assert_rewrite(
+    "array_contract", "ros_contract", "ros_live", "ros_tutorial", "ros2_client"
+)
 
 # Every run repeats the same few examples; those of a night are many, and others each time. A
 # property whose examples are slow has a number of its own, in both.

@@ -5,11 +5,11 @@ from __future__ import annotations
 from rtamt import Align, Period
 from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.episode import EpisodeArrays
-from rtamt_arrays.functions import exact
 from rtamt_arrays.jax.operations import JaxOperations, JaxReader
 from rtamt_arrays.offline import evaluated
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
+from rtamt_arrays.smooth import RobustnessSemantics, lattice_of, smoothing_error
 from rtamt_arrays.terms import ArraySample, traces
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
@@ -23,6 +23,7 @@ __all__ = [
     "episode",
     "evaluate",
     "online",
+    "smoothing_error",
 ]
 
 
@@ -90,6 +91,8 @@ def evaluate(
     *,
     align: Align | None = None,
     dtype: object = None,
+    semantics: RobustnessSemantics = "standard",
+    temperature: Tensor | None = None,
 ) -> Tensor:
     """Robustness at every sample of traces, many at once; `rtamt.evaluate` of each.
 
@@ -100,13 +103,18 @@ def evaluate(
         period: As for `rtamt.evaluate`.
         align: As for `rtamt.evaluate`.
         dtype: The kind of floats; None: that of JAX.
+        semantics: "standard", or "smooth": smooth min and max between formulas and over windows,
+            which have a gradient everywhere; `smoothing_error` says how far they may be off.
+        temperature: Of the smooth ones, a number above 0 or an array of shape (): the nearer to 0,
+            the nearer to min and max.
 
     Returns:
         An array of shape (..., samples); nan throughout a trace in which a variable or a term is.
 
     Raises:
         SpecificationError: On bounds that are no whole number of samples.
-        InputError: On a missing variable, other shapes, no samples, or no variable at all.
+        InputError: On a missing variable, other shapes, no samples, no variable at all, or a
+            temperature that is missing, not wanted, or not finite and above 0.
         InputTypeError: On what are no arrays of real numbers.
 
     Example:
@@ -114,10 +122,15 @@ def evaluate(
         >>> x = jnp.array([3.0, 1.0, 2.0])
         >>> evaluate("always[0:1](x > 0)", {"x": x}).tolist()
         [1.0, 1.0, 2.0]
-        >>> jax.grad(lambda x: evaluate("always(x > 0)", {"x": x})[0])(x).tolist()
-        [0.0, 1.0, 0.0]
+        >>> gradient = jax.grad(lambda x: evaluate("always(x > 0)", {"x": x})[0])(x)
+        >>> (gradient != 0.0).tolist()
+        [False, True, False]
+        >>> smooth = evaluate("always(x > 0)", {"x": x}, semantics="smooth", temperature=0.1)
+        >>> round(float(smooth[0]), 4)  # the least value is 1
+        1.0
     """
     reader, operations = JaxReader(dtype), JaxOperations()
+    lattice = lattice_of(operations, reader, semantics, temperature)
     program = program_of(spec, period, align, online=False)
     values = traces(program, reader, signals)
-    return evaluated(program, operations, reader.dtype, exact(operations), values).swapaxes(0, -1)
+    return evaluated(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)

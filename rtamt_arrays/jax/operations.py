@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import jax.numpy as jnp
+import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt_arrays.operations import Tensor
@@ -15,14 +16,18 @@ __all__ = ["JaxOperations", "JaxReader"]
 class JaxOperations:
     """The operations that the walks over a program ask for."""
 
+    count: object = jnp.int32
+    row: object = jnp.int32
+
     def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
         return jnp.full(shape, value, dtype)
 
-    def integers(self, values: Sequence[int]) -> Tensor:
-        return jnp.asarray(values, jnp.int32)
+    def constant(self, values: Sequence[float], dtype: object) -> Tensor:
+        # An array of JAX that is made while JAX traces belongs to that trace alone.
+        return np.asarray(values, jnp.dtype(dtype))
 
-    def column(self, values: Sequence[float], dtype: object) -> Tensor:
-        return jnp.asarray(values, dtype)[:, None]
+    def arange(self, begin: int, end: int) -> Tensor:
+        return jnp.arange(begin, end, dtype=jnp.int32)
 
     where = staticmethod(jnp.where)
     signbit = staticmethod(jnp.signbit)
@@ -31,7 +36,8 @@ class JaxOperations:
     sqrt = staticmethod(jnp.sqrt)
     exp = staticmethod(jnp.exp)
     ln = staticmethod(jnp.log)
-    log1p = staticmethod(jnp.log1p)
+    isinf = staticmethod(jnp.isinf)
+    logaddexp = staticmethod(jnp.logaddexp)
     pow = staticmethod(jnp.power)
     broadcast = staticmethod(jnp.broadcast_to)
     least = staticmethod(jnp.minimum)

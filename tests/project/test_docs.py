@@ -1,5 +1,6 @@
 """The pages in docs: their Python and commands give what they show, their links lead somewhere."""
 
+import ast
 import doctest
 import re
 import tomllib
@@ -87,6 +88,40 @@ def test_the_reference_has_every_public_name_once(module: object) -> None:
     wanted = set(getattr(module, "__all__", ()))
     assert wanted - set(shown) == set(), f"add them to docs/reference/{name}.md"
     assert set(shown) - wanted <= {"success", "testing"}  # modules that are imported by name
+
+
+def test_the_reference_has_every_public_name_of_the_libraries_of_arrays_once() -> None:
+    page = (DOCS / "reference" / "rtamt_arrays.md").read_text(encoding="utf-8")
+    shown: set[tuple[str, str]] = set()
+    for part in page.split(".. currentmodule:: ")[1:]:
+        module = part.split()[0]
+        names = [
+            (module, name) for name in re.findall(r"^\.\. auto\w+:: (\S+)$", part, re.MULTILINE)
+        ]
+        assert not shown.intersection(names)
+        shown |= {*names}
+    wanted = {
+        (f"rtamt_arrays.{library}", name)
+        for library in ("jax", "torch")
+        for name in _exported(ROOT / "rtamt_arrays" / library / "__init__.py")
+    }
+    assert shown <= wanted
+    both = {
+        name
+        for _, name in wanted
+        if {("rtamt_arrays.jax", name), ("rtamt_arrays.torch", name)} <= wanted
+    }
+    assert {name for _, name in wanted - shown} <= both & {name for _, name in shown}
+
+
+def _exported(path: Path) -> list[str]:
+    """What ``__all__`` of a module lists, which needs no library."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id="__all__")], value=value):
+                names: list[str] = ast.literal_eval(value)
+                return names
+    raise AssertionError(path)
 
 
 def test_the_page_of_installation_has_every_extra() -> None:

@@ -56,8 +56,8 @@ FLOORS = {
         ("operations", "compiling"),
         ("functions",),
         ("terms", "worlds"),
-        ("offline", "online", "episode"),
-        ("jax",),
+        ("offline", "online", "episode", "smooth"),
+        ("jax", "torch"),
         ("__init__",),
     ),
     "rtamt_envs": (

@@ -137,7 +137,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "fmi",
     }
     assert installed_by(distribution, "all") == {"all", *promised}
-    promised |= {"all", "jax", "site", "pytest", "test", "dev"}
+    promised |= {"all", "jax", "torch", "site", "pytest", "test", "dev"}
     assert set(extras) == promised
 
 

@@ -87,11 +87,18 @@ def exactly_rounded(formula: Node) -> bool:
 
 
 @st.composite
-def cases(draw: s.Draw, *, endless: bool = False) -> Case:
-    """A batch of formulas with variables, and samples with many zeros of either sign."""
+def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Case:
+    """A batch of formulas with variables, and samples with many zeros of either sign.
+
+    Args:
+        draw: Given by hypothesis.
+        endless: Whether futures may have no end.
+        outermost: Whether one may be an outermost ``always``, which is about all samples so far
+            for monitors and about all later ones in whole traces.
+    """
     usable = s.formulas(3, endless=endless).filter(lambda f: f.variables and exactly_rounded(f))
     formulas = [draw(usable) for _ in range(BATCH)]
-    if draw(st.booleans()) and not endless:
+    if outermost and draw(st.booleans()) and not endless:
         formulas[0] = _outermost(formulas[0])
     seed = draw(st.integers(0, 2**32 - 1))
     random = np.random.default_rng(seed)

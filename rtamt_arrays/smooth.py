@@ -1,0 +1,174 @@
+"""Smooth min and max, and how far robustness made of them may be from the standard one.
+
+Of numbers x and a temperature T, the smooth max is T log(sum(exp(x / T))) and the smooth min the
+negative of that of the negated numbers. They have a gradient everywhere, to which each number
+contributes by its share of the sum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal
+
+from rtamt import Align, Period
+from rtamt.errors import InputError, InputTypeError, brief, nearest
+from rtamt.program.algebra import FOLDS
+from rtamt.program.instructions import Map, Window
+from rtamt.program.program import Program
+from rtamt_arrays.compiling import Spec, program_of
+from rtamt_arrays.functions import Lattice, exact
+from rtamt_arrays.operations import Operations, Tensor
+from rtamt_arrays.terms import ArrayReader
+
+__all__ = ["RobustnessSemantics", "lattice_of", "smoothing_error"]
+
+RobustnessSemantics = Literal["standard", "smooth"]
+"""How robustness is made: of min and max, or of smooth ones."""
+
+_Error = tuple[float, float]
+"""How far a smooth value may lie below the standard one, and above it, at temperature 1."""
+
+
+def lattice_of(
+    o: Operations,
+    reader: ArrayReader,
+    semantics: RobustnessSemantics,
+    temperature: Tensor | None,
+) -> Lattice:
+    """The functions in place of min and max.
+
+    Raises:
+        InputError: On other semantics, or a temperature that is missing, not wanted, or not
+            a finite number above 0.
+        InputTypeError: On a temperature that is no number.
+    """
+    if semantics == "standard":
+        if temperature is not None:
+            raise InputError(
+                f"expected no temperature with semantics='standard', got {brief(temperature)}; "
+                "semantics='smooth' has one"
+            )
+        return exact(o)
+    if semantics != "smooth":
+        hint = nearest(str(semantics), ["standard", "smooth"])
+        raise InputError(f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}")
+    if temperature is None:
+        raise InputError("expected a temperature with semantics='smooth', got none")
+    if getattr(temperature, "shape", None) == ():
+        return _smooth(o, reader.taken(temperature))
+    return _smooth(o, _checked(temperature))
+
+
+def _checked(temperature: object) -> float:
+    if isinstance(temperature, bool) or not isinstance(temperature, int | float):
+        raise InputTypeError(f"expected a number as temperature, got {brief(temperature)}")
+    if not 0.0 < temperature < math.inf:
+        raise InputError(f"expected a finite temperature above 0, got {temperature}")
+    return temperature
+
+
+def _smooth(o: Operations, temperature: Tensor) -> Lattice:
+    lattice = exact(o)
+
+    def greater(x: Tensor, y: Tensor) -> Tensor:
+        # Infinite numbers are chosen: their gradients would be no numbers.
+        infinite = o.isinf(x) | o.isinf(y)
+        both = (o.where(infinite, 0.0, each) / temperature for each in (x, y))
+        return o.where(infinite, lattice.greater(x, y), temperature * o.logaddexp(*both))
+
+    return Lattice(lambda x, y: -greater(-x, -y), greater)
+
+
+def smoothing_error(
+    spec: Spec,
+    samples: int,
+    temperature: float,
+    period: Period | None = None,
+    *,
+    align: Align | None = None,
+) -> tuple[float, float]:
+    """How far smooth robustness may lie below the standard one, and above it.
+
+    A smooth max of n numbers is at most T log n above theirs, a smooth min as far below. The
+    bounds of a formula follow from those of its parts, and hold at every time of any trace: with
+    smooth robustness s and bounds (below, above), the standard one is in [s - above, s + below].
+    So s > above proves that the requirement holds, and s < -below that it is violated.
+
+    Args:
+        spec: As for ``evaluate``.
+        samples: Samples of the traces, 1 or more.
+        temperature: As for ``evaluate``.
+        period: As for ``evaluate``.
+        align: As for ``evaluate``.
+
+    Returns:
+        Two numbers of 0 or more, in the unit of the robustness.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples.
+        InputError: On fewer samples than 1, or a temperature that is not finite and above 0.
+        InputTypeError: On what are no numbers.
+
+    Example:
+        >>> below, above = smoothing_error("always[0:9](x > 0)", 100, 0.5)
+        >>> round(below, 4), above  # 0.5 * log(10): the least of 10 numbers
+        (1.1513, 0.0)
+    """
+    if isinstance(samples, bool) or not isinstance(samples, int):
+        raise InputTypeError(f"expected a number of samples, got {brief(samples)}")
+    if samples < 1:
+        raise InputError(f"expected 1 sample or more, got {samples}")
+    scale = _checked(temperature)
+    below, above = _error(program_of(spec, period, align, online=False), samples)
+    return scale * below, scale * above
+
+
+def _error(program: Program, n: int) -> _Error:
+    program = program.clamped(n)
+    errors: list[_Error] = [(0.0, 0.0)] * program.terms
+    for instruction in program.instructions[program.terms :]:
+        match instruction:
+            case Map("min", (a, b)):
+                errors.append(_lesser(errors[a], errors[b]))
+            case Map("max", (a, b)):
+                errors.append(_greater(errors[a], errors[b]))
+            case Map("neg", (a,)):
+                errors.append((errors[a][1], errors[a][0]))
+            case Window(name, lo, hi, args):
+                width = (n if hi is None else hi) - (-n if lo is None else lo) + 1
+                combine = FOLDS[name].made(_lesser, _greater)
+                errors.append(_widened(combine, tuple(errors[a] for a in args), width)[-1])
+            case _:
+                msg = "an input or another function behind the terms"
+                raise AssertionError(msg)
+    return errors[program.result]
+
+
+def _widened(
+    combine: Callable[[tuple[_Error, ...], tuple[_Error, ...]], tuple[_Error, ...]],
+    element: tuple[_Error, ...],
+    width: int,
+) -> tuple[_Error, ...]:
+    """The error of a fold of so many elements, combined in the order of `functions.slide`."""
+    power, size = element, 1
+    result: tuple[_Error, ...] | None = None
+    while True:
+        if width & size:
+            result = power if result is None else combine(result, power)
+        size *= 2
+        if size > width:
+            return result or element
+        power = combine(power, power)
+
+
+def _lesser(x: _Error, y: _Error) -> _Error:
+    return _log_add_exp(x[0], y[0]), max(x[1], y[1])
+
+
+def _greater(x: _Error, y: _Error) -> _Error:
+    return max(x[0], y[0]), _log_add_exp(x[1], y[1])
+
+
+def _log_add_exp(x: float, y: float) -> float:
+    return max(x, y) + math.log1p(math.exp(-abs(x - y)))

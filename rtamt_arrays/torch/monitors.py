@@ -1,0 +1,91 @@
+"""Monitors of tensors, which write into their state where a caller wants that."""
+
+from __future__ import annotations
+
+from rtamt.program.program import Program
+from rtamt_arrays.episode import EpisodeArrays
+from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
+from rtamt_arrays.operations import Tensor
+from rtamt_arrays.terms import ArraySample
+from rtamt_arrays.torch.operations import TorchOperations, TorchReader
+from rtamt_arrays.worlds import BoundsReading, EpisodeState
+
+__all__ = ["TorchEpisodeMonitor", "TorchOnlineMonitor"]
+
+
+class TorchOnlineMonitor(OnlineMonitor):
+    """`rtamt.VectorMonitor` as functions of tensors; made by ``online``."""
+
+    def __init__(self, program: Program, reader: TorchReader) -> None:
+        super().__init__(program, TorchOperations(reader.device), reader)
+        operations = TorchOperations(reader.device, in_place=True)
+        self._writing = OnlineMonitor(program, operations, reader)
+
+    def update_(self, state: OnlineState, sample: ArraySample) -> OnlineReading:
+        """Take in a sample in every lane; the state is overwritten with the next one.
+
+        Args:
+            state: As for `update`.
+            sample: As for `update`.
+
+        Raises:
+            InputError: As `update` does; the state is then as it was.
+            InputTypeError: As `update` does.
+        """
+        following, reading = self._writing.update(state, sample)
+        _overwrite(state, following)
+        return reading
+
+    def reset_(self, state: OnlineState, mask: Tensor | None = None) -> None:
+        """Make the lanes of the mask forget every sample; the state is overwritten.
+
+        Args:
+            state: As for `reset`.
+            mask: As for `reset`.
+
+        Raises:
+            InputError: As `reset` does; the state is then as it was.
+            InputTypeError: As `reset` does.
+        """
+        _overwrite(state, self.reset(state, mask))
+
+
+class TorchEpisodeMonitor(EpisodeArrays):
+    """`rtamt.VectorEpisodeMonitor` as functions of tensors; made by ``episode``."""
+
+    def __init__(self, program: Program, reader: TorchReader) -> None:
+        super().__init__(program, TorchOperations(reader.device), reader)
+
+    def update_(self, state: EpisodeState, sample: ArraySample) -> BoundsReading:
+        """Take in a sample in every lane; the state is overwritten with the next one.
+
+        Args:
+            state: As for `update`.
+            sample: As for `update`.
+
+        Raises:
+            InputError: As `update` does; the state is then as it was.
+            InputTypeError: As `update` does.
+        """
+        following, reading = self.update(state, sample)
+        _overwrite(state, following)
+        return reading
+
+    def reset_(self, state: EpisodeState, mask: Tensor | None = None) -> None:
+        """Make the lanes of the mask forget every sample; the state is overwritten.
+
+        Args:
+            state: As for `reset`.
+            mask: As for `reset`.
+
+        Raises:
+            InputError: As `reset` does; the state is then as it was.
+            InputTypeError: As `reset` does.
+        """
+        _overwrite(state, self.reset(state, mask))
+
+
+def _overwrite(state: OnlineState | EpisodeState, following: OnlineState | EpisodeState) -> None:
+    for old, new in zip(state, following, strict=True):
+        if new is not old:
+            old.copy_(new)

@@ -1,0 +1,104 @@
+"""The operations of tensors in torch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt_arrays.operations import Tensor
+
+__all__ = ["TorchOperations", "TorchReader"]
+
+
+class TorchOperations:
+    """The operations that the walks over a program ask for.
+
+    Args:
+        device: Where tensors are made.
+        in_place: Whether a scatter writes into the table that it is given.
+    """
+
+    count: object = torch.int32
+    row: object = torch.int64
+
+    def __init__(self, device: object, *, in_place: bool = False) -> None:
+        self._device = device
+        self._in_place = in_place
+
+    def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
+        return torch.full(shape, value, dtype=dtype, device=self._device)
+
+    def constant(self, values: Sequence[float], dtype: object) -> Tensor:
+        return torch.tensor(values, dtype=dtype, device=self._device)
+
+    def arange(self, begin: int, end: int) -> Tensor:
+        return torch.arange(begin, end, dtype=torch.int32, device=self._device)
+
+    where = staticmethod(torch.where)
+    signbit = staticmethod(torch.signbit)
+    isnan = staticmethod(torch.isnan)
+    abs = staticmethod(torch.abs)
+    sqrt = staticmethod(torch.sqrt)
+    exp = staticmethod(torch.exp)
+    ln = staticmethod(torch.log)
+    isinf = staticmethod(torch.isinf)
+    logaddexp = staticmethod(torch.logaddexp)
+    pow = staticmethod(torch.pow)
+    broadcast = staticmethod(torch.broadcast_to)
+    concatenate = staticmethod(torch.cat)
+    stack = staticmethod(torch.stack)
+
+    def as_integers(self, x: Tensor) -> Tensor:
+        return x.to(torch.int32)
+
+    def least(self, x: Tensor, most: int) -> Tensor:
+        return x.clamp(max=most)
+
+    def gather(self, table: Tensor, rows: Tensor) -> Tensor:
+        return table.index_select(0, rows)
+
+    def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
+        if self._in_place:
+            return table.index_copy_(0, rows, values)
+        return table.index_copy(0, rows, values)
+
+
+class TorchReader:
+    """Tensors of one device, as those of one kind of floats."""
+
+    kind = "tensors"
+
+    def __init__(self, dtype: object, device: object) -> None:
+        self.dtype = torch.get_default_dtype() if dtype is None else dtype
+        if not (isinstance(self.dtype, torch.dtype) and self.dtype.is_floating_point):
+            raise InputTypeError(f"expected a dtype of floats, got {brief(self.dtype)}")
+        try:
+            self.device = torch.empty(0, device=device).device
+        except (RuntimeError, TypeError, AssertionError) as e:
+            raise InputError(f"expected a device of torch, got {brief(device)}: {e}") from e
+
+    def taken(self, value: object) -> Tensor | None:
+        if not isinstance(value, torch.Tensor) or value.dtype.is_complex:
+            return None
+        self._check_device(value)
+        return value.to(self.dtype)
+
+    def mask(self, mask: object, like: Tensor) -> Tensor:
+        if mask is None:
+            return torch.ones_like(like, dtype=torch.bool)
+        if not isinstance(mask, torch.Tensor) or mask.dtype != torch.bool:
+            raise InputTypeError(f"expected a mask of booleans, got {brief(mask)}")
+        self._check_device(mask)
+        if mask.shape != like.shape:
+            expected = tuple(like.shape)
+            raise InputError(f"expected a mask of shape {expected}, got {tuple(mask.shape)}")
+        return mask
+
+    def _check_device(self, tensor: Tensor) -> None:
+        if tensor.device != self.device:
+            raise InputError(
+                f"expected tensors on {self.device}, got one on {tensor.device}; "
+                "give the monitor the device of the samples, or move them to its own"
+            )

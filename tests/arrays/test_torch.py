@@ -1,0 +1,278 @@
+"""The monitors of torch equal the C++ machines to the bit."""
+
+from __future__ import annotations
+
+import copy
+import doctest
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import array_cases as cases
+import numpy as np
+import pytest
+import strategies as s
+import torch
+import torch._dynamo.testing
+from array_contract import ArrayMonitor, EpisodeContract, OfflineContract, OnlineContract, places
+from bits import bits
+from hypothesis import given, settings
+from numpy.typing import NDArray
+
+import rtamt_arrays.torch as arrays
+from rtamt.errors import InputError
+from rtamt_arrays.operations import Tensor
+
+
+class Torch:
+    """torch in eager mode."""
+
+    arrays = arrays
+
+    def tensor(self, values: object) -> Tensor:
+        array = np.array(values)
+        return torch.tensor(array if array.dtype.kind in "bc" else array.astype(np.float64))
+
+    def traced(self, call: Callable[[], object]) -> object:
+        return call()
+
+    def readings(
+        self,
+        monitors: Sequence[ArrayMonitor],
+        samples: NDArray[np.float64],
+        resets: NDArray[np.bool_],
+    ) -> list[Mapping[str, NDArray[np.float64]]]:
+        found: list[Mapping[str, NDArray[np.float64]]] = []
+        for monitor in monitors:
+            chosen = torch.from_numpy(samples[..., places(monitor.variables)])
+            found.append(stepped(monitor, chosen, torch.from_numpy(resets)))
+        return found
+
+    def evaluated(
+        self, evaluations: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
+        return [each(torch.from_numpy(samples)).numpy() for each in evaluations]
+
+    def gradients(
+        self, functions: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
+        return [torch.func.grad(each)(torch.from_numpy(samples)).numpy() for each in functions]
+
+    def sum_of_finite(self, values: Tensor) -> Tensor:
+        return torch.where(values.isfinite(), values, 0.0).sum()
+
+    def robustness_sum(self, monitor: ArrayMonitor, samples: Tensor) -> Tensor:
+        state, total = monitor.init(samples.shape[1]), samples.sum() * 0.0
+        for i, sample in enumerate(samples):
+            state, reading = monitor.update(state, sample)
+            if i >= monitor.latency:
+                total = total + reading.robustness.sum()
+        return total
+
+
+def stepped(
+    monitor: ArrayMonitor,
+    samples: Tensor,
+    resets: Tensor,
+    update: Callable[..., ArrayMonitor] | None = None,
+) -> dict[str, NDArray[np.float64]]:
+    """The readings after each sample."""
+    state, readings = monitor.init(resets.shape[1]), []
+    for sample, mask in zip(samples, resets, strict=True):
+        state, reading = (update or monitor.update)(monitor.reset(state, mask), sample)
+        readings.append(reading)
+    rows = zip(*readings, strict=True)
+    fields = type(readings[0])._fields
+    return {name: torch.stack(row).numpy() for name, row in zip(fields, rows, strict=True)}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def doubles() -> Iterator[None]:
+    before = torch.get_default_dtype()
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(before)
+
+
+class TestOnline(OnlineContract):
+    library = Torch()
+
+
+class TestEpisode(EpisodeContract):
+    library = Torch()
+
+
+class TestOffline(OfflineContract):
+    library = Torch()
+
+
+SPECS = (
+    "historically[0:3](x > 0) and once[2:5](y > 1)",
+    "(x > 0) since[0:4] (y > 0) or always[0:2](x * y >= 1)",
+)
+EPISODES = (
+    "always(x > 0 implies eventually[0:3](y > 1))",
+    "(x > 0) until[1:4] (y > 0 or historically(x > -2))",
+)
+MADE: tuple[Callable[..., ArrayMonitor], ...] = (arrays.online, arrays.episode)
+MONITORS = [
+    *(pytest.param(arrays.online, text, id=text) for text in SPECS),
+    *(pytest.param(arrays.episode, text, id=text) for text in EPISODES),
+]
+
+
+def played(lanes: int = 3) -> tuple[Tensor, Tensor]:
+    """Samples of two variables, with zeros of either sign, and resets in the middle."""
+    random = np.random.default_rng(5)
+    samples = random.choice(np.array(s.QUARTERS), (12, lanes, 2))
+    return torch.from_numpy(samples), torch.from_numpy(random.random((12, lanes)) < 0.1)
+
+
+@pytest.mark.parametrize("backend", ["eager", "aot_eager"])
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_a_step_compiles_as_one_graph_and_gives_the_same_bits(
+    made: Callable[..., ArrayMonitor], text: str, backend: str
+) -> None:
+    torch.compiler.reset()
+    monitor, (samples, resets) = made(text), played()
+    compiled = torch.compile(monitor.update, fullgraph=True, backend=backend)
+    found, expected = (stepped(monitor, samples, resets, f) for f in (compiled, monitor.update))
+    assert {k: bits(v) for k, v in found.items()} == {k: bits(v) for k, v in expected.items()}
+
+
+# Of torch itself, where its compiler is imported.
+@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
+@pytest.mark.parametrize(
+    ("made", "text"), [(arrays.online, SPECS[1]), (arrays.episode, EPISODES[0])]
+)
+def test_what_the_compiler_makes_of_a_step_gives_the_same_bits(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    torch.compiler.reset()
+    monitor, (samples, resets) = made(text), played()
+    graphs = torch._dynamo.testing.CompileCounterWithBackend("inductor")
+
+    def step(state: Tensor, sample: Tensor, mask: Tensor) -> Tensor:
+        return monitor.update(monitor.reset(state, mask), sample)
+
+    compiled = torch.compile(step, fullgraph=True, backend=graphs)
+    state = monitor.init(3)
+    for i, (sample, mask) in enumerate(zip(samples, resets, strict=True)):
+        expected = monitor.update(monitor.reset(state, mask), sample)
+        state, reading = compiled(state, sample, mask)
+        for x, y in zip((*state, *reading), (*expected[0], *expected[1]), strict=True):
+            assert bits(x.numpy()) == bits(y.numpy()), i
+    assert graphs.frame_count == 1
+
+
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_steps_in_place_are_those_of_a_state_that_stays_where_it_is(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, (samples, resets) = made(text), played()
+    state, other = monitor.init(3), monitor.init(3)
+    addresses = [each.data_ptr() for each in state]
+    for sample, mask in zip(samples, resets, strict=True):
+        monitor.reset_(state, mask)
+        reading = monitor.update_(state, sample)
+        other, expected = monitor.update(monitor.reset(other, mask), sample)
+        for x, y in zip((*state, *reading), (*other, *expected), strict=True):
+            assert bits(x.numpy()) == bits(y.numpy())
+    assert [each.data_ptr() for each in state] == addresses
+
+
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_a_state_is_not_changed_by_a_step_nor_by_one_that_is_refused(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, (samples, _) = made(text), played()
+    state, _ = monitor.update(monitor.init(3), samples[0])
+    before = copy.deepcopy(state)
+    monitor.update(monitor.reset(state), samples[1])
+    with pytest.raises(InputError):
+        monitor.update_(state, samples[1][:2])
+    with pytest.raises(InputError):
+        monitor.reset_(state, torch.ones(2, dtype=torch.bool))
+    for x, y in zip(state, before, strict=True):
+        assert bits(x.numpy()) == bits(y.numpy())
+
+
+@settings(cases.few, max_examples=3)
+@given(cases.cases())
+def test_no_step_looks_at_a_number_nor_has_a_shape_that_depends_on_one(case: cases.Case) -> None:
+    """On the device meta tensors have shapes and no numbers: a look at one fails."""
+    with torch.device("meta"):
+        mask = torch.ones(3, dtype=torch.bool)
+        for formula in case.formulas:
+            sample = torch.zeros(3, len(formula.variables))
+            for made in MADE:
+                monitor = made(formula)
+                state, _ = monitor.update(monitor.reset(monitor.init(3), mask), sample)
+                monitor.reset_(state, mask)
+                assert monitor.update_(state, sample).robustness.is_meta
+            signals = {name: torch.zeros(3, 9) for name in formula.variables}
+            assert arrays.evaluate(formula, signals).is_meta
+            smooth = arrays.evaluate(formula, signals, semantics="smooth", temperature=0.1)
+            assert smooth.is_meta
+
+
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_a_state_that_was_saved_goes_on_where_it_was(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, (samples, resets) = made(text), played()
+    state = monitor.init(3)
+    for sample, mask in zip(samples[:6], resets[:6], strict=True):
+        state, _ = monitor.update(monitor.reset(state, mask), sample)
+    file = io.BytesIO()
+    torch.save({"monitor": state}, file)
+    file.seek(0)
+    loaded = torch.load(file, weights_only=True)["monitor"]
+    _, reading = monitor.update(loaded, samples[6])
+    _, expected = monitor.update(state, samples[6])
+    for x, y in zip(reading, expected, strict=True):
+        assert bits(x.numpy()) == bits(y.numpy())
+
+
+def test_steps_are_vectorized_by_vmap_as_lanes_are() -> None:
+    monitor = arrays.online("historically[0:2](x > y)")
+    samples = torch.from_numpy(np.random.default_rng(0).normal(size=(5, 4, 3, 2)))
+    states = type(monitor.init(3))(*(torch.stack([x] * 4) for x in monitor.init(3)))
+    wide = monitor.init(12)
+    for sample in samples:
+        states, reading = torch.func.vmap(monitor.update)(states, sample)
+        wide, expected = monitor.update(wide, sample.reshape(12, 2))
+        np.testing.assert_array_equal(reading.robustness.ravel(), expected.robustness)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16, torch.float16])
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_numbers_stay_of_the_kind_that_was_asked_for(
+    made: Callable[..., ArrayMonitor], text: str, dtype: torch.dtype
+) -> None:
+    monitor, (samples, resets) = made(text, dtype=dtype), played()
+    state, readings = monitor.init(3), []
+    for sample, mask in zip(samples, resets, strict=True):
+        state, reading = monitor.update(monitor.reset(state, mask), sample)
+        readings.append(reading.robustness)
+        assert [x.dtype for x in state] == [x.dtype for x in monitor.init(3)]
+        assert reading.robustness.dtype == dtype
+    # Quarters of small numbers and their products are numbers of each kind.
+    expected = stepped(made(text), samples, resets)["robustness"]
+    assert bits(torch.stack(readings).double().numpy()) == bits(expected)
+
+
+def test_tensors_of_another_device_are_refused() -> None:
+    monitor = arrays.online("x > 0")
+    with pytest.raises(InputError, match="tensors on cpu, got one on meta"):
+        monitor.update(monitor.init(2), {"x": torch.zeros(2, device="meta")})
+    with pytest.raises(InputError, match="expected a device of torch, got 'nowhere'"):
+        arrays.online("x > 0", device="nowhere")
+
+
+def test_the_examples_of_docstrings_show_what_happens() -> None:
+    before = torch.get_default_dtype()
+    torch.set_default_dtype(torch.float32)
+    done = doctest.testmod(arrays)
+    torch.set_default_dtype(before)
+    assert done.attempted
+    assert not done.failed

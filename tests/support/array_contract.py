@@ -1,0 +1,389 @@
+"""What the monitors of every library of arrays owe: numbers that are those of the C++ machines.
+
+A test file of a library subclasses the contracts, and gives them an `ArrayLibrary`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import array_cases as cases
+import numpy as np
+import pytest
+import strategies as s
+from bits import bits
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt.errors import InputError, InputTypeError, SpecificationError
+from rtamt_arrays.operations import Tensor
+
+__all__ = ["ArrayLibrary", "ArrayMonitor", "EpisodeContract", "OfflineContract", "OnlineContract"]
+
+ArrayMonitor = Any
+"""A monitor of either library."""
+
+READ = ("robustness", "lower", "upper", "verdict")
+
+# Both libraries may be tested in one process.
+few = settings(cases.few, suppress_health_check=[*HealthCheck])
+
+
+class ArrayLibrary(Protocol):
+    """What the contracts need of a library."""
+
+    @property
+    def arrays(self) -> ArrayMonitor:
+        """The package of monitors on its arrays."""
+
+    def tensor(self, values: object) -> Tensor:
+        """An array of doubles, or of booleans where the values are."""
+
+    def traced(self, call: Callable[[], object]) -> object:
+        """Make the call where the library traces it, if it does."""
+
+    def readings(
+        self,
+        monitors: Sequence[ArrayMonitor],
+        samples: NDArray[np.float64],
+        resets: NDArray[np.bool_],
+    ) -> list[Mapping[str, NDArray[np.float64]]]:
+        """What each monitor says after each sample, by name; its lanes are reset before."""
+
+    def evaluated(
+        self, evaluations: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
+        """The values of functions of samples."""
+
+    def gradients(
+        self, functions: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
+        """The gradients of functions of samples, each of which gives one number."""
+
+    def sum_of_finite(self, values: Tensor) -> Tensor:
+        """The sum of the values that are finite."""
+
+    def robustness_sum(self, monitor: ArrayMonitor, samples: Tensor) -> Tensor:
+        """The sum of the robustness over all steps but the first ``latency`` ones, and lanes."""
+
+
+def places(names: Sequence[str]) -> list[int]:
+    """The columns of samples in which variables are."""
+    return [s.VARIABLES.index(name) for name in names]
+
+
+class OnlineContract:
+    """Of `online`."""
+
+    library: ArrayLibrary
+
+    @few
+    @given(cases.cases())
+    def test_online_equals_the_lockstep_monitor_with_resets_in_the_middle(
+        self, case: cases.Case
+    ) -> None:
+        monitors = [self.library.arrays.online(formula) for formula in case.formulas]
+        readings = self.library.readings(monitors, case.samples, case.resets)
+        for formula, reading in zip(case.formulas, readings, strict=True):
+            found = np.ravel(reading["robustness"])
+            assert bits(found) == bits(np.ravel(case.online(formula))), formula
+
+    @settings(few, max_examples=3)
+    @given(cases.cases(outermost=False))
+    def test_the_gradient_through_the_steps_is_that_of_the_trace(self, case: cases.Case) -> None:
+        arrays, library = self.library.arrays, self.library
+        samples = np.random.default_rng(1).normal(size=case.samples.shape)
+        monitors = [arrays.online(formula) for formula in case.formulas]
+
+        def online(monitor: ArrayMonitor) -> Callable[[Tensor], Tensor]:
+            return lambda x: library.robustness_sum(monitor, x[..., places(monitor.variables)])
+
+        def offline(monitor: ArrayMonitor, formula: rtamt.Formula) -> Callable[[Tensor], Tensor]:
+            end = max(0, cases.SAMPLES - monitor.latency)
+            return lambda x: arrays.evaluate(formula, cases.columns(formula, x))[:, :end].sum()
+
+        found = library.gradients([online(m) for m in monitors], samples)
+        pairs = zip(monitors, case.formulas, strict=True)
+        expected = library.gradients([offline(*pair) for pair in pairs], samples)
+        for x, y in zip(found, expected, strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-12, atol=1e-12)
+
+    def test_a_nan_takes_the_robustness_of_its_lane_until_the_lane_is_reset(self) -> None:
+        tensor = self.library.tensor
+        monitor = self.library.arrays.online("once[0:1](sqrt(x) > 1 or x > 2)")
+        state, seen = monitor.init(2), []
+        for x, y in ((4.0, 4.0), (-1.0, 4.0), (4.0, 4.0)):
+            state, reading = monitor.update(state, {"x": tensor([x, y])})
+            seen.append((reading.nan.tolist(), np.isnan(reading.robustness.tolist()).tolist()))
+        assert seen == [([False] * 2,) * 2, ([True, False],) * 2, ([True, False],) * 2]
+        _, reading = monitor.update(monitor.reset(state), {"x": tensor([4.0, 4.0])})
+        assert reading.robustness.tolist() == [2.0, 2.0]
+
+    def test_integers_and_booleans_are_numbers(self) -> None:
+        monitor = self.library.arrays.online("x > 0")
+        for sample in ([True, False], [1, 0]):
+            _, reading = monitor.update(monitor.init(2), {"x": self.library.tensor(sample)})
+            assert reading.robustness.tolist() == [1.0, 0.0]
+
+    @pytest.mark.parametrize(
+        ("call", "error", "message"),
+        [
+            (lambda m, s, t: m.update(s, {"y": t([1.0] * 2)}), InputError, "variable 'x', got y"),
+            (lambda m, s, t: m.update(s, {"x": t([1.0] * 3)}), InputError, "shape (2,) of 'x'"),
+            (lambda m, s, t: m.update(s, t([[1.0] * 3] * 2)), InputError, "1 variables (x)"),
+            (lambda m, s, _: m.update(s, {"x": [1.0, 2.0]}), InputTypeError, "of real numbers"),
+            (lambda m, s, t: m.update(s, {"x": t([1j, 1])}), InputTypeError, "of real numbers"),
+            (
+                lambda m, s, t: m.update((s,), {"x": t([1.0] * 2)}),
+                InputTypeError,
+                "init(lanes) makes",
+            ),
+            (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
+            (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
+            (lambda m, *_: m.init(0), InputError, "expected 1 lane or more, got 0"),
+            (lambda m, *_: m.init(2.0), InputTypeError, "expected a number of lanes, got 2.0"),
+        ],
+    )
+    def test_what_is_wrong_is_refused_when_it_is_traced(
+        self, call: Callable[..., object], error: type[Exception], message: str
+    ) -> None:
+        monitor = self.library.arrays.online("once[0:1](x > 0)")
+        with pytest.raises(error) as refused:
+            self.library.traced(lambda: call(monitor, monitor.init(2), self.library.tensor))
+        assert message in str(refused.value)
+
+    def test_states_of_another_specification_are_refused(self) -> None:
+        monitor, other = map(self.library.arrays.online, ("once[0:1](x > 0)", "once[0:9](x > 0)"))
+        with pytest.raises(InputError, match="it is that of another specification"):
+            monitor.update(other.init(2), {"x": self.library.tensor([1.0, 1.0])})
+
+    def test_formulas_without_an_end_in_the_future_are_refused(self) -> None:
+        with pytest.raises(SpecificationError, match="whole future"):
+            self.library.arrays.online("always(x > 0) or x > 1")
+
+    def test_numbers_that_are_no_floats_are_refused(self) -> None:
+        with pytest.raises(InputTypeError, match="a dtype of floats"):
+            self.library.arrays.online("x > 0", dtype=self.library.tensor([True]).dtype)
+
+
+class EpisodeContract:
+    """Of `episode`."""
+
+    library: ArrayLibrary
+
+    @few
+    @given(cases.cases(endless=True))
+    def test_bounds_equal_those_of_the_lockstep_monitor_with_resets_in_the_middle(
+        self, case: cases.Case
+    ) -> None:
+        monitors = [self.library.arrays.episode(formula) for formula in case.formulas]
+        readings = self.library.readings(monitors, case.samples, case.resets)
+        for formula, reading in zip(case.formulas, readings, strict=True):
+            for name, expected in zip(READ, case.episode(formula, READ), strict=True):
+                found = np.ravel(reading[name])
+                assert bits(found) == bits(np.ravel(expected)), (name, formula)
+
+    def test_a_nan_decides_nothing_until_the_lane_is_reset(self) -> None:
+        tensor = self.library.tensor
+        monitor = self.library.arrays.episode("always(x > 0)")
+        state, _ = monitor.update(monitor.init(2), {"x": tensor([math.nan, -1.0])})
+        state, reading = monitor.update(state, {"x": tensor([-1.0, -1.0])})
+        assert reading.nan.tolist() == [True, False]
+        assert np.isnan(reading.robustness.tolist()).tolist() == [True, False]
+        assert reading.lower.tolist() == [-math.inf, -math.inf]
+        assert reading.upper.tolist() == [math.inf, -1.0]
+        assert reading.verdict.tolist() == [0, -1]
+        _, reading = monitor.update(monitor.reset(state), {"x": tensor([2.0, 2.0])})
+        assert reading.robustness.tolist() == [2.0, 2.0]
+
+    def test_what_was_decided_stays_after_more_samples_than_are_counted(self) -> None:
+        monitor = self.library.arrays.episode("eventually[0:2](x > 0)")
+        state = monitor.init(1)
+        for x in (-1.0, 3.0, *[-5.0] * 9):
+            state, reading = monitor.update(state, {"x": self.library.tensor([x])})
+        assert reading.lower.tolist() == reading.upper.tolist() == [3.0]
+
+    @pytest.mark.parametrize(
+        ("formula", "message"),
+        [
+            (
+                " and ".join(f"always(x > {i} or eventually(y > {i}))" for i in range(7)),
+                "the limit is 6",
+            ),
+            ("always[0:1500000000](x > 0)", "arrays count up to"),
+        ],
+    )
+    def test_formulas_that_do_not_fit_are_refused(self, formula: str, message: str) -> None:
+        with pytest.raises(SpecificationError) as refused:
+            self.library.arrays.episode(formula)
+        assert message in str(refused.value)
+
+    def test_states_of_others_are_refused(self) -> None:
+        arrays, x = self.library.arrays, {"x": self.library.tensor([1.0, 1.0])}
+        monitor = arrays.episode("always(x > 0)")
+        other = arrays.episode("always(once[0:3](x > 0))")
+        with pytest.raises(InputError, match="that of another specification"):
+            monitor.update(other.init(2), x)
+        with pytest.raises(InputTypeError, match="expected a state of this monitor"):
+            monitor.reset(arrays.online("x > 0").init(2))
+
+
+def _sum_of_finite(
+    library: ArrayLibrary, function: Callable[[Tensor], Tensor]
+) -> Callable[[Tensor], Tensor]:
+    return lambda x: library.sum_of_finite(function(x))
+
+
+TEMPERATURES = (0.1, 1.0)
+
+SMOOTH = (
+    "always(a > 0)",
+    "always[1:4](a > 0 or b > 1)",
+    "historically[0:3](a > 0) and once(b < 2)",
+    "(a > 0) until[1:4] (b > 0)",
+    "(a > 0) since (b > 0)",
+    "(a > 0) unless[0:5] (b > 0)",
+    "not ((a > 0) since[1:4] (b > 0))",
+    "(a > 0) xor eventually[0:2](b > 0)",
+    "(a > 0) iff not always(b > 0)",
+    "always(a > 0 implies eventually[0:3](once[0:2](b > 0)))",
+    "rise(a > 0) or next(b > 0) or true",
+    "(a > 0) until (false or 2 * b > a)",
+)
+"""Every operator, of predicates whose robustness has no corners of its own."""
+
+
+class OfflineContract:
+    """Of `evaluate`, standard and smooth."""
+
+    library: ArrayLibrary
+
+    def value(self, formula: str, x: Tensor, **more: object) -> NDArray[np.float64]:
+        """The robustness of the traces of x."""
+        signals = {"x": self.library.tensor(x)}
+        return np.array(self.library.arrays.evaluate(formula, signals, **more).tolist())
+
+    @few
+    @given(cases.cases(endless=True))
+    def test_evaluate_equals_the_offline_evaluation(self, case: cases.Case) -> None:
+        found = self.library.evaluated([self.of(f) for f in case.formulas], case.samples)
+        for formula, each in zip(case.formulas, found, strict=True):
+            assert bits(np.ravel(each)) == bits(np.ravel(case.offline(formula))), formula
+
+    def of(self, formula: rtamt.Formula, **more: object) -> Callable[[Tensor], Tensor]:
+        """The robustness as a function of samples."""
+        evaluate = self.library.arrays.evaluate
+        return lambda x: evaluate(formula, cases.columns(formula, x), **more)
+
+    @settings(few, max_examples=15)
+    @given(s.formulas(3).filter(lambda f: bool(f.variables)), s.traces())
+    def test_every_function_is_right_within_four_units_in_the_last_place(
+        self, formula: rtamt.Formula, trace: s.Trace
+    ) -> None:
+        columns = {name: np.array(trace[name]) for name in formula.variables}
+        expected = rtamt.evaluate(formula, columns)
+        tensors = {name: self.library.tensor(column) for name, column in columns.items()}
+        found = self.library.arrays.evaluate(formula, tensors).tolist()
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+
+    def test_the_gradient_of_a_least_value_is_that_of_one_sample_that_attains_it(self) -> None:
+        def least(x: Tensor) -> Tensor:
+            return self.library.arrays.evaluate("always(x >= 0)", {"x": x})[0]
+
+        (found,) = self.library.gradients([least], np.array([2.0, 0.0, 0.0]))
+        assert sorted(np.abs(found)) == [0.0, 0.0, 1.0]
+
+    def test_a_nan_takes_its_trace(self) -> None:
+        found = self.value("x > 0", [[1.0, math.nan], [1.0, 2.0]])
+        np.testing.assert_array_equal(found, [[np.nan, np.nan], [1.0, 2.0]])
+
+    def test_the_smooth_min_and_max_are_those_of_their_definition(self) -> None:
+        x = np.random.default_rng(2).normal(size=(3, 7))
+        for t in TEMPERATURES:
+            least = self.value("always(x >= 0)", x, semantics="smooth", temperature=t)
+            most = self.value("eventually(x >= 0)", x, semantics="smooth", temperature=t)
+            for k in range(7):
+                later = x[:, k:] / t
+                np.testing.assert_allclose(least[:, k], -t * np.log(np.exp(-later).sum(1)))
+                np.testing.assert_allclose(most[:, k], t * np.log(np.exp(later).sum(1)))
+
+    @settings(few, max_examples=8)
+    @given(cases.cases(endless=True), st.sampled_from(TEMPERATURES))
+    def test_smooth_robustness_errs_by_no_more_than_is_said(
+        self, case: cases.Case, temperature: float
+    ) -> None:
+        more = {"semantics": "smooth", "temperature": temperature}
+        smooth = [self.of(formula, **more) for formula in case.formulas]
+        found = self.library.evaluated(smooth, case.samples)
+        for formula, each in zip(case.formulas, found, strict=True):
+            standard = case.offline(formula)
+            below, above = self.library.arrays.smoothing_error(formula, cases.SAMPLES, temperature)
+            chosen = np.isinf(standard) | np.isnan(standard)
+            np.testing.assert_array_equal(each[chosen], standard[chosen])
+            error = each[~chosen] - standard[~chosen]
+            assert np.all(error >= -below - 1e-9), formula
+            assert np.all(error <= above + 1e-9), formula
+
+    @pytest.mark.parametrize(("formula", "sign"), [("always(x > 0)", -1), ("once(x > 0)", 1)])
+    def test_equal_values_attain_the_error_of_their_number(self, formula: str, sign: int) -> None:
+        x = np.zeros((1, 8))
+        found = self.value(formula, x, semantics="smooth", temperature=0.5)
+        error = sign * 0.5 * math.log(8)
+        assert found[0, 0 if sign < 0 else 7] == pytest.approx(error)
+        bounds = self.library.arrays.smoothing_error(formula, 8, 0.5)
+        assert bounds[sign > 0] == pytest.approx(0.5 * math.log(9))  # a window of 0 to 8 samples
+        assert bounds[sign < 0] == 0.0
+
+    def test_the_smooth_gradient_is_that_of_finite_differences(self) -> None:
+        random = np.random.default_rng(3)
+        samples, direction = random.normal(size=(2, cases.SAMPLES, 2, len(s.VARIABLES)))
+        formulas = [rtamt.parse(text).formula for text in SMOOTH]
+        smooth = [self.of(f, semantics="smooth", temperature=0.5) for f in formulas]
+        finite = [_sum_of_finite(self.library, each) for each in smooth]
+        gradients = self.library.gradients(finite, samples)
+        step = 1e-5
+        ahead = self.library.evaluated(finite, samples + step * direction)
+        behind = self.library.evaluated(finite, samples - step * direction)
+        for text, gradient, x, y in zip(SMOOTH, gradients, ahead, behind, strict=True):
+            found, expected = np.sum(gradient * direction), (x - y) / (2 * step)
+            assert found == pytest.approx(expected, rel=1e-6, abs=1e-6), text
+
+    def test_at_a_tie_the_smooth_gradient_is_shared(self) -> None:
+        def least(x: Tensor) -> Tensor:
+            smooth = {"semantics": "smooth", "temperature": 0.1}
+            return self.library.arrays.evaluate("always(x >= 0)", {"x": x}, **smooth)[0]
+
+        (found,) = self.library.gradients([least], np.array([0.0, 0.0, 5.0, 0.0, 0.0]))
+        np.testing.assert_allclose(found, [0.25, 0.25, 0.0, 0.25, 0.25], atol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("signals", "more", "error", "message"),
+        [
+            ([], {}, InputError, "1 sample or more"),
+            (1.0, {}, InputError, "axis of samples"),
+            ([1.0], {"temperature": 1.0}, InputError, "expected no temperature"),
+            ([1.0], {"semantics": "smooth"}, InputError, "got none"),
+            ([1.0], {"semantics": "smoth"}, InputError, "did you mean 'smooth'"),
+            ([1.0], {"semantics": "smooth", "temperature": 0}, InputError, "above 0, got 0"),
+            ([1.0], {"semantics": "smooth", "temperature": math.inf}, InputError, "finite"),
+            ([1.0], {"semantics": "smooth", "temperature": "1"}, InputTypeError, "a number as"),
+        ],
+    )
+    def test_what_is_wrong_is_refused(
+        self, signals: object, more: dict[str, Any], error: type[Exception], message: str
+    ) -> None:
+        with pytest.raises(error) as refused:
+            self.library.traced(
+                lambda: self.library.arrays.evaluate(
+                    "x > 0", {"x": self.library.tensor(signals)}, **more
+                )
+            )
+        assert message in str(refused.value)
+
+    def test_formulas_without_variables_are_refused(self) -> None:
+        with pytest.raises(InputError, match="a variable"):
+            self.library.arrays.evaluate("true", {})
