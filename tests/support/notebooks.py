@@ -12,6 +12,7 @@ from contextlib import redirect_stdout
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import matplotlib as mpl
 
@@ -29,10 +30,8 @@ def play(path: Path) -> Iterator[tuple[dict[str, Any], list[Output]]]:
     names: dict[str, Any] = {"__name__": "__main__"}
     for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] == "code":
-            yield (
-                cell,
-                list(_outputs("".join(cell["source"]), f"{path.name}, cell {number}", names)),
-            )
+            where = f"{path.name}, cell {number}"
+            yield cell, list(_outputs("".join(cell["source"]), where, names))
 
 
 def _outputs(source: str, where: str, names: dict[str, Any]) -> Iterator[Output]:
@@ -50,14 +49,10 @@ def _outputs(source: str, where: str, names: dict[str, Any]) -> Iterator[Output]
             pictures.append({"output_type": "display_data", "data": data, "metadata": {}})
         plt.close("all")
 
-    with redirect_stdout(StringIO()) as said, mpl.rc_context():
-        plt.show, shown_before = show, plt.show
-        try:
-            exec(compile(ast.Module(body, []), where, "exec"), names)  # noqa: S102 - our own
-            if isinstance(last, ast.Expr):
-                value = eval(compile(ast.Expression(last.value), where, "eval"), names)  # noqa: S307
-        finally:
-            plt.show = shown_before
+    with redirect_stdout(StringIO()) as said, mpl.rc_context(), patch.object(plt, "show", show):
+        exec(compile(ast.Module(body, []), where, "exec"), names)  # noqa: S102 - our own
+        if isinstance(last, ast.Expr):
+            value = eval(compile(ast.Expression(last.value), where, "eval"), names)  # noqa: S307
     if said.getvalue():
         text = said.getvalue().splitlines(keepends=True)
         yield {"name": "stdout", "output_type": "stream", "text": text}
