@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["EXTRAS", "advice", "missing", "naming_extra"]
+__all__ = ["ALONE", "EXTRAS", "advice", "missing", "naming_extra"]
 
 _GYM: Final = (
     "gym",
@@ -45,7 +45,11 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "minari": ("minari",),
     "z3": ("check",),
 }
-"""The extras that install each optional package, the smallest first; ``all`` installs each."""
+"""The extras that install each optional package, the smallest first; ``all`` installs each
+but what is installed alone."""
+
+ALONE: Final[Mapping[str, str]] = {"staliro": "psy-taliro"}
+"""Distributions that ask for the released rtamt: the extra installs what else they need."""
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
@@ -64,9 +68,12 @@ def advice(package: str, wanted: str = "") -> str:
     Example:
         >>> advice("scipy", "search")
         "from the checkout: pip install '.[search]'"
+        >>> advice("staliro")
+        "from the checkout: pip install '.[taliro]' && pip install --no-deps psy-taliro"
     """
     extra = wanted if wanted in EXTRAS[package] else EXTRAS[package][0]
-    return f"from the checkout: pip install '.[{extra}]'"
+    alone = f" && pip install --no-deps {ALONE[package]}" if package in ALONE else ""
+    return f"from the checkout: pip install '.[{extra}]'{alone}"
 
 
 def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> ModuleNotFoundError:

@@ -13,7 +13,7 @@ import pytest
 from paths import ROOT
 
 import rtamt
-from rtamt_gym.checks.extras import EXTRAS
+from rtamt_gym.checks.extras import ALONE, EXTRAS
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,6 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "cases",
         "search",
         "optuna",
-        "taliro",
         "report",
         "minari",
         "video",
@@ -137,7 +136,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "fmi",
     }
     assert installed_by(distribution, "all") == {"all", *promised}
-    promised |= {"all", "jax", "torch", "site", "pytest", "test", "dev"}
+    promised |= {"all", "jax", "torch", "taliro", "site", "pytest", "test", "dev"}
     assert set(extras) == promised
 
 
@@ -146,6 +145,8 @@ def test_an_error_names_extras_that_install_the_package(
 ) -> None:
     providers = importlib.metadata.packages_distributions()
     for package, extras in EXTRAS.items():
+        if package in ALONE:
+            continue
         names = {name.lower() for name in providers[package]}
         for extra in extras:
             assert names & needed_by(distribution, extra), (package, extra)
@@ -218,3 +219,21 @@ def test_the_commands_are_main_functions(distribution: importlib.metadata.Distri
         "ros_stl_monitor.py": "rtamt_ros.__main__:main",
     }
     assert all(callable(script.load()) for script in scripts)
+
+
+def test_nothing_that_an_extra_installs_asks_for_the_released_library(
+    distribution: importlib.metadata.Distribution,
+) -> None:
+    """Its package has the name of ours, and would lie over it."""
+    assert "psy-taliro" not in {
+        each
+        for extra in ("all", "test", "dev", "taliro")
+        for each in needed_by(distribution, extra)
+    }
+    asking = {
+        each.name
+        for each in importlib.metadata.distributions()
+        for need in each.requires or ()
+        if re.split(r"[^A-Za-z0-9_-]", need)[0].lower() == "rtamt"
+    }
+    assert asking == set()

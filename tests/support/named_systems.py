@@ -7,10 +7,8 @@ from typing import Any
 
 import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
-import staliro
 
 from rtamt_gym import Waveform
-from rtamt_gym.search.falsification.taliro import TaliroSystem
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -56,19 +54,6 @@ def swing(_model: Any, data: Any) -> None:  # noqa: ANN401
 def wrapped() -> gym.Env[Any, Any]:
     """An environment below a wrapper."""
     return gym.wrappers.TimeAwareObservation(gym.make("CartPole-v1"))
-
-
-@staliro.model
-def _decay(inputs: staliro.Inputs[staliro.Sample]) -> staliro.Trace[dict[str, float]]:
-    height, rate = inputs.static["height"], inputs.static["rate"]
-    return staliro.Trace({0.5 * i: {"x": height * (1 - rate) ** i} for i in range(9)})
-
-
-decay = TaliroSystem(
-    _decay,
-    staliro.TestOptions(static_inputs={"height": (0.0, 9.0), "rate": (0.0, 1.0)}),
-    period=0.5,
-)
 
 
 class Lamp:

@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import named_systems
@@ -14,21 +14,10 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 from fmus import library, write_fmu
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from saved import Kind, check
 
 import rtamt
 from rtamt_gym import Case, Fmus, Parameter, Runner, SavedCase, Signal, Space, falsify
-from rtamt_gym.inputs.space import SpaceLike
-
-
-class Kind(NamedTuple):
-    """A kind of system: what a runner is given, and what `SavedCase.of` is."""
-
-    system: Any
-    requirement: Any
-    space: SpaceLike
-    options: dict[str, Any] = {}  # noqa: RUF012 - nobody changes it
-    names: dict[str, str] = {}  # noqa: RUF012
-
 
 DRIVE = [Signal("drive", -2, 2, points=3, interpolation="pchip"), Parameter("gain", 0, 2)]
 KINDS: dict[str, Callable[[], Kind]] = {
@@ -86,13 +75,6 @@ KINDS: dict[str, Callable[[], Kind]] = {
         [Parameter("inflow", 0, 1)],
         {"period": 1, "semantics": "output-robustness", "duration": math.inf},
     ),
-    "a model of psy-taliro": lambda: Kind(
-        named_systems.decay,
-        "always[0:4](x < 5)",
-        [*named_systems.decay.space],
-        {},
-        {"system": "named_systems:decay"},
-    ),
 }
 
 
@@ -100,33 +82,6 @@ KINDS: dict[str, Callable[[], Kind]] = {
 def tank(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("models")
     return write_fmu(folder / "tank.fmu", library(3, folder), 3)
-
-
-def check(kind: Kind, coordinates: list[float], seed: int, path: Path) -> None:
-    """Saves a case of a system, reads the file and runs it: everything is as it was."""
-    with Runner(kind.system, kind.requirement, stop="violation", **kind.options) as runner:
-        space = Space([*kind.space], duration=6)
-        case = space.case(coordinates[: space.dimension])
-        seeds = [seed] if runner.takes_seeds else None
-        ((_, row),) = runner.run([case], seeds)
-        assert not row.error, row.error
-        for name, outcome in row.outcomes.items():
-            saved = SavedCase.of(runner, name, row, path.parent, **kind.names)
-            saved.save(path)
-            read = SavedCase.load(path)
-            assert read == saved
-            assert read.to_json() == saved.to_json() == path.read_text()
-            run = read.replay()
-            assert run.case == case
-            assert run.seed == row.seed
-            if row.ended != "violation" or outcome.verdict is rtamt.Verdict.VIOLATED:
-                final = run.courses[name].final
-                assert math.copysign(1, final) == math.copysign(1, outcome.robustness)
-                assert final == outcome.robustness
-                assert run.courses[name].verdict is outcome.verdict
-                assert read.gives(run)
-                assert read.repeats(run)
-                assert read.newer() == {}
 
 
 def points(dimension: int = 6) -> st.SearchStrategy[list[float]]:
