@@ -27,7 +27,7 @@ PERIOD = 0.25
 FACTORIES = {"hold": piecewise_constant, "linear": piecewise_linear, "pchip": pchip}
 
 
-@staliro.model
+@staliro.model  # type: ignore[untyped-decorator]  # it has no types here
 def cart(inputs: staliro.Inputs[Sample]) -> staliro.Trace[list[float]]:
     """A cart that is pushed: its position and its speed, four times a second for four seconds."""
     at, speed = inputs.static["at"], 0.0
@@ -163,11 +163,11 @@ def test_several_requirements_cost_the_least_and_fixed_entries_are_held() -> Non
     (run,) = staliro.test(problem, problem.requirement, UniformRandom(), given_)
     for each in run.evaluations:
         assert each.extra.model["limit"] == 1.0
-        run_: Run = each.extra.trace.run  # type: ignore[attr-defined]  # a trace of ours has it
+        run_: Run = each.extra.trace.run  # a trace of ours has it
         assert each.cost == min(9 - run_.signals["req"].max(), 9 - run_.signals["gnt"].max())
 
 
-def test_uneven_times_are_sampled_on_straight_lines() -> None:
+def test_uneven_times_are_sampled_on_straight_lines() -> None:  # type: ignore[untyped-decorator]  # it has no types here
     @staliro.ode(method="RK45")
     def falling(inputs: staliro.OdeInputs) -> dict[str, float]:
         return {"height": inputs.state["speed"], "speed": -9.81}
@@ -190,11 +190,11 @@ def test_uneven_times_are_sampled_on_straight_lines() -> None:
 
 MISTAKES = [
     (
-        lambda: TaliroSystem(print, options(), period=1),  # type: ignore[arg-type]
+        lambda: TaliroSystem(print, options(), period=1),
         "expected a model of psy-taliro, got <built-in function print>",
     ),
     (
-        lambda: TaliroSystem(cart, {}, period=1),  # type: ignore[arg-type]
+        lambda: TaliroSystem(cart, {}, period=1),
         "expected staliro.TestOptions of psy-taliro, got {}",
     ),
     (

@@ -21,7 +21,7 @@ RESPONSE = "always[0:2]((gap < 6) implies eventually[0:3](speed < 0.5))"
 STEP = 0.25
 
 
-@staliro.model
+@staliro.model  # type: ignore[untyped-decorator]  # it has no types here
 def braking(inputs: staliro.Inputs[staliro.Sample]) -> Trace[list[float]]:
     """A car that brakes 0.75 s too late for what stands before it."""
     gap, speed = inputs.static["gap"], inputs.static["speed"]

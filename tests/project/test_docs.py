@@ -18,7 +18,7 @@ PAGES = sorted(DOCS.rglob("*.md"))
 MOVED = {"search"}
 """Pages that only say where they are now."""
 RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials" and page.stem != "taliro"]
-"""`test_tutorials.py` plays the tutorials, each in a folder of its own, `tests/optimizers` the other."""
+"""`test_tutorials.py` plays the tutorials, each in a folder; `tests/optimizers` plays another."""
 SESSIONS = [
     session for page in RUN_HERE for session in blocks(page.read_text(encoding="utf-8"), "console")
 ]

@@ -236,4 +236,4 @@ def test_nothing_that_an_extra_installs_asks_for_the_released_library(
         for need in each.requires or ()
         if re.split(r"[^A-Za-z0-9_-]", need)[0].lower() == "rtamt"
     }
-    assert asking == set()
+    assert asking <= {*ALONE.values()}

@@ -5,7 +5,7 @@ import staliro
 from rtamt_gym.search.falsification.taliro import TaliroSystem
 
 
-@staliro.model
+@staliro.model  # type: ignore[untyped-decorator]  # it has no types here
 def _decay(inputs: staliro.Inputs[staliro.Sample]) -> staliro.Trace[dict[str, float]]:
     height, rate = inputs.static["height"], inputs.static["rate"]
     return staliro.Trace({0.5 * i: {"x": height * (1 - rate) ** i} for i in range(9)})

@@ -44,7 +44,7 @@ State = dict[str, float]
 
 
 @lists_reading(EpisodeReading)
-class TaliroProblem(Model[State, Case, Sample]):
+class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has no types here
     """A system of ours and its requirements, as a model and a specification of psy-taliro.
 
     A static input from 0 to 1 stands for each column of the space. The trace of a simulation has
@@ -120,7 +120,7 @@ class TaliroProblem(Model[State, Case, Sample]):
         return staliro.Result(trace, case)
 
 
-class _RunTrace(staliro.Trace[State]):
+class _RunTrace(staliro.Trace[State]):  # type: ignore[misc]  # it has no types here
     """The trace of a run, with the run."""
 
     def __init__(self, run: Run) -> None:
@@ -130,7 +130,7 @@ class _RunTrace(staliro.Trace[State]):
         self.run = run
 
 
-class _Requirement(staliro.Specification[State, float, None]):
+class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[misc]  # it has no types here
     """The least robustness that the requirements of a run had at its end."""
 
     def evaluate(self, trace: staliro.Trace[State], /) -> Result[float, None]:
