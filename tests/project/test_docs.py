@@ -6,6 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import command_options
 import pytest
 from pages import blocks, broken_links, check_session
 from paths import ROOT
@@ -122,6 +123,11 @@ def _exported(path: Path) -> list[str]:
                 names: list[str] = ast.literal_eval(value)
                 return names
     raise AssertionError(path)
+
+
+def test_the_page_of_options_is_what_the_parsers_have() -> None:
+    written = command_options.PAGE.read_text(encoding="utf-8")
+    assert written == command_options.page(), "run python tests/support/command_options.py"
 
 
 def test_the_page_of_installation_has_every_extra() -> None:
