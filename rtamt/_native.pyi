@@ -10,7 +10,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines import protocols
+from rtamt.machines import books, protocols
 from rtamt.machines.protocols import End
 from rtamt.machines.ranges import RefusesRanges
 
@@ -48,6 +48,7 @@ def finish_banks(
 ) -> bool: ...
 def note_verdicts(
     banks: Sequence[protocols.EpisodeBank],
+    mask: NDArray[np.bool_] | None,
     decided_at: NDArray[np.int64],
     violated: NDArray[np.bool_],
     failed: NDArray[np.bool_],
@@ -66,9 +67,11 @@ def forget_verdicts(
 ) -> None: ...
 def outcomes_of_banks(
     banks: Sequence[protocols.EpisodeBank],
-    mask: NDArray[np.bool_] | None,
+    lanes: NDArray[np.int64],
     failed: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.int8]]: ...
+def spread_lanes(columns: list[books.LaneColumn], lanes: NDArray[np.int64], num: int) -> int: ...
+def reset_banks(banks: Sequence[protocols.EpisodeBank], mask: NDArray[np.bool_] | None) -> None: ...
 
 class DiscreteMachine:
     def __init__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,27 @@ from numpy.typing import NDArray
 from rtamt.inputs.lanes import Floats, Lanes
 from rtamt.machines.protocols import End, EpisodeBank
 
-__all__ = ["PYTHON_BOOKS", "BankOutcomes", "BookFunctions", "LaneValue"]
+__all__ = [
+    "PYTHON_BOOKS",
+    "BankOutcomes",
+    "BookFunctions",
+    "LaneColumn",
+    "LaneValue",
+    "spread",
+]
 
 Banks = Sequence[EpisodeBank]
 LaneCounts = NDArray[np.int64]
 LaneValue = Literal["robustness", "lower", "upper"]
 BankOutcomes = tuple[Floats, NDArray[np.int8]]
+
+
+LaneColumn = tuple[dict[str, Any] | list[dict[str, Any]], str, str, NDArray[Any], Lanes | None]
+"""``(place, key, mask_key, values, there)``: values of some lanes, and where they are written.
+
+The place is a dictionary; of values of two dimensions a list of them, one for each row. The last
+dimension of the values is of the lanes. ``there`` says which elements there are, None: all.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +46,24 @@ class BookFunctions:
         least: ``(banks, value, failed)``: the least over the banks; where ``failed`` is true, -0.0
             stands for the value. nan where a lane has no sample.
         finish: ``(banks, mask, end)``: ends the episodes of the mask.
-        note: ``(banks, decided_at, violated, failed, first, violated_at)``: writes the verdicts
-            that are new.
+        note: ``(banks, mask, decided_at, violated, failed, first, violated_at)``: writes the
+            verdicts that are new, in lanes of the mask.
         forget: ``(mask, decided_at, violated, failed, first, violated_at)``.
-        outcomes: ``(banks, mask, failed)``: the robustness and the verdicts by all banks; 0 in
-            lanes that the mask leaves out or that have no sample.
+        outcomes: ``(banks, lanes, failed)``: the robustness and the verdicts by all banks of the
+            lanes with these numbers; 0 without a sample.
+        spread: ``(columns, lanes, num)``: writes arrays of all num lanes from values of those with
+            these numbers.
+        reset: ``(banks, mask)``: resets the lanes of the mask.
     """
 
     feed: Callable[[Banks, Sequence[tuple[int, ...]], Floats, Lanes | None], None]
     least: Callable[[Banks, LaneValue, Lanes | None], Floats]
     finish: Callable[[Banks, Lanes | None, End], None]
-    note: Callable[[Banks, LaneCounts, Lanes, Lanes, LaneCounts, LaneCounts], None]
+    note: Callable[[Banks, Lanes | None, LaneCounts, Lanes, Lanes, LaneCounts, LaneCounts], None]
     forget: Callable[[Lanes | None, LaneCounts, Lanes, Lanes, LaneCounts, LaneCounts], None]
-    outcomes: Callable[[Banks, Lanes | None, Lanes], BankOutcomes]
+    outcomes: Callable[[Banks, LaneCounts, Lanes], BankOutcomes]
+    spread: Callable[[list[LaneColumn], LaneCounts, int], None]
+    reset: Callable[[Banks, Lanes | None], None]
 
 
 def _feed(
@@ -69,6 +89,7 @@ def _finish(banks: Banks, mask: Lanes | None, end: End) -> None:
 
 def _note(
     banks: Banks,
+    mask: Lanes | None,
     decided_at: LaneCounts,
     violated: Lanes,
     failed: Lanes,
@@ -78,6 +99,8 @@ def _note(
     verdicts = _verdicts(banks, failed)
     last = banks[0].samples - 1
     new = (verdicts != 0) & (decided_at < 0) & (last >= 0)
+    if mask is not None:
+        new &= mask
     decided_at[new] = np.broadcast_to(last, new.shape)[new]
     broken = new & (verdicts < 0)
     violated |= broken
@@ -99,17 +122,44 @@ def _forget(
     violated[:, which] = failed[:, which] = False
 
 
-def _outcomes(banks: Banks, mask: Lanes | None, failed: Lanes) -> BankOutcomes:
-    begun = banks[0].samples > 0
-    chosen = begun if mask is None else begun & mask
-    robustness = np.array([bank.robustness for bank in banks])
-    verdicts = _verdicts(banks, failed)
-    return np.where(chosen, robustness, 0.0), np.where(chosen, verdicts, np.int8(0))
+def _outcomes(banks: Banks, lanes: LaneCounts, failed: Lanes) -> BankOutcomes:
+    _check_lanes(lanes, len(banks[0].samples))
+    begun = banks[0].samples[lanes] > 0
+    robustness = np.array([bank.robustness[lanes] for bank in banks])
+    verdicts = _verdicts(banks, failed)[:, lanes]
+    return np.where(begun, robustness, 0.0), np.where(begun, verdicts, np.int8(0))
+
+
+def spread(columns: list[LaneColumn], lanes: LaneCounts, num: int) -> None:
+    """Writes arrays of all lanes, and masks, from values of some, as `VerdictBook.spread` says."""
+    _check_lanes(lanes, num)
+    for place, key, mask_key, values, there in columns:
+        rows = [place] if isinstance(place, dict) else place
+        shape = len(rows), len(lanes)
+        has = np.ones(shape, np.bool_) if there is None else np.reshape(there, shape)
+        for group, row, known in zip(rows, np.reshape(values, shape), has, strict=True):
+            if not known.any():
+                continue
+            empty = np.empty if values.dtype == object else np.zeros  # empty objects are None
+            held, mask = empty(num, values.dtype), np.zeros(num, np.bool_)
+            held[lanes[known]], mask[lanes[known]] = row[known], True
+            group[key], group[mask_key] = held, mask
+
+
+def _reset(banks: Banks, mask: Lanes | None) -> None:
+    for bank in banks:
+        bank.reset(mask)
+
+
+def _check_lanes(lanes: LaneCounts, num: int) -> None:
+    if ((lanes < 0) | (lanes >= num)).any():
+        msg = "expected the numbers of lanes"
+        raise IndexError(msg)
 
 
 def _verdicts(banks: Banks, failed: Lanes) -> NDArray[np.int8]:
     return np.where(failed, np.int8(-1), np.array([bank.verdict for bank in banks]))
 
 
-PYTHON_BOOKS = BookFunctions(_feed, _least, _finish, _note, _forget, _outcomes)
+PYTHON_BOOKS = BookFunctions(_feed, _least, _finish, _note, _forget, _outcomes, spread, _reset)
 """On banks of any back-end."""

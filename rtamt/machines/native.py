@@ -17,7 +17,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.books import BookFunctions
+from rtamt.machines.books import BookFunctions, LaneColumn, spread
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import everywhere
@@ -245,6 +245,17 @@ def _forget(
     _native.forget_verdicts(mask, specs, num, decided_at, violated, failed, first, violated_at)
 
 
+def _spread(columns: list[LaneColumn], lanes: NDArray[np.int64], num: int) -> None:
+    while (done := _native.spread_lanes(columns, lanes, num)) < len(columns):
+        spread(columns[done : done + 1], lanes, num)  # of another dtype or layout
+        columns = columns[done + 1 :]
+
+
+def _reset(banks: Sequence[EpisodeBank], mask: Lanes | None) -> None:
+    if not _native.reset_banks(banks, mask):
+        banks[0].reset(mask)  # refuses
+
+
 BOOKS = BookFunctions(
     _feed,
     _native.least_of_banks,
@@ -252,6 +263,8 @@ BOOKS = BookFunctions(
     _native.note_verdicts,
     _forget,
     _native.outcomes_of_banks,
+    _spread,
+    _reset,
 )
 
 

@@ -11,12 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.machines.backend import books_of
-from rtamt.machines.books import BookFunctions, LaneValue
+from rtamt.machines.books import BookFunctions, LaneColumn, LaneValue
 from rtamt.machines.protocols import End, EpisodeBank
 from rtamt.monitors.options import checked_end
 from rtamt.monitors.vector import VectorEpisodeMonitor
 
 __all__ = ["VerdictBook"]
+
+
+_FLAGS = np.dtype(np.bool_)
 
 
 class VerdictBook:
@@ -94,13 +97,13 @@ class VerdictBook:
         """
         banks, functions = self._found
         functions.feed(banks, columns, table, self._mask(mask))
-        self.note()
+        functions.note(banks, None, *self._arrays())
         return functions.least(banks, "robustness", None)
 
     def note(self) -> None:
         """Record what the monitors have decided since, with the last sample of each lane."""
         banks, functions = self._found
-        functions.note(banks, *self._arrays())
+        functions.note(banks, None, *self._arrays())
 
     def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
         """End the traces of the lanes of the mask, as `VectorEpisodeMonitor.finish` does.
@@ -111,8 +114,9 @@ class VerdictBook:
             InputTypeError: On a mask that is not of booleans.
         """
         banks, functions = self._found
-        functions.finish(banks, self._mask(mask), checked_end(end))
-        self.note()
+        chosen = self._mask(mask)
+        functions.finish(banks, chosen, checked_end(end))
+        functions.note(banks, chosen, *self._arrays())
 
     def fail(self, mask: ArrayLike | None = None) -> None:
         """Count verdicts that are open in the lanes of the mask as violated by the last sample.
@@ -137,9 +141,9 @@ class VerdictBook:
             InputTypeError: On a mask that is not of booleans.
         """
         chosen = self._mask(mask)
-        for monitor in self.monitors:
-            monitor.reset(chosen)
-        self._found[1].forget(chosen, *self._arrays())
+        banks, functions = self._found
+        functions.reset(banks, chosen)
+        functions.forget(chosen, *self._arrays())
         self._fails = self._fails and chosen is not None
 
     def least(self, value: LaneValue) -> Floats:
@@ -150,17 +154,46 @@ class VerdictBook:
         banks, functions = self._found
         return functions.least(banks, value, self.failed if self._failing(value) else None)
 
-    def outcomes(self, mask: ArrayLike | None = None) -> tuple[Floats, NDArray[np.int8]]:
-        """The robustness and the verdict of every specification so far, of shape (monitors, num).
+    def outcomes(self, lanes: NDArray[np.int64] | None = None) -> tuple[Floats, NDArray[np.int8]]:
+        """The robustness and the verdict of every specification so far, in these lanes.
 
-        They are 0 in lanes that are left out, and in those without a sample.
+        Args:
+            lanes: Numbers of lanes; None: all.
+
+        Returns:
+            Two arrays of shape (monitors, lanes), 0 in lanes without a sample.
 
         Raises:
-            InputError: On a mask of another shape than (num,).
-            InputTypeError: On a mask that is not of booleans.
+            IndexError: If there is no such lane.
         """
         banks, functions = self._found
-        return functions.outcomes(banks, self._mask(mask), self.failed)
+        return functions.outcomes(banks, self._numbers(lanes), self.failed)
+
+    def spread(self, columns: Sequence[LaneColumn], lanes: NDArray[np.int64]) -> None:
+        """Write arrays of all lanes, and masks, into dictionaries, from values of some lanes.
+
+        Args:
+            columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or of
+                values of two dimensions a list of one for each row; under which keys the array, 0
+                (None among objects) where there is no element, and the mask of the elements are
+                written; the values, whose last dimension is of the lanes; which of them there are,
+                None: all. A row without any is not written.
+            lanes: The numbers of the lanes, each once.
+
+        Raises:
+            IndexError: If there is no such lane; then nothing is written.
+            ValueError: If values, what there is of them and dictionaries do not fit each other.
+
+        Example:
+            >>> book = VerdictBook([VectorEpisodeMonitor("always(x < 1)", 4)])
+            >>> info: dict[str, Any] = {}
+            >>> known = np.array([True, False])
+            >>> column = info, "at", "_at", np.array([7, 8]), known
+            >>> book.spread([column], np.array([1, 3]))
+            >>> info
+            {'at': array([0, 7, 0, 0]), '_at': array([False,  True, False, False])}
+        """
+        self._found[1].spread([*columns], self._numbers(lanes), self.num)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_found"}
@@ -188,9 +221,15 @@ class VerdictBook:
         banks = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
         return banks, books_of(banks)
 
+    def _numbers(self, lanes: NDArray[np.int64] | None) -> NDArray[np.int64]:
+        if lanes is None:
+            return np.arange(self.num)
+        return np.ascontiguousarray(lanes, np.int64)
+
     def _mask(self, mask: ArrayLike | None) -> Lanes | None:
         if mask is None:
             return None
         if type(mask) is np.ndarray and mask.dtype == np.bool_ and mask.shape == (self.num,):
-            return np.ascontiguousarray(mask)
+            # One that was pickled has a copy of the dtype, which machines do not know.
+            return np.ascontiguousarray(mask if mask.dtype is _FLAGS else mask.astype(_FLAGS))
         return LaneReader(self.monitors[0].program, self.num, "raise").mask(mask)

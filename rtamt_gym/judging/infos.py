@@ -127,7 +127,7 @@ def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> di
     ``decided_at`` is the sample that decided the verdict, -1 while it is open. What the end alone
     violates, at a robustness that holds, has ``by_end``.
     """
-    by_end = np.less(verdict, 0) & ~np.signbit(robustness)
+    by_end = np.less(verdict, 0) > np.signbit(robustness)
     if not by_end.ndim:
         by_end = bool(by_end)
     return {

@@ -8,7 +8,7 @@ infos becomes a dictionary of arrays.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,11 @@ from rtamt_gym.judging.infos import SpecRows, Where
 from rtamt_gym.signals.columns import Lanes
 
 __all__ = ["final_infos", "final_observations", "key_mask", "put", "put_last"]
+
+
+_Place = dict[str, Any] | list[dict[str, Any]]
+_Column = tuple[_Place, str, str, NDArray[Any], Lanes | None]
+"""What `VerdictBook.spread` writes: the place, two keys, the values, and which there are."""
 
 
 def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: int) -> None:  # noqa: ANN401
@@ -41,88 +46,45 @@ def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: i
     infos[key], infos[f"_{key}"] = value, (_all(num) if lanes is None else lanes).copy()
 
 
-def put_at(
-    infos: dict[str, Any],
-    key: str,
-    value: Any,  # noqa: ANN401
-    at: NDArray[np.integer[Any]],
-    mask: Lanes,
-) -> None:
-    """Sets a key for the environments of the mask, which have the numbers ``at``.
-
-    ``value`` has an element for each of them, or is a `Where`, a dictionary or `SpecRows` of such
-    arrays.
-    """
-    num = len(mask)
-    if isinstance(value, Where):
-        count, there = np.count_nonzero(value.there), value.there
-        value = value.value
-        if count < len(at):
-            if count == 0:
-                return
-            at, value = at[there], value[there]
-            mask = np.zeros(num, np.bool_)
-            mask[at] = True
-    if isinstance(value, dict):
-        held: Any = {}
-        for name, part in value.items():
-            put_at(held, name, part, at, mask)
-    elif isinstance(value, SpecRows):
-        held = _spread_rows(value, at, mask)
-    else:
-        make = np.empty if value.dtype == object else np.zeros  # empty objects are None
-        held = make(num, value.dtype)
-        held[at] = value
-    infos[key], infos[f"_{key}"] = held, mask.copy()
-
-
-def _spread_rows(rows: SpecRows, at: NDArray[np.integer[Any]], mask: Lanes) -> dict[str, Any]:
-    """A dictionary for each row: all rows of a key are spread over the environments at once."""
-    groups: list[dict[str, Any]] = [{} for _ in rows.names]
-    shape = len(groups), len(mask)
-    for key, found in rows.found.items():
-        if isinstance(found, Where):
-            masks = np.zeros(shape, np.bool_)
-            masks[:, at] = found.there
-            has, value = (
-                found.there.any(axis=1).tolist(),
-                np.where(found.there, found.value, found.value.dtype.type(0)),
-            )
-        else:
-            masks, has, value = np.empty(shape, np.bool_), [True] * len(groups), found
-            masks[:] = mask
-        if True not in has:
-            continue
-        make = np.empty if value.dtype == object else np.zeros  # empty objects are None
-        held = make(shape, value.dtype)
-        held[:, at] = value
-        for k, group in enumerate(groups):
-            if has[k]:
-                group[key], group[f"_{key}"] = held[k], masks[k]
-    made: dict[str, Any] = {}
-    for name, group in zip(rows.names, groups, strict=True):
-        for key, value in rows.more.get(name, {}).items():
-            put_at(group, key, value, at, mask)
-        made[name], made[f"_{name}"] = group, mask.copy()
-    return made
-
-
 def put_last(
     infos: dict[str, Any],
     last: Mapping[str, Any],
-    at: NDArray[np.integer[Any]],
+    at: NDArray[np.int64],
     mask: Lanes,
-    reported: Lanes,
+    reported: Lanes | None,
+    spread: Callable[[list[_Column], NDArray[np.int64]], None],
 ) -> None:
-    """Sets the keys of `last_info`; keeps ``is_success`` where the environment has reported it."""
+    """Sets the keys of `last_info` for the environments of the mask, which have the numbers ``at``.
+
+    Keeps ``is_success`` where the environment has reported it; None: nowhere. ``last`` has an
+    element for each of the environments; `Where` and `SpecRows` have such arrays. ``spread`` writes
+    all at once, as `VerdictBook.spread` does.
+    """
     num, before = len(mask), infos.get("is_success")
+    columns: list[_Column] = []
     for key, value in last.items():
-        put_at(infos, key, value, at, mask)
-    if np.count_nonzero(reported):
+        if not isinstance(value, SpecRows):
+            columns.append(_column(infos, key, value))
+            continue
+        groups: list[dict[str, Any]] = [{} for _ in value.names]
+        columns += [_column(groups, name, found) for name, found in value.found.items()]
+        held: dict[str, Any] = {}
+        for name, group in zip(value.names, groups, strict=True):
+            columns += [_column(group, *each) for each in value.more.get(name, {}).items()]
+            held[name], held[f"_{name}"] = group, mask.copy()
+        infos[key], infos[f"_{key}"] = held, mask.copy()
+    spread(columns, at)
+    if reported is not None:
         new = key_mask(infos, "is_success", num) & ~reported
         held = np.array(before)
         held[new] = infos["is_success"][new]
         infos["is_success"], infos["_is_success"] = held, reported | new
+
+
+def _column(place: _Place, key: str, value: Any) -> _Column:  # noqa: ANN401
+    if isinstance(value, Where):
+        return place, key, f"_{key}", value.value, value.there
+    return place, key, f"_{key}", value, None
 
 
 @functools.cache

@@ -32,7 +32,7 @@ __all__ = ["VectorMonitors", "VectorPanel"]
 VectorMonitors = dict[str, tuple[VectorEpisodeMonitor | VectorInstantMonitor, VectorEpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
-Numbers = NDArray[np.integer[Any]]
+Numbers = NDArray[np.int64]
 
 
 class VectorPanel:
@@ -113,7 +113,7 @@ class VectorPanel:
 
     def violated_by(self, at: Numbers) -> NDArray[np.object_]:
         """The specification that was violated first in each of `at`; None where none is."""
-        found: NDArray[np.object_] = self._names[self._book.first[at]]
+        found: NDArray[np.object_] = self._names[self._book.first.take(at)]
         return found
 
     @property
@@ -272,13 +272,13 @@ class VectorPanel:
             )
         }
 
+    def spread(self, columns: Sequence[Any], at: Numbers) -> None:
+        """Writes arrays of all environments from values of the environments `at`."""
+        self._book.spread(columns, at)
+
     def outcomes(self, at: Numbers) -> SpecRows:
         """The outcome of every specification so far, in the environments `at`."""
-        robustness, verdicts = self._book.outcomes()
-        found = outcome(
-            robustness.take(at, axis=1),
-            verdicts.take(at, axis=1),
-            self._book.decided_at.take(at, axis=1),
-        )
+        robustness, verdicts = self._book.outcomes(at)
+        found = outcome(robustness, verdicts, self._book.decided_at.take(at, axis=1))
         more = {name: {"progress": progress[at]} for name, progress in self.progress.items()}
         return SpecRows(list(self.monitors), found, more)

@@ -86,7 +86,7 @@ class SignalColumns:
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
-        reset = step._replace(action=None, reward=None)
+        reset = step if begun is None else Step(obs, None, None, infos, self._env)
         self._apart.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):

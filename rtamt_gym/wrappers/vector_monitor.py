@@ -92,11 +92,17 @@ class _LaneMonitoring(Monitoring):
     def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
         """Reads the ends that the environments have made."""
         panel, names = self._panel, list(self._panel.monitors)
-        at = terminated.nonzero()[0]
-        undecided = panel.undecided(at) if self._unasked and len(at) else None
-        windows = panel.cut_windows(terminated) if undecided is not None else frozenset()
+        at, undecided = terminated.nonzero()[0], None
+        windows: frozenset[str] = frozenset()
+        if self._unasked and len(at):
+            undecided = panel.undecided(at)
+            if np.count_nonzero(undecided):
+                windows = panel.cut_windows(terminated)
+            else:
+                undecided = None
         panel.finish(terminated, self._at_termination)
-        panel.finish(truncated & ~terminated, self._at_truncation)
+        if np.count_nonzero(truncated):
+            panel.finish(truncated & ~terminated, self._at_truncation)
         if undecided is not None:
             held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
             self._assumed = assumed([names[place] for place in held], windows)
@@ -110,14 +116,20 @@ class _LaneMonitoring(Monitoring):
     ) -> None:
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, ended.nonzero()[0]
-        found = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
-        reported = key_mask(infos, "is_success", self.num_envs)
-        undecided = np.logical_or.reduce(panel.undecided(at))
-        last = last_info(*found, panel.success(at), undecided, reported[at])
-        put_last(infos, last, at, ended, reported)
-        flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
-        self._episodes.append(at, record(*found, panel.samples[at], *flags))
-        self._seen_success |= bool(reported[at].any())
+        found = panel.outcomes(at), panel.violated_by(at), panel.violated_at.take(at)
+        rows = found[0].found
+        success = np.logical_and.reduce(rows["satisfied"])
+        undecided = ~np.logical_and.reduce(rows["decided_at"].there)
+        reported: Lanes | None = None
+        has = np.zeros(len(at), np.bool_)
+        if "is_success" in infos:
+            reported = key_mask(infos, "is_success", self.num_envs)
+            has = reported.take(at)
+            self._seen_success |= bool(has.any())
+        last = last_info(*found, success, undecided, has)
+        put_last(infos, last, at, ended, reported, panel.spread)
+        flags = np.asarray(terminated).take(at), np.asarray(truncated).take(at)
+        self._episodes.append(at, record(*found, panel.samples.take(at), *flags))
 
     def _abandon(self, lanes: Lanes) -> None:
         """Records what goes on in these environments as truncated: it was ended from outside."""

@@ -121,8 +121,8 @@ int verdict_in(const UncertainBank& bank, std::size_t lane, bool failed) {
     return failed ? -1 : verdict_of(bank.lower()[lane], bank.upper()[lane]);
 }
 
-// Writes the verdicts that are new into the book.
-void note(const nb::tuple& objects, nb::handle decided_at, nb::handle violated, nb::handle failed,
+// Writes the verdicts that are new, in lanes of the mask, into the book.
+void note(const nb::tuple& objects, nb::handle mask, nb::handle decided_at, nb::handle violated, nb::handle failed,
           nb::handle first, nb::handle violated_at) {
     const Banks banks = banks_of(objects);
     const std::size_t num = banks.front()->machine.num();
@@ -131,6 +131,7 @@ void note(const nb::tuple& objects, nb::handle decided_at, nb::handle violated, 
     const auto* ended = elements_of<std::uint8_t>(failed, banks.size() * num);
     auto* by = elements_of<std::int64_t>(first, num);
     auto* at = elements_of<std::int64_t>(violated_at, num);
+    const std::uint8_t* chosen = mask_of(mask, num);
     for (std::size_t k = 0; k < banks.size(); ++k) {
         const UncertainBank& bank = banks[k]->machine;
         const double* lower = bank.lower();
@@ -139,13 +140,14 @@ void note(const nb::tuple& objects, nb::handle decided_at, nb::handle violated, 
         const std::uint8_t* over = ended + k * num;
         // Few verdicts are new: whether one is, is found without a branch for each lane.
         std::uint64_t any = 0;
-        for (std::size_t lane = 0; lane < num; ++lane) {
+        for (std::size_t lane = 0; chosen == nullptr && lane < num; ++lane) {
             const auto open = static_cast<std::uint64_t>(row[lane]);
             any |= open & (~bits_of(lower[lane]) | bits_of(upper[lane]) |
                            (std::uint64_t{over[lane]} << 63));
         }
-        if (any >> 63 == 0) continue;
+        if (chosen == nullptr && any >> 63 == 0) continue;
         for (std::size_t lane = 0; lane < num; ++lane) {
+            if (chosen != nullptr && !chosen[lane]) continue;
             if (row[lane] >= 0 || bank.samples()[lane] == 0) continue;
             const int verdict = verdict_in(bank, lane, over[lane] != 0);
             if (verdict == 0) continue;
@@ -178,29 +180,169 @@ void forget(nb::handle mask, std::size_t specs, std::size_t num, nb::handle deci
     }
 }
 
-// The outcomes of the lanes of the mask that have samples: the robustness and the verdict of every
-// specification; 0 in other lanes.
-nb::tuple outcomes(const nb::tuple& objects, nb::handle mask, nb::handle failed) {
+// So many lanes, by their numbers, all below num.
+struct Chosen {
+    Chosen(nb::handle lanes, std::size_t num)
+        : count(nb::len(lanes)), at(elements_of<std::int64_t>(lanes, count)) {
+        for (std::size_t i = 0; i < count; ++i)
+            if (at[i] < 0 || static_cast<std::size_t>(at[i]) >= num)
+                throw nb::index_error("expected the numbers of lanes");
+    }
+    std::size_t operator[](std::size_t i) const { return static_cast<std::size_t>(at[i]); }
+
+    std::size_t count;
+    const std::int64_t* at;
+};
+
+// The outcomes of these lanes: the robustness and the verdict of every specification; 0 without a
+// sample.
+nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed) {
     const Banks banks = banks_of(objects);
     const std::size_t num = banks.front()->machine.num();
-    const std::uint8_t* chosen = mask_of(mask, num);
+    const Chosen chosen(lanes, num);
     const auto* ended = elements_of<std::uint8_t>(failed, banks.size() * num);
     double* robustness = nullptr;
     std::int8_t* verdicts = nullptr;
     static const NewArray small("int8");
-    nb::object values = new_doubles(banks.size() * num, robustness);
-    nb::object signs = small.unfilled<std::int8_t>(banks.size() * num, verdicts);
+    nb::object values = new_doubles(banks.size() * chosen.count, robustness);
+    nb::object signs = small.unfilled<std::int8_t>(banks.size() * chosen.count, verdicts);
     for (std::size_t k = 0; k < banks.size(); ++k) {
         const UncertainBank& bank = banks[k]->machine;
-        for (std::size_t lane = 0; lane < num; ++lane) {
-            const std::size_t i = k * num + lane;
-            const bool is = (chosen == nullptr || chosen[lane]) && bank.samples()[lane] > 0;
-            robustness[i] = is ? bank.results()[lane] : 0.0;
-            verdicts[i] = static_cast<std::int8_t>(is ? verdict_in(bank, lane, ended[i] != 0) : 0);
+        for (std::size_t i = 0; i < chosen.count; ++i) {
+            const std::size_t lane = chosen[i];
+            const bool is = bank.samples()[lane] > 0;
+            *robustness++ = is ? bank.results()[lane] : 0.0;
+            *verdicts++ = static_cast<std::int8_t>(
+                is ? verdict_in(bank, lane, ended[k * num + lane] != 0) : 0);
         }
     }
-    return nb::make_tuple(values.attr("reshape")(banks.size(), num),
-                          signs.attr("reshape")(banks.size(), num));
+    return nb::make_tuple(values.attr("reshape")(banks.size(), chosen.count),
+                          signs.attr("reshape")(banks.size(), chosen.count));
+}
+
+// Where elements are written that are read from a `Numpy::Rows`.
+struct Spread {
+    nb::object array;
+    void* elements;  // null if their place is not known
+
+    // So many rows of num zeros, or of no objects.
+    Spread(const Numpy::Rows& like, PyObject* dtype, std::size_t num) {
+        static PyObject* const zeros = permanent(nb::module_::import_("numpy").attr("zeros"));
+        static PyObject* const empty = permanent(nb::module_::import_("numpy").attr("empty"));
+        const nb::object shape =
+            like.single ? nb::object(nb::int_(num)) : nb::object(nb::make_tuple(like.count, num));
+        PyObject* arguments[] = {shape.ptr(), dtype};
+        const bool objects = dtype == like.dtype && Numpy::instance().are_objects(like);
+        PyObject* made = PyObject_Vectorcall(objects ? empty : zeros, arguments, 2, nullptr);
+        if (made == nullptr) nb::raise_python_error();
+        array = nb::steal(made);
+        elements = Numpy::instance().begin(made);
+    }
+};
+
+template <class T>
+void scatter(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& lanes,
+             std::size_t num, void* elements) {
+    const T* values = reinterpret_cast<const T*>(from.data);
+    T* to = static_cast<T*>(elements);
+    for (std::size_t row = 0; row < from.count; ++row, to += num)
+        for (std::size_t i = 0; i < lanes.count; ++i, ++values)
+            if (has == nullptr || has[row * lanes.count + i]) to[lanes[i]] = *values;
+}
+
+// Objects are counted; numpy writes no object as null, or as None.
+void scatter_objects(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& lanes,
+                     std::size_t num, void* elements) {
+    auto* const* values = reinterpret_cast<PyObject* const*>(from.data);
+    auto** to = static_cast<PyObject**>(elements);
+    for (std::size_t row = 0; row < from.count; ++row, to += num)
+        for (std::size_t i = 0; i < lanes.count; ++i, ++values) {
+            if ((has != nullptr && !has[row * lanes.count + i]) || *values == nullptr) continue;
+            Py_INCREF(*values);
+            Py_XSETREF(to[lanes[i]], *values);
+        }
+}
+
+void set_item(nb::handle place, nb::handle key, nb::handle value) {
+    if (PyDict_SetItem(place.ptr(), key.ptr(), value.ptr()) != 0) nb::raise_python_error();
+}
+
+// Writes an array of all lanes, and its mask, under two keys of a dictionary, or of one for each
+// row; no row without an element. False, and nothing is written, if the value or what says which
+// elements there are is no contiguous array of doubles, 64-bit integers, bools or objects.
+bool spread_one(const nb::tuple& column, const Chosen& lanes, std::size_t num) {
+    const Numpy& numpy = Numpy::instance();
+    const nb::object place = column[0], key = column[1], mask_key = column[2];
+    const nb::object value = column[3], there = column[4];
+    const Numpy::Rows from = numpy.rows(value.ptr(), lanes.count);
+    if (from.data == nullptr) return false;
+    const std::uint8_t* has = nullptr;
+    if (!there.is_none()) {
+        has = static_cast<const std::uint8_t*>(
+            numpy.elements<std::uint8_t>(there.ptr(), from.count * lanes.count));
+        if (has == nullptr) return false;
+    }
+    if (from.single != PyDict_Check(place.ptr())) return false;
+    if (!from.single && nb::len(place) != from.count) return false;
+    const auto some = [&](std::size_t row) {
+        if (has == nullptr) return lanes.count > 0;
+        const std::uint8_t* begin = has + row * lanes.count;
+        return std::any_of(begin, begin + lanes.count, [](std::uint8_t is) { return is != 0; });
+    };
+    bool any = false;
+    for (std::size_t row = 0; row < from.count; ++row) any = any || some(row);
+    if (!any) return true;
+    const Spread held(from, from.dtype, num), mask(from, numpy.bools(), num);
+    if (held.elements == nullptr || mask.elements == nullptr) return false;
+    if (numpy.are_objects(from))
+        scatter_objects(from, has, lanes, num, held.elements);
+    else if (from.size == 1)
+        scatter<std::uint8_t>(from, has, lanes, num, held.elements);
+    else
+        scatter<std::uint64_t>(from, has, lanes, num, held.elements);  // the bits of a number
+    auto* mark = static_cast<std::uint8_t*>(mask.elements);
+    for (std::size_t row = 0; row < from.count; ++row, mark += num)
+        for (std::size_t i = 0; i < lanes.count; ++i)
+            mark[lanes[i]] = has == nullptr || has[row * lanes.count + i];
+    if (from.single) {
+        set_item(place, key, held.array);
+        set_item(place, mask_key, mask.array);
+        return true;
+    }
+    for (std::size_t row = 0; row < from.count; ++row) {
+        if (!some(row)) continue;
+        const nb::object group = place[row];
+        set_item(group, key, held.array[row]);
+        set_item(group, mask_key, mask.array[row]);
+    }
+    return true;
+}
+
+// Spreads columns until one that it cannot; returns how many.
+std::size_t spread(const nb::list& columns, nb::handle lanes, std::size_t num) {
+    const Chosen chosen(lanes, num);
+    std::size_t done = 0;
+    for (nb::handle column : columns) {
+        if (!spread_one(nb::cast<nb::tuple>(column), chosen, num)) break;
+        ++done;
+    }
+    return done;
+}
+
+// Resets the lanes of the mask in every bank; false, and nothing is done, if it is no mask of them.
+bool reset_all(const nb::tuple& objects, nb::handle mask) {
+    const Banks banks = banks_of(objects);
+    const std::size_t num = banks.front()->machine.num();
+    const void* chosen = nullptr;
+    if (!mask.is_none()) {
+        chosen = Numpy::instance().elements<std::uint8_t>(mask.ptr(), num);
+        if (chosen == nullptr) return false;
+    }
+    for (EpisodeObject* bank : banks) {
+        require_idle(*bank);
+        bank->machine.reset(static_cast<const std::uint8_t*>(chosen));
+    }
+    return true;
 }
 
 }  // namespace
@@ -213,14 +355,18 @@ void bind_books(nb::module_& m) {
           "The least robustness, or bound, over the banks, of every lane.");
     m.def("finish_banks", finish, nb::arg("banks"), nb::arg("mask").none(), nb::arg("end"),
           "End the episodes of the lanes; false, and nothing is done, if one has no sample.");
-    m.def("note_verdicts", note, nb::arg("banks"), nb::arg("decided_at"), nb::arg("violated"),
+    m.def("note_verdicts", note, nb::arg("banks"), nb::arg("mask").none(), nb::arg("decided_at"), nb::arg("violated"),
           nb::arg("failed"), nb::arg("first"), nb::arg("violated_at"),
           "Write the verdicts that are new into a book.");
     m.def("forget_verdicts", forget, nb::arg("mask").none(), nb::arg("specs"), nb::arg("num"),
           nb::arg("decided_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
           nb::arg("violated_at"), "Forget the lanes of the mask in a book.");
-    m.def("outcomes_of_banks", outcomes, nb::arg("banks"), nb::arg("mask").none(),
-          nb::arg("failed"), "The robustness and the verdicts of the lanes of the mask.");
+    m.def("outcomes_of_banks", outcomes, nb::arg("banks"), nb::arg("lanes"), nb::arg("failed"),
+          "The robustness and the verdicts of these lanes.");
+    m.def("spread_lanes", spread, nb::arg("columns"), nb::arg("lanes"), nb::arg("num"),
+          "Write arrays of all lanes into dictionaries; return how many columns were written.");
+    m.def("reset_banks", reset_all, nb::arg("banks"), nb::arg("mask").none(),
+          "Forget the lanes of the mask; false, and nothing is done, if it is no mask of them.");
 }
 
 }  // namespace rtamt

@@ -116,12 +116,48 @@ public:
         if (fields->dtype != dtype_of(T{}) || fields->ndim < 1 || fields->ndim > 2) return nullptr;
         Py_ssize_t size = 1;
         for (int i = fields->ndim - 1; i >= 0; size *= fields->shape[i--])
-            if (fields->strides[i] != size * static_cast<Py_ssize_t>(sizeof(T))) return nullptr;
+            if (fields->shape[i] > 1 &&  // the stride of one element says nothing
+                fields->strides[i] != size * static_cast<Py_ssize_t>(sizeof(T)))
+                return nullptr;
         if (size != static_cast<Py_ssize_t>(n) ||
             reinterpret_cast<std::uintptr_t>(fields->data) % alignof(T) != 0)
             return nullptr;
         return const_cast<char*>(fields->data);
     }
+
+    // The rows of a contiguous array of one or two dimensions.
+    struct Rows {
+        const char* data = nullptr;
+        PyObject* dtype = nullptr;
+        std::size_t size = 0;  // bytes of an element
+        std::size_t count = 0;
+        bool single = false;  // of one dimension
+    };
+
+    // The rows of n elements, which are doubles, 64-bit integers, bools or objects; no data if it is
+    // another object.
+    Rows rows(PyObject* array, std::size_t n) const {
+        if (!known_ || !is_array(array)) return {};
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim < 1 || fields->ndim > 2) return {};
+        const bool single = fields->ndim == 1;
+        Rows found{fields->data, fields->dtype, sizeof(double),
+                   single ? 1 : static_cast<std::size_t>(fields->shape[0]), single};
+        if (found.dtype == bools_)
+            found.size = 1;
+        else if (found.dtype != doubles_ && found.dtype != longs_ && found.dtype != objects_)
+            return {};
+        const auto size = static_cast<Py_ssize_t>(found.size);
+        const auto width = static_cast<Py_ssize_t>(n);
+        const int last = fields->ndim - 1;
+        if (fields->shape[last] != width || (width > 1 && fields->strides[last] != size) ||
+            (found.count > 1 && fields->strides[0] != width * size) ||
+            reinterpret_cast<std::uintptr_t>(fields->data) % found.size != 0)
+            return {};
+        return found;
+    }
+    bool are_objects(const Rows& found) const { return found.dtype == objects_; }
+    PyObject* bools() const { return bools_; }
 
     // The bytes of a contiguous 1-D array of n bools, which numpy lets be other than 0 and 1; null
     // if it is another object.
@@ -228,6 +264,7 @@ private:
     PyObject* singles_ = dtype("float32");
     PyObject* bools_ = dtype("bool");
     PyObject* longs_ = dtype("int64");
+    PyObject* objects_ = dtype("object");
     bool known_ = false;
 };
 

@@ -4,6 +4,7 @@ import copy
 import gc
 import math
 import pickle
+import sys
 import weakref
 from collections.abc import Callable
 from typing import Any, Literal
@@ -13,6 +14,7 @@ import pytest
 from bits import bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from rtamt import (
     EpisodeMonitor,
@@ -165,6 +167,9 @@ def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
         assert verdicts[:, lane].tolist() == [ledger.verdict(k) if has else 0 for k in places]
         expected_values = [each.robustness if has else 0.0 for each in ledger.monitors]
         assert bits(robustness[:, lane]) == bits(expected_values)
+    lanes = np.flatnonzero(begun)[::-1]
+    for some, whole in zip(book.outcomes(lanes), (robustness, verdicts), strict=True):
+        assert bits(some.astype(float)) == bits(whole[:, lanes].astype(float))
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
@@ -255,7 +260,7 @@ def test_a_mask_of_another_shape_is_refused_and_changes_nothing(
     book = book_of(["always(x > 0)"], 2, backend)
     book.feed(np.zeros((2, 2)), columns_of(book))
     before = pickle.dumps(book)
-    for call in (book.reset, book.fail, book.finish, book.outcomes):
+    for call in (book.reset, book.fail, book.finish):
         with pytest.raises(InputError, match="expected a mask of 2 booleans"):
             call(mask)
     with pytest.raises(InputTypeError, match="expected a mask of 2 booleans"):
@@ -276,16 +281,113 @@ def test_functions_in_native_code_refuse_arrays_that_do_not_fit() -> None:
     ]
     for array in (*wrong, good[0].T, good[0].byteswap().view(good[0].dtype.newbyteorder())):
         with pytest.raises(ValueError, match="expected contiguous arrays"):
-            native.note_verdicts(banks, array, *good[1:])
+            native.note_verdicts(banks, None, array, *good[1:])
         with pytest.raises(ValueError, match="expected contiguous arrays"):
             native.forget_verdicts(None, 2, 3, array, *good[1:])
     with pytest.raises(ValueError, match="expected a bank"):
-        native.note_verdicts((), *good)
+        native.note_verdicts((), None, *good)
     with pytest.raises(ValueError, match="of as many lanes"):
         native.least_of_banks((*banks, *book_of(["true"], 2, "native")._banks()[0]), "lower", None)
     for columns in (((0,),), ((0,), (2,)), ((0,), (0, 1))):
         with pytest.raises(ValueError, match=r"expected (a column|columns)"):
             native.feed_banks(banks, columns, np.ones((3, 2)), None)
+
+
+KINDS = ("float64", "int64", "bool", "object", "float32", "int8")
+
+
+def drawn(random: np.random.Generator, kind: str, shape: tuple[int, ...]) -> Any:  # noqa: ANN401
+    values = random.integers(0, 2 if kind == "bool" else 100, shape).astype(kind)
+    if kind == "object":
+        values[random.random(shape) < 0.2] = None
+    if kind == "float64":
+        values[random.random(shape) < 0.2] = random.choice([-0.0, np.nan, np.inf])
+    if values.ndim == 2 and random.random() < 0.2:
+        return np.asfortranarray(values)
+    return values
+
+
+@settings(max_examples=100)
+@given(num=st.integers(1, 7), seed=st.integers(0, 2**32 - 1))
+def test_values_of_some_lanes_are_spread_over_all(num: int, seed: int, backend: Backend) -> None:
+    random = np.random.default_rng(seed)
+    book = book_of(["true"], num, backend)
+    lanes = random.permutation(num)[: random.integers(0, num + 1)]
+    columns: list[Any] = []
+    info: dict[str, Any] = {}
+    groups: list[dict[str, Any]] = [{}, {}, {}]
+    for name, kind in zip("abcdefgh", random.choice(KINDS, 8), strict=True):
+        place, shape = (info, ()) if random.random() < 0.5 else (groups, (3,))
+        values = drawn(random, kind, (*shape, len(lanes)))
+        there = None if random.random() < 0.5 else drawn(random, "bool", values.shape)
+        columns.append((place, name, f"_{name}", values, there))
+    book.spread(columns, lanes)
+    named = 0
+    for place, name, mask_name, values, there in columns:
+        rows = [place] if isinstance(place, dict) else place
+        for k, group in enumerate(rows):
+            row = values if isinstance(place, dict) else values[k]
+            known = [True] * len(lanes)
+            if there is not None:
+                known = (there if isinstance(place, dict) else there[k]).tolist()
+            assert (name in group) == (mask_name in group) == any(known)
+            if not any(known):
+                continue
+            nothing = None if values.dtype == object else values.dtype.type(0)
+            expected, marks = [nothing] * num, [False] * num
+            for value, lane, has in zip(row, lanes, known, strict=True):
+                if has:
+                    expected[lane], marks[lane] = value, True
+            found, mask = group[name], group[mask_name]
+            assert (found.dtype, found.shape) == (values.dtype, (num,))
+            assert repr(found.tolist()) == repr(np.array(expected, values.dtype).tolist())
+            assert (mask.dtype, mask.tolist()) == (np.bool_, marks)
+            named += 1
+    arrays = [array for group in (info, *groups) for array in group.values()]
+    assert len(arrays) == 2 * named
+    assert not any(
+        np.shares_memory(one, other) for i, one in enumerate(arrays) for other in arrays[:i]
+    )
+
+
+def test_objects_that_are_spread_are_counted(backend: Backend) -> None:
+    book, values = book_of(["true"], 4, backend), np.array([object(), object()])
+    before = [sys.getrefcount(each) for each in values.tolist()]
+    info: dict[str, Any] = {}
+    for _ in range(10):
+        book.spread([(info, "a", "_a", values, None)], np.array([2, 0]))
+    assert [sys.getrefcount(each) for each in values.tolist()] == [each + 1 for each in before]
+    assert info["a"].tolist() == [values[1], None, values[0], None]
+    info.clear()
+    assert [sys.getrefcount(each) for each in values.tolist()] == before
+
+
+@pytest.mark.parametrize("lanes", [[-1], [0, 3]])
+def test_lanes_that_are_not_there_are_refused(lanes: list[int], backend: Backend) -> None:
+    book, at = book_of(["true"], 3, backend), np.array(lanes)
+    info: dict[str, Any] = {}
+    with pytest.raises(IndexError, match="numbers of lanes"):
+        book.spread([(info, "a", "_a", np.ones(len(at)), None)], at)
+    with pytest.raises(IndexError, match="numbers of lanes"):
+        book.outcomes(at)
+    assert info == {}
+
+
+@pytest.mark.parametrize(
+    ("values", "there"),
+    [
+        (np.ones(3), None),
+        (np.ones((2, 2)), None),
+        (np.ones(2), np.ones(3, np.bool_)),
+    ],
+)
+def test_values_that_do_not_fit_the_lanes_are_refused(
+    values: NDArray[Any], there: NDArray[np.bool_] | None, backend: Backend
+) -> None:
+    book, info = book_of(["true"], 4, backend), dict[str, Any]()
+    with pytest.raises(ValueError, match=r"reshape|shape"):
+        book.spread([(info, "a", "_a", values, there)], np.array([1, 2]))
+    assert info == {}
 
 
 def test_a_book_in_a_cycle_is_collected(backend: Backend) -> None:
