@@ -68,11 +68,11 @@ def put_last(
             continue
         groups: list[dict[str, Any]] = [{} for _ in value.names]
         columns += [_column(groups, name, found) for name, found in value.found.items()]
-        held: dict[str, Any] = {}
+        named: dict[str, Any] = {}
         for name, group in zip(value.names, groups, strict=True):
             columns += [_column(group, *each) for each in value.more.get(name, {}).items()]
-            held[name], held[f"_{name}"] = group, mask.copy()
-        infos[key], infos[f"_{key}"] = held, mask.copy()
+            named[name], named[f"_{name}"] = group, mask.copy()
+        infos[key], infos[f"_{key}"] = named, mask.copy()
     spread(columns, at)
     if reported is not None:
         new = key_mask(infos, "is_success", num) & ~reported

@@ -168,8 +168,9 @@ def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
         expected_values = [each.robustness if has else 0.0 for each in ledger.monitors]
         assert bits(robustness[:, lane]) == bits(expected_values)
     lanes = np.flatnonzero(begun)[::-1]
-    for some, whole in zip(book.outcomes(lanes), (robustness, verdicts), strict=True):
-        assert bits(some.astype(float)) == bits(whole[:, lanes].astype(float))
+    some, signs = book.outcomes(lanes)
+    assert bits(some) == bits(robustness[:, lanes])
+    assert signs.tolist() == verdicts[:, lanes].tolist()
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
