@@ -1,0 +1,118 @@
+"""Steps a second of EnvPool and PufferLib with CartPole, bare and under a vector monitor.
+
+Run it in an environment with both, as `tests/learners/envpool.txt` and `pufferlib.txt` list them:
+`python tests/bench/fast_environments.py`. What is compared takes turns in one process, and a figure
+is the best of its rounds. A step is one of one environment. Actions are random, so poles fall, and
+the ends of episodes are in the figures; the policy of a learner is not. Nothing is asserted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+STEPS = 200
+SPECS = {
+    "upright": "always(abs(angle) < 0.2)",
+    "slow": "always(abs(rate) < 50)",
+    "calms": "always((abs(rate) > 4) implies eventually[0:20](abs(rate) < 1))",
+    "returns": "always(eventually[0:100](abs(angle) < 0.05))",
+}
+SIGNALS = {"angle": "obs[2]", "rate": "obs[3]"}
+HELD = {"at_termination": "failure", "period": 1}
+
+
+def envpool_bare(num: int) -> Any:  # noqa: ANN401
+    """EnvPool's CartPole on two threads."""
+    import envpool
+
+    return envpool.make_gymnasium("CartPole-v1", num_envs=num, seed=1, num_threads=2)
+
+
+def puffer_bare(num: int) -> Any:  # noqa: ANN401
+    """Gymnasium's CartPole in PufferLib, one after the other in this process."""
+    import pufferlib.emulation
+    import pufferlib.vector
+
+    def make() -> Any:  # noqa: ANN401
+        return pufferlib.emulation.GymnasiumPufferEnv(gym.make("CartPole-v1").unwrapped)
+
+    return pufferlib.vector.make(make, num_envs=num, backend=pufferlib.vector.Serial)
+
+
+def gymnasium_bare(num: int) -> Any:  # noqa: ANN401
+    """Gymnasium's own CartPole of many."""
+    return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
+
+
+def monitored(env: Any, count: int) -> Any:  # noqa: ANN401
+    """The environment under so many requirements."""
+    from rtamt_gym import VectorStlMonitor
+
+    return VectorStlMonitor(env, dict(list(SPECS.items())[:count]), SIGNALS, **HELD)
+
+
+def rewarded(env: Any) -> Any:  # noqa: ANN401
+    """The environment with the rewards of one requirement."""
+    from rtamt_gym import VectorStlReward
+
+    return VectorStlReward(env, SPECS["upright"], SIGNALS, mode="add", **HELD)
+
+
+def shared(env: Any) -> Any:  # noqa: ANN401
+    """The same, with the rewards written into PufferLib's array."""
+    from rtamt_gym import SharedBuffers
+
+    return SharedBuffers(rewarded(env))
+
+
+KINDS: dict[str, Callable[[int], Any]] = {
+    "EnvPool": envpool_bare,
+    "PufferLib, Serial": puffer_bare,
+    "Gymnasium, native": gymnasium_bare,
+}
+
+
+def steps_a_second(env: Any, num: int, actions: Any) -> float:  # noqa: ANN401
+    """Steps of environments a second in one round."""
+    env.reset()
+    begin = time.perf_counter()
+    for each in actions:
+        env.step(each)
+    return num * len(actions) / (time.perf_counter() - begin)
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=7)
+    rounds: int = parser.parse_args().rounds
+    warnings.simplefilter("ignore")
+    print("| environments | steps a second, bare | one | four | reward of one |")
+    print("|---|---|---|---|---|")
+    for kind, make in KINDS.items():
+        for num in (64, 1024) if kind != "PufferLib, Serial" else (64,):
+            actions = np.random.default_rng(1).integers(0, 2, (STEPS, num))
+            reward = shared if kind.startswith("PufferLib") else rewarded
+            envs = [
+                make(num),
+                monitored(make(num), 1),
+                monitored(make(num), 4),
+                reward(make(num)),
+            ]
+            best = [0.0] * len(envs)
+            for _ in range(rounds):
+                for k, env in enumerate(envs):
+                    best[k] = max(best[k], steps_a_second(env, num, actions))
+            cells = " | ".join(f"{each / 1e3:,.0f} k" for each in best)
+            print(f"| {kind}, {num:,} | {cells} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
