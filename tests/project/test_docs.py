@@ -130,6 +130,13 @@ def test_the_page_of_options_is_what_the_parsers_have() -> None:
     assert written == command_options.page(), "run python tests/support/command_options.py"
 
 
+def test_the_page_of_what_is_tested_names_every_group() -> None:
+    said = set(re.findall(r"`(\w+)`", (DOCS / "tested.md").read_text(encoding="utf-8")))
+    groups = {path.stem for path in (ROOT / "tests").glob("*/*.txt")}
+    assert len(groups) > 10
+    assert groups - said == set()
+
+
 def test_the_page_of_installation_has_every_extra() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = set(settings["project"]["optional-dependencies"]) - {"pytest"}  # ours alone

@@ -60,7 +60,7 @@ def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
 def _text(text: str) -> str:
     """A text of a parser as Markdown shows it."""
     plain = re.sub(r"\s+", " ", text).replace("|", "\\|")
-    return re.sub(r"([*_<>\[\]{}$~])", r"\\\1", plain)
+    return re.sub(r"([*_<>\[\]{}$~]|(?<=\])\()", r"\\\1", plain)  # "](" would begin a link
 
 
 def _example(text: str) -> str:
