@@ -86,13 +86,14 @@ def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
 
 def test_no_example_is_left_out() -> None:
     learning = {*SCRIPTS, "training", "corridor", "study", "vec_env"}  # tests/learners run them
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*ARGUMENTS, *learning}
+    arrays = {"unicycle"}  # tests/arrays runs it
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*ARGUMENTS, *learning, *arrays}
 
 
 def test_the_page_on_examples_shows_them_all() -> None:
     page = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
     shown = re.findall(r"\]\(([^): ]+)\)", page)
-    for example in ARGUMENTS:
+    for example in (*ARGUMENTS, "unicycle"):
         drawn = {f"examples/{name}.png" for name in PICTURES.get(example, [example])}
         assert {f"../examples/{example}.py", *drawn} <= set(shown)
     pictures = [EXAMPLES.parent / "docs" / link for link in shown]

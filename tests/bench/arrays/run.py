@@ -1,0 +1,104 @@
+"""Measures monitors on arrays beside the C++ machines, and whole traces beside stljax and STLCG++.
+
+    python tests/bench/arrays/run.py [steps traces plan] [--quick] [--device cuda]
+        [--lanes 1024 4096 65536] [--json FILE]
+
+The interpreter has JAX and torch, and what it has of stljax and stlcgpp is compared with. Each row
+comes from a process of its own with one thread on a CPU, and is the least of its repeats; numbers
+are float32, those of C++ float64. On a GPU the same command measures there: JAX takes the one it
+finds, torch that of --device, which adds recorded CUDA graphs. Nothing is asserted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+Row = dict[str, Any]
+
+SECTIONS = {
+    "steps": "ns a lane and step; s to compile",
+    "traces": "us a trace, and with its gradient; s to compile",
+    "plan": "controls of a unicycle by gradient: ms a step of the optimizer; s to compile",
+}
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+    "TF_CPP_MIN_LOG_LEVEL": "3",
+}
+
+
+def asked(section: str, subject: str, case: Row) -> Row:
+    """What a process of its own finds; why not, if it fails."""
+    here = Path(__file__).parent
+    env = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join([str(here), *sys.path])}
+    command = [sys.executable, str(here / f"{section}.py"), subject, json.dumps(case)]
+    ran = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    if ran.returncode:
+        return {"failed": (ran.stderr.strip().splitlines() or ["no word"])[-1][:70]}
+    found: Row = json.loads(ran.stdout.splitlines()[-1])
+    return found
+
+
+def cases(section: str, arguments: argparse.Namespace) -> list[tuple[str, Row]]:
+    """The subjects of a section, each with what it measures."""
+    more = {"device": arguments.device, "quick": arguments.quick}
+    if section == "steps":
+        subjects = ["C++", "jax", "torch compiled", "torch eager"]
+        subjects += ["torch CUDA graph"] if arguments.device != "cpu" else []
+        return [
+            (subject, {"spec": spec, "lanes": lanes, **more})
+            for spec in ("W1", "resp", "nested")
+            for lanes in arguments.lanes
+            for subject in subjects
+        ]
+    if section == "traces":
+        subjects = ["C++", "jax", "stljax", "torch", "stlcgpp"]
+        return [
+            (subject, {"spec": spec, **more})
+            for spec in ("response", "reach")
+            for subject in subjects
+        ]
+    return [(subject, more) for subject in ("jax", "stljax")]
+
+
+def shown(cell: object) -> str:
+    """A number in three digits or more."""
+    if isinstance(cell, float):
+        return f"{cell:,.0f}" if abs(cell) >= 100 else f"{cell:.3g}"
+    return str(cell)
+
+
+def main() -> None:
+    """Print a table for each section."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    parser.add_argument("--device", default="cpu", help="the device of torch, such as cuda")
+    parser.add_argument("--lanes", type=int, nargs="+", default=[1_024, 4_096, 65_536])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows there")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.sections) - set(SECTIONS):
+        parser.error(f"expected sections out of {', '.join(SECTIONS)}, got {unknown.pop()!r}")
+    rows: list[Row] = []
+    for section in arguments.sections or SECTIONS:
+        print(f"\n{section}: {SECTIONS[section]}", flush=True)
+        for subject, case in cases(section, arguments):
+            row = {"section": section, "subject": subject, **case, **asked(section, subject, case)}
+            rows.append(row)
+            hidden = {"section", "device", "quick"}
+            cells = (f"{k} {shown(v)}" for k, v in row.items() if k not in hidden)
+            print("   ".join(cells), flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()

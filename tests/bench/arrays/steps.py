@@ -1,0 +1,129 @@
+"""Steps of `episode` for many lanes, in each library, and those of the C++ machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from measuring import Case, answer, least, seconds
+
+SPECS = {
+    "W1": "always[0:100](a + b > -2)",
+    "resp": "always((a >= 3) implies eventually[0:5](b >= 3))",
+    "nested": "always((a >= 1) implies eventually[0:200] always[0:50] (abs(a - b) < 0.1))",
+}
+
+
+def samples(case: Case) -> Any:
+    """Samples of two variables in all lanes, for some steps."""
+    steps = max(4, min(64, 262_144 // case["lanes"]))
+    steps = max(2, steps // 8) if case["spec"] == "nested" else steps
+    random = np.random.default_rng(7)
+    return random.normal(size=(steps, case["lanes"], 2)).astype(np.float32) * 3
+
+
+def repeats(case: Case) -> int:
+    return 3 if case["quick"] else 7
+
+
+def per_step(case: Case, whole: float) -> float:
+    return whole * 1e9 / (len(samples(case)) * case["lanes"])
+
+
+def cpp(case: Case) -> Case:
+    import rtamt
+
+    monitor = rtamt.VectorEpisodeMonitor(SPECS[case["spec"]], case["lanes"])
+    given = [np.ascontiguousarray(sample, dtype=np.float64) for sample in samples(case)]
+
+    def run() -> None:
+        for sample in given:
+            monitor.update(sample)
+
+    for _ in range(1 + 256 // len(given)):  # until its windows are full
+        run()
+    return {"step": per_step(case, least(run, repeats(case)))}
+
+
+def of_jax(case: Case) -> Case:
+    import jax
+
+    import rtamt_arrays.jax
+
+    monitor = rtamt_arrays.jax.episode(SPECS[case["spec"]])
+    given, state = jax.device_put(samples(case)), monitor.init(case["lanes"])
+
+    def step(state: Any, sample: Any) -> Any:
+        state, reading = monitor.update(state, sample)
+        return state, reading.lower
+
+    run = jax.jit(lambda state, given: jax.lax.scan(step, state, given), donate_argnums=0)
+    compiling = seconds(lambda: run.lower(state, given).compile())
+    held = [state]
+
+    def once() -> None:
+        state, lower = run(held[0], given)
+        held[0] = jax.block_until_ready(state)
+        lower.block_until_ready()
+
+    once()
+    memory = sum(each.nbytes for each in held[0]) / case["lanes"]
+    step_ns = per_step(case, least(once, repeats(case)))
+    return {"step": step_ns, "compile": compiling, "bytes a lane": memory}
+
+
+def of_torch(case: Case, how: str) -> Case:
+    import torch
+
+    import rtamt_arrays.torch
+
+    device = case["device"]
+    if device == "cpu":
+        torch.set_num_threads(1)
+    monitor = rtamt_arrays.torch.episode(SPECS[case["spec"]], device=device)
+    given, state = torch.from_numpy(samples(case)).to(device), monitor.init(case["lanes"])
+
+    def wait() -> None:
+        if device != "cpu":
+            torch.cuda.synchronize()
+
+    step: Any = monitor.update_
+    sample = given[0].clone()
+    if how == "compiled":
+        step = torch.compile(step, fullgraph=True)
+    compiling = seconds(lambda: (step(state, sample), wait()))
+    if how == "graph":
+        # What runs before a graph is recorded runs beside the stream of the others.
+        side = torch.cuda.Stream()
+        side.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(side):
+            step(state, sample)
+        torch.cuda.current_stream().wait_stream(side)
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            monitor.update_(state, sample)
+
+        def step(_: Any, new: Any) -> None:
+            sample.copy_(new)
+            graph.replay()
+
+    def run() -> None:
+        for each in given:
+            step(state, each)
+        wait()
+
+    with torch.no_grad():
+        run()
+        found = {"step": per_step(case, least(run, repeats(case)))}
+    return found | ({"compile": compiling} if how == "compiled" else {})
+
+
+answer(
+    {
+        "C++": cpp,
+        "jax": of_jax,
+        "torch compiled": lambda case: of_torch(case, "compiled"),
+        "torch eager": lambda case: of_torch(case, "eager"),
+        "torch CUDA graph": lambda case: of_torch(case, "graph"),
+    }
+)
