@@ -22,13 +22,14 @@ from typing import Any
 Row = dict[str, Any]
 
 SECTIONS = {
-    "steps": "ns a lane and step; s to compile",
-    "traces": "us a trace, and with its gradient; s to compile",
-    "plan": "controls of a unicycle by gradient: ms a step of the optimizer; s to compile",
+    "steps": "ns a lane and step; s of processors to compile",
+    "traces": "us a trace, and with its gradient; s of processors to compile",
+    "plan": "a unicycle: ms a step of the optimizer; s of processors to compile",
 }
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+    "TORCHINDUCTOR_COMPILE_THREADS": "1",
     "TF_CPP_MIN_LOG_LEVEL": "3",
 }
 

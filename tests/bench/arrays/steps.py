@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from measuring import Case, answer, least, seconds
+from measuring import Case, answer, least, processor_seconds
 
 SPECS = {
     "W1": "always[0:100](a + b > -2)",
@@ -58,7 +58,7 @@ def of_jax(case: Case) -> Case:
         return state, reading.lower
 
     run = jax.jit(lambda state, given: jax.lax.scan(step, state, given), donate_argnums=0)
-    compiling = seconds(lambda: run.lower(state, given).compile())
+    compiling = processor_seconds(lambda: run.lower(state, given).compile())
     held = [state]
 
     def once() -> None:
@@ -91,7 +91,7 @@ def of_torch(case: Case, how: str) -> Case:
     sample = given[0].clone()
     if how == "compiled":
         step = torch.compile(step, fullgraph=True)
-    compiling = seconds(lambda: (step(state, sample), wait()))
+    compiling = processor_seconds(lambda: (step(state, sample), wait()))
     if how == "graph":
         # What runs before a graph is recorded runs beside the stream of the others.
         side = torch.cuda.Stream()

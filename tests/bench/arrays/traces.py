@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from measuring import Case, answer, least, seconds
+from measuring import Case, answer, least, processor_seconds
 
 SAMPLES, TRACES = 1_000, 16
 SPECS = {
@@ -35,7 +35,7 @@ def expected(case: Case) -> Any:
 
 def found(case: Case, values: Any, value: Any, gradient: Any) -> Case:
     """Microseconds a trace of two functions without operands, whose first runs compile."""
-    compiling = seconds(value) + seconds(gradient)
+    compiling = processor_seconds(value) + processor_seconds(gradient)
     repeats = 3 if case["quick"] else 7
     return {
         "value": least(value, repeats) * 1e6 / TRACES,
