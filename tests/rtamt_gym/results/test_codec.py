@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from paths import ROOT
 
 from rtamt import Verdict
-from rtamt_gym import Case, Evaluation, Run, Waveform, compare, simulate
+from rtamt_gym import Case, Evaluation, Run, Waveform, compare, compare_methods, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.results import SECTIONS, section_of
 from rtamt_gym.reports.series import ROOM
@@ -111,7 +111,9 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> 
     assert main(["compare", "evaluation.json", "evaluation.json", "--save", "compared.json"]) == 0
     assert main(["sweep", *vary]) == 0
     capsys.readouterr()
+    compare_methods({"plain": [0.1, 0.0], "shaped": [1.0, 0.9]}).save("methods.json")
     named = {"runs": "runs", "evaluation": "evaluation", "comparison": "compared"}
+    named["methods"] = "methods"
     named |= {"record": "w", "case": "case"}
     return files | {kind: Path(f"{name}.json") for kind, name in named.items()}
 
