@@ -69,7 +69,17 @@ def outcomes_of_banks(
     banks: Sequence[protocols.EpisodeBank],
     lanes: NDArray[np.int64],
     failed: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], NDArray[np.int8]]: ...
+    decided_at: NDArray[np.int64],
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.int8],
+    NDArray[np.int64],
+    NDArray[np.bool_],
+    NDArray[np.bool_],
+    NDArray[np.bool_],
+    NDArray[np.bool_],
+    NDArray[np.bool_],
+]: ...
 def spread_lanes(columns: list[books.LaneColumn], lanes: NDArray[np.int64], num: int) -> int: ...
 def reset_banks(banks: Sequence[protocols.EpisodeBank], mask: NDArray[np.bool_] | None) -> bool: ...
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,30 @@ __all__ = [
 Banks = Sequence[EpisodeBank]
 LaneCounts = NDArray[np.int64]
 LaneValue = Literal["robustness", "lower", "upper"]
-BankOutcomes = tuple[Floats, NDArray[np.int8]]
+
+
+class BankOutcomes(NamedTuple):
+    """The outcomes of episodes so far: fresh arrays with a row for each bank, a column a lane.
+
+    Attributes:
+        robustness: 0 without a sample.
+        verdicts: 1, -1 or 0; 0 without a sample.
+        decided_at: The sample that decided the verdict, -1 while it is open.
+        decided: Whether it is decided.
+        satisfied: Whether the verdict is 1.
+        by_end: Whether the verdict is -1 at a robustness that holds.
+        success: Whether all verdicts of the lane are 1; of shape (lanes,).
+        undecided: Whether one of them is 0; of shape (lanes,).
+    """
+
+    robustness: Floats
+    verdicts: NDArray[np.int8]
+    decided_at: LaneCounts
+    decided: Lanes
+    satisfied: Lanes
+    by_end: Lanes
+    success: Lanes
+    undecided: Lanes
 
 
 LaneColumn = tuple[dict[str, Any] | list[dict[str, Any]], str, str, NDArray[Any], Lanes | None]
@@ -49,8 +72,8 @@ class BookFunctions:
         note: ``(banks, mask, decided_at, violated, failed, first, violated_at)``: writes the
             verdicts that are new, in lanes of the mask.
         forget: ``(mask, decided_at, violated, failed, first, violated_at)``.
-        outcomes: ``(banks, lanes, failed)``: the robustness and the verdicts by all banks of the
-            lanes with these numbers; 0 without a sample.
+        outcomes: ``(banks, lanes, failed, decided_at)``: the outcomes of the lanes with these
+            numbers.
         spread: ``(columns, lanes, num)``: writes arrays of all num lanes from values of those with
             these numbers.
         reset: ``(banks, mask)``: resets the lanes of the mask.
@@ -61,7 +84,7 @@ class BookFunctions:
     finish: Callable[[Banks, Lanes | None, End], None]
     note: Callable[[Banks, Lanes | None, LaneCounts, Lanes, Lanes, LaneCounts, LaneCounts], None]
     forget: Callable[[Lanes | None, LaneCounts, Lanes, Lanes, LaneCounts, LaneCounts], None]
-    outcomes: Callable[[Banks, LaneCounts, Lanes], BankOutcomes]
+    outcomes: Callable[[Banks, LaneCounts, Lanes, LaneCounts], BankOutcomes]
     spread: Callable[[list[LaneColumn], LaneCounts, int], None]
     reset: Callable[[Banks, Lanes | None], None]
 
@@ -122,12 +145,20 @@ def _forget(
     violated[:, which] = failed[:, which] = False
 
 
-def _outcomes(banks: Banks, lanes: LaneCounts, failed: Lanes) -> BankOutcomes:
+def _outcomes(
+    banks: Banks, lanes: LaneCounts, failed: Lanes, decided_at: LaneCounts
+) -> BankOutcomes:
     _check_lanes(lanes, len(banks[0].samples))
     begun = banks[0].samples[lanes] > 0
-    robustness = np.array([bank.robustness[lanes] for bank in banks])
-    verdicts = _verdicts(banks, failed)[:, lanes]
-    return np.where(begun, robustness, 0.0), np.where(begun, verdicts, np.int8(0))
+    robustness = np.where(begun, np.array([bank.robustness[lanes] for bank in banks]), 0.0)
+    verdicts = np.where(begun, _verdicts(banks, failed)[:, lanes], np.int8(0))
+    when, satisfied = decided_at[:, lanes], verdicts > 0
+    by_end = (verdicts < 0) & ~np.signbit(robustness)
+    success: Lanes = np.logical_and.reduce(satisfied)
+    undecided: Lanes = np.logical_or.reduce(verdicts == 0)
+    return BankOutcomes(
+        robustness, verdicts, when, when >= 0, satisfied, by_end, success, undecided
+    )
 
 
 def spread(columns: list[LaneColumn], lanes: LaneCounts, num: int) -> None:

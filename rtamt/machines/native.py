@@ -17,7 +17,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.books import BookFunctions, LaneColumn, spread
+from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import everywhere
@@ -245,6 +245,15 @@ def _forget(
     _native.forget_verdicts(mask, specs, num, decided_at, violated, failed, first, violated_at)
 
 
+def _outcomes(
+    banks: Sequence[EpisodeBank],
+    lanes: NDArray[np.int64],
+    failed: Lanes,
+    decided_at: NDArray[np.int64],
+) -> BankOutcomes:
+    return BankOutcomes(*_native.outcomes_of_banks(banks, lanes, failed, decided_at))
+
+
 def _spread(columns: list[LaneColumn], lanes: NDArray[np.int64], num: int) -> None:
     while (done := _native.spread_lanes(columns, lanes, num)) < len(columns):
         spread(columns[done : done + 1], lanes, num)  # of another dtype or layout
@@ -262,7 +271,7 @@ BOOKS = BookFunctions(
     _finish,
     _native.note_verdicts,
     _forget,
-    _native.outcomes_of_banks,
+    _outcomes,
     _spread,
     _reset,
 )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.machines.backend import books_of
-from rtamt.machines.books import BookFunctions, LaneColumn, LaneValue
+from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, LaneValue
 from rtamt.machines.protocols import End, EpisodeBank
 from rtamt.monitors.options import checked_end
 from rtamt.monitors.vector import VectorEpisodeMonitor
@@ -154,20 +154,24 @@ class VerdictBook:
         banks, functions = self._found
         return functions.least(banks, value, self.failed if self._failing(value) else None)
 
-    def outcomes(self, lanes: NDArray[np.int64] | None = None) -> tuple[Floats, NDArray[np.int8]]:
-        """The robustness and the verdict of every specification so far, in these lanes.
+    def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
+        """The outcomes of the episodes so far in these lanes.
 
         Args:
             lanes: Numbers of lanes; None: all.
 
         Returns:
-            Two arrays of shape (monitors, lanes), 0 in lanes without a sample.
+            Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0),
+            both 0 without a sample, ``decided_at`` and whether there is one, ``decided``,
+            ``satisfied``, and ``by_end``, whether the verdict is -1 at a robustness that holds;
+            and of shape (lanes,) ``success``, whether all are satisfied, and ``undecided``, whether
+            a verdict is open.
 
         Raises:
             IndexError: If there is no such lane.
         """
         banks, functions = self._found
-        return functions.outcomes(banks, self._numbers(lanes), self.failed)
+        return functions.outcomes(banks, self._numbers(lanes), self.failed, self.decided_at)
 
     def spread(self, columns: Sequence[LaneColumn], lanes: NDArray[np.int64]) -> None:
         """Write arrays of all lanes, and masks, into dictionaries, from values of some lanes.

@@ -15,6 +15,7 @@ __all__ = [
     "Lanewise",
     "SpecRows",
     "Where",
+    "known_outcome",
     "last_info",
     "outcome",
     "present",
@@ -128,13 +129,24 @@ def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> di
     violates, at a robustness that holds, has ``by_end``.
     """
     by_end = np.less(verdict, 0) > np.signbit(robustness)
-    if not by_end.ndim:
-        by_end = bool(by_end)
+    by_end = by_end if by_end.ndim else bool(by_end)
+    return known_outcome(robustness, verdict, verdict > 0, decided_at, decided_at >= 0, by_end)
+
+
+def known_outcome(
+    robustness: Lanewise,
+    verdict: Lanewise,
+    satisfied: Lanewise,
+    decided_at: Lanewise,
+    decided: Lanewise,
+    by_end: Lanewise,
+) -> dict[str, Any]:
+    """An `outcome` of which all is known."""
     return {
         "robustness": robustness,
         "verdict": VERDICTS[verdict],
-        "satisfied": verdict > 0,
-        "decided_at": Where(decided_at >= 0, decided_at),
+        "satisfied": satisfied,
+        "decided_at": Where(decided, decided_at),
         "by_end": Where(by_end, by_end),
     }
 

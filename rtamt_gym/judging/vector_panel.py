@@ -18,7 +18,7 @@ from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
 from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.infos import VERDICTS, SpecRows, outcome, spec_state
+from rtamt_gym.judging.infos import VERDICTS, SpecRows, known_outcome, spec_state
 from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.reading import Reading
@@ -278,7 +278,18 @@ class VectorPanel:
 
     def outcomes(self, at: Numbers) -> SpecRows:
         """The outcome of every specification so far, in the environments `at`."""
-        robustness, verdicts = self._book.outcomes(at)
-        found = outcome(robustness, verdicts, self._book.decided_at.take(at, axis=1))
+        return self.ends(at)[0]
+
+    def ends(self, at: Numbers) -> tuple[SpecRows, Lanes, Lanes]:
+        """The outcomes in the environments `at`, whether all hold, and whether one is open."""
+        ends = self._book.outcomes(at)
+        found = known_outcome(
+            ends.robustness,
+            ends.verdicts,
+            ends.satisfied,
+            ends.decided_at,
+            ends.decided,
+            ends.by_end,
+        )
         more = {name: {"progress": progress[at]} for name, progress in self.progress.items()}
-        return SpecRows(list(self.monitors), found, more)
+        return SpecRows(list(self.monitors), found, more), ends.success, ends.undecided

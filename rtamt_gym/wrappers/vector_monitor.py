@@ -116,10 +116,8 @@ class _LaneMonitoring(Monitoring):
     ) -> None:
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, ended.nonzero()[0]
-        found = panel.outcomes(at), panel.violated_by(at), panel.violated_at.take(at)
-        rows = found[0].found
-        success = np.logical_and.reduce(rows["satisfied"])
-        undecided = ~np.logical_and.reduce(rows["decided_at"].there)
+        outcomes, success, undecided = panel.ends(at)
+        found = outcomes, panel.violated_by(at), panel.violated_at.take(at)
         reported: Lanes | None = None
         has = np.zeros(len(at), np.bool_)
         if "is_success" in infos:

@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -194,30 +195,63 @@ struct Chosen {
     const std::int64_t* at;
 };
 
-// The outcomes of these lanes: the robustness and the verdict of every specification; 0 without a
-// sample.
-nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed) {
+// A new array of so many rows and columns, and its elements.
+template <class T>
+nb::object grid(const char* dtype, std::size_t rows, std::size_t columns, T*& elements) {
+    static PyObject* const empty = permanent(nb::module_::import_("numpy").attr("empty"));
+    static PyObject* const type = rtamt::dtype(dtype);  // one for each T
+    const nb::object shape = nb::make_tuple(rows, columns);
+    PyObject* arguments[] = {shape.ptr(), type};
+    PyObject* made = PyObject_Vectorcall(empty, arguments, 2, nullptr);
+    if (made == nullptr) nb::raise_python_error();
+    nb::object array = nb::steal(made);
+    elements = static_cast<T*>(Numpy::instance().begin(made));
+    if (elements == nullptr) throw nb::value_error("expected arrays of numpy");
+    return array;
+}
+
+// The outcomes of these lanes, as `BankOutcomes` in rtamt/machines/books.py names them.
+nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed,
+                   nb::handle decided_at) {
     const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
+    const std::size_t num = banks.front()->machine.num(), specs = banks.size();
     const Chosen chosen(lanes, num);
-    const auto* ended = elements_of<std::uint8_t>(failed, banks.size() * num);
+    const auto* ended = elements_of<std::uint8_t>(failed, specs * num);
+    const auto* decided = elements_of<std::int64_t>(decided_at, specs * num);
     double* robustness = nullptr;
     std::int8_t* verdicts = nullptr;
-    static const NewArray small("int8");
-    nb::object values = new_doubles(banks.size() * chosen.count, robustness);
-    nb::object signs = small.unfilled<std::int8_t>(banks.size() * chosen.count, verdicts);
-    for (std::size_t k = 0; k < banks.size(); ++k) {
+    std::int64_t* when = nullptr;
+    std::uint8_t *known = nullptr, *satisfied = nullptr, *by_end = nullptr;
+    std::uint8_t *success = nullptr, *open = nullptr;
+    const nb::object values = grid("float64", specs, chosen.count, robustness);
+    const nb::object signs = grid("int8", specs, chosen.count, verdicts);
+    const nb::object times = grid("int64", specs, chosen.count, when);
+    const nb::object knows = grid("bool", specs, chosen.count, known);
+    const nb::object holds = grid("bool", specs, chosen.count, satisfied);
+    const nb::object cut = grid("bool", specs, chosen.count, by_end);
+    static const NewArray flags("bool");
+    const nb::object all = flags.unfilled<std::uint8_t>(chosen.count, success);
+    const nb::object some = flags.unfilled<std::uint8_t>(chosen.count, open);
+    std::fill(success, success + chosen.count, std::uint8_t{1});
+    std::fill(open, open + chosen.count, std::uint8_t{0});
+    for (std::size_t k = 0; k < specs; ++k) {
         const UncertainBank& bank = banks[k]->machine;
         for (std::size_t i = 0; i < chosen.count; ++i) {
             const std::size_t lane = chosen[i];
             const bool is = bank.samples()[lane] > 0;
-            *robustness++ = is ? bank.results()[lane] : 0.0;
-            *verdicts++ = static_cast<std::int8_t>(
-                is ? verdict_in(bank, lane, ended[k * num + lane] != 0) : 0);
+            const double value = is ? bank.results()[lane] : 0.0;
+            const int verdict = is ? verdict_in(bank, lane, ended[k * num + lane] != 0) : 0;
+            *robustness++ = value;
+            *verdicts++ = static_cast<std::int8_t>(verdict);
+            *when = decided[k * num + lane];
+            *known++ = *when++ >= 0;
+            *satisfied++ = verdict > 0;
+            *by_end++ = verdict < 0 && !std::signbit(value);
+            success[i] &= verdict > 0;
+            open[i] |= verdict == 0;
         }
     }
-    return nb::make_tuple(values.attr("reshape")(banks.size(), chosen.count),
-                          signs.attr("reshape")(banks.size(), chosen.count));
+    return nb::make_tuple(values, signs, times, knows, holds, cut, all, some);
 }
 
 // Where elements are written that are read from a `Numpy::Rows`.
@@ -362,7 +396,7 @@ void bind_books(nb::module_& m) {
           nb::arg("decided_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
           nb::arg("violated_at"), "Forget the lanes of the mask in a book.");
     m.def("outcomes_of_banks", outcomes, nb::arg("banks"), nb::arg("lanes"), nb::arg("failed"),
-          "The robustness and the verdicts of these lanes.");
+          nb::arg("decided_at"), "The outcomes of these lanes.");
     m.def("spread_lanes", spread, nb::arg("columns"), nb::arg("lanes"), nb::arg("num"),
           "Write arrays of all lanes into dictionaries; return how many columns were written.");
     m.def("reset_banks", reset_all, nb::arg("banks"), nb::arg("mask").none(),

@@ -161,16 +161,28 @@ def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
     for value in VALUES:
         assert bits(book.least(value)) == bits([each.least(value) for each in ledgers]), value
     begun = [each.samples > 0 for each in ledgers]
-    robustness, verdicts = book.outcomes()
+    found = book.outcomes()
+    robustness, verdicts = found.robustness, found.verdicts
+    assert found.decided_at.tolist() == book.decided_at.tolist()
+    assert not np.shares_memory(found.decided_at, book.decided_at)
+    assert found.decided.tolist() == (book.decided_at >= 0).tolist()
+    assert found.satisfied.tolist() == (verdicts == 1).tolist()
+    held = [[not math.copysign(1.0, each) < 0 for each in row] for row in robustness.tolist()]
+    assert found.by_end.tolist() == ((verdicts == -1) & held).tolist()
+    assert found.success.tolist() == [set(column) == {1} for column in verdicts.T.tolist()]
+    assert found.undecided.tolist() == [0 in column for column in verdicts.T.tolist()]
     for lane, (ledger, has) in enumerate(zip(ledgers, begun, strict=True)):
         places = range(len(ledger.monitors))
         assert verdicts[:, lane].tolist() == [ledger.verdict(k) if has else 0 for k in places]
         expected_values = [each.robustness if has else 0.0 for each in ledger.monitors]
         assert bits(robustness[:, lane]) == bits(expected_values)
     lanes = np.flatnonzero(begun)[::-1]
-    some, signs = book.outcomes(lanes)
-    assert bits(some) == bits(robustness[:, lanes])
-    assert signs.tolist() == verdicts[:, lanes].tolist()
+    some = book.outcomes(lanes)
+    assert bits(some.robustness) == bits(robustness[:, lanes])
+    for name in ("verdicts", "decided_at", "decided", "satisfied", "by_end"):
+        assert getattr(some, name).tolist() == getattr(found, name)[:, lanes].tolist()
+    for name in ("success", "undecided"):
+        assert getattr(some, name).tolist() == getattr(found, name)[lanes].tolist()
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
@@ -220,7 +232,7 @@ def test_nothing_is_said_of_lanes_without_samples(backend: Backend) -> None:
     assert (book.decided_at == -1).all()
     assert not book.violated.any()
     assert not book.failed.any()
-    robustness, verdicts = book.outcomes()
+    robustness, verdicts, *_ = book.outcomes()
     assert not robustness.any()
     assert not verdicts.any()
     book.feed(np.ones((2, 2)), columns_of(book), [False, True])
