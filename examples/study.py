@@ -1,7 +1,7 @@
-"""A study over many seeds: three tasks, each with our method, two others and a control.
+"""A study over many seeds: three tasks, each with our method, two others and controls.
 
 A run is one seed of one method. Its row is written when it is over, and a program that was stopped
-goes on with the runs that the file lacks.
+goes on with the runs that the file lacks. The seeds of a task were fixed before its first run.
 
 Run: python examples/study.py corridor patrol speed_limit --seeds 30 --output study.jsonl
 """
@@ -18,12 +18,18 @@ import train_corridor
 import train_patrol
 import train_speed_limit
 from corridor import VectorCorridor
+from gymnasium import Env
 from gymnasium.vector import VectorEnv
 from training import FIRST_JUDGED, printed
 
-from rtamt_gym import VectorStlMonitor, VectorStlReward, compare_methods, evaluate_policy
+from rtamt_gym import (
+    StlReward,
+    VectorStlMonitor,
+    VectorStlReward,
+    compare_methods,
+    evaluate_policy,
+)
 
-FIRST_SEED = 30_000
 EPISODES = 100
 METHODS = ("ours", "plain", "naive", "control")
 GAMMA = 0.98
@@ -41,8 +47,10 @@ class Task:
         period: Time between two samples; None: the environment says it.
         learner: Makes, from a method and a seed, a learner with its environments.
         seen: Makes environments as the policy of a method sees them, whose episodes judge.
+        first_seed: The seed of the first run; each further run has one more.
         steps: Steps of the environments that every run trains.
         points: How often a run is judged, at equal distances.
+        methods: What is compared.
     """
 
     required: Mapping[str, str]
@@ -50,8 +58,15 @@ class Task:
     period: float | None
     learner: Callable[[str, int], Any]
     seen: Callable[[str], Any]
+    first_seed: int
     steps: int
     points: int
+    methods: tuple[str, ...] = METHODS
+
+
+def falling(made: list[Any], steps: int) -> Callable[[float], float]:
+    """A rate from 1e-3 to 0 over all steps of a run, which is trained in parts."""
+    return lambda _: 1e-3 * max(0.0, 1.0 - (made[0].num_timesteps if made else 0) / steps)
 
 
 def ppo(envs: Envs, seed: int, steps: int, n_steps: int) -> Any:
@@ -60,17 +75,12 @@ def ppo(envs: Envs, seed: int, steps: int, n_steps: int) -> Any:
     from vec_env import GymnasiumVecEnv
 
     made: list[Any] = []
-
-    def rate(_: float) -> float:
-        """From 1e-3 to 0 over all steps of a run, which is trained in parts."""
-        return 1e-3 * max(0.0, 1.0 - (made[0].num_timesteps if made else 0) / steps)
-
     model = PPO(
         "MlpPolicy",
         GymnasiumVecEnv(envs, seed),
         n_steps=n_steps,
         batch_size=250,
-        learning_rate=rate,
+        learning_rate=falling(made, steps),
         gamma=GAMMA,
         gae_lambda=1.0,
         use_sde=True,
@@ -137,8 +147,61 @@ def patrol_learner(method: str, seed: int) -> Any:
     return ppo(envs, seed, 32_000, train_patrol.STEPS)
 
 
-LIMIT = {"ours": "terminate", "plain": "plain", "naive": "naive", "control": "truncate"}
-"""The methods of the third task as `train_speed_limit` calls them."""
+LIMIT_STEPS = 163_840
+
+
+def limited(method: str) -> Env[Any, Any]:
+    """What a method learns the speed limit in.
+
+    Ours pays 30 less at the violation that ends an episode; the control calls the same end a
+    truncation, and `unpaid` ends without the penalty.
+    """
+    match method:
+        case "plain" | "naive":
+            return train_speed_limit.trained(method)
+        case "unpaid":
+            return train_speed_limit.trained("terminate")
+        case _:
+            return StlReward(
+                train_speed_limit.made(),
+                train_speed_limit.SLOW,
+                train_speed_limit.SPEED,
+                mode="potential",
+                gamma=0.99,
+                penalty=30.0,
+                on_violation="truncate" if method == "control" else "terminate",
+            )
+
+
+def limit_learner(method: str, seed: int) -> Any:
+    """PPO whose noise lasts eight steps, and whose rate falls.
+
+    `trembling` has as much noise at first, about 0.22, drawn anew in each step; `first` is what
+    `train_speed_limit` does.
+    """
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    if method == "first":
+        return train_speed_limit.learner("terminate", seed)
+    made: list[Any] = []
+    lasting = method != "trembling"
+    model = PPO(
+        "MlpPolicy",
+        VecNormalize(make_vec_env(lambda: limited(method), 16, seed=seed)),
+        n_steps=128,
+        batch_size=512,
+        learning_rate=falling(made, LIMIT_STEPS),
+        use_sde=lasting,
+        sde_sample_freq=8 if lasting else -1,
+        policy_kwargs={"log_std_init": -3.0 if lasting else -1.5},
+        seed=seed,
+        device="cpu",
+    )
+    made.append(model)
+    return model
+
 
 TASKS = {
     "corridor": Task(
@@ -147,6 +210,7 @@ TASKS = {
         1.0,
         corridor_learner,
         lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_kept(method)),
+        first_seed=31_000,
         steps=40_000,
         points=5,
     ),
@@ -158,6 +222,7 @@ TASKS = {
         lambda method: VectorStlMonitor(
             patrol(EPISODES), on_violation="report", **patrol_kept(method)
         ),
+        first_seed=30_000,
         steps=32_000,
         points=8,
     ),
@@ -165,10 +230,12 @@ TASKS = {
         train_speed_limit.REQUIRED,
         train_speed_limit.SIGNALS,
         None,
-        lambda method, seed: train_speed_limit.learner(LIMIT[method], seed),
+        limit_learner,
         lambda _: train_speed_limit.made,
-        steps=163_840,
+        first_seed=20_000,
+        steps=LIMIT_STEPS,
         points=2,
+        methods=(*METHODS, "unpaid", "trembling", "first"),
     ),
 }
 
@@ -257,16 +324,19 @@ def main(argv: list[str] | None = None) -> None:
     """Runs what the file lacks, and prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("tasks", nargs="+", choices=TASKS)
-    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
+    known = sorted({method for task in TASKS.values() for method in task.methods})
+    parser.add_argument("--methods", nargs="+", choices=known, help="some of those of the tasks")
     parser.add_argument("--seeds", type=int, default=30, help="runs of every method")
-    parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="of the runs")
+    parser.add_argument("--first-seed", type=int, help="of the runs; else that of the study")
     parser.add_argument("--output", type=Path, required=True, help="the file of rows")
     arguments = parser.parse_args(argv)
     finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
     for name in arguments.tasks:
-        for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
-            for method in arguments.methods:
-                if (name, method, seed) in finished:
+        task = TASKS[name]
+        first = task.first_seed if arguments.first_seed is None else arguments.first_seed
+        for seed in range(first, first + arguments.seeds):
+            for method in task.methods if arguments.methods is None else arguments.methods:
+                if method not in task.methods or (name, method, seed) in finished:
                     continue
                 row = run(name, method, seed)
                 with arguments.output.open("a", encoding="utf-8") as file:
