@@ -14,6 +14,8 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+import matplotlib.pyplot as plt
+import numpy as np
 import train_corridor
 import train_patrol
 import train_speed_limit
@@ -176,15 +178,12 @@ def limited(method: str) -> Env[Any, Any]:
 def limit_learner(method: str, seed: int) -> Any:
     """PPO whose noise lasts eight steps, and whose rate falls.
 
-    `trembling` has as much noise at first, about 0.22, drawn anew in each step; `first` is what
-    `train_speed_limit` does.
+    `trembling` has as much noise at first, about 0.22, drawn anew in each step.
     """
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
-    if method == "first":
-        return train_speed_limit.learner("terminate", seed)
     made: list[Any] = []
     lasting = method != "trembling"
     model = PPO(
@@ -235,7 +234,7 @@ TASKS = {
         first_seed=20_000,
         steps=LIMIT_STEPS,
         points=2,
-        methods=(*METHODS, "unpaid", "trembling", "first"),
+        methods=(*METHODS, "unpaid", "trembling"),
     ),
 }
 
@@ -303,13 +302,14 @@ def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
         return cells
     for method, found in compare_methods(curves, steps=steps).methods.items():
         low, high = found.mean.interval
+        interval = f" [{low:.1f}, {high:.1f}]" if found.runs > 1 else ""
         least, *quartiles, _ = found.quartiles
         ends = [run[-1] for run in curves[method]]
         cells.append(
             [
                 method,
                 str(found.runs),
-                f"{found.mean.value:.1f} [{low:.1f}, {high:.1f}]",
+                f"{found.mean.value:.1f}{interval}",
                 f"{found.interquartile_mean.value:.1f}",
                 f"{least:.0f}",
                 ", ".join(f"{each:.0f}" for each in quartiles),
@@ -318,6 +318,30 @@ def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
             ]
         )
     return cells
+
+
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    """Draws every run as a point, in the order of their rates, and the mean with its interval."""
+    names = [name for name in TASKS if any(row["task"] == name for row in rows)]
+    with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
+        figure, panels = plt.subplots(1, len(names), squeeze=False, figsize=(7.6, 3.4))
+        for axes, name in zip(panels[0], names, strict=True):
+            rates: dict[str, list[float]] = {}
+            for row in rows:
+                if row["task"] == name:
+                    rate = 100 * row["satisfied"][-1] / row["episodes"]
+                    rates.setdefault(row["method"], []).append(rate)
+            for place, (method, found) in enumerate(compare_methods(rates).methods.items()):
+                across = place + (np.linspace(0.4, -0.4, found.runs) if found.runs > 1 else 0.0)
+                axes.plot(sorted(rates[method]), across, ".", color="C0", clip_on=False)
+                axes.plot(found.mean.interval, [place, place], color="C1", linewidth=1.8)
+                axes.plot(found.mean.value, place, "D", color="C1", clip_on=False)
+            axes.axvline(80, color="0.8", linewidth=0.6, zorder=0)
+            axes.set_yticks(range(len(rates)), [f"{m}, {len(r)}" for m, r in rates.items()])
+            axes.set(title=name, xlim=(0, 100), ylim=(len(rates) - 0.5, -0.5))
+            axes.set_xlabel("satisfied, %")
+        figure.savefig(path)
+        plt.close(figure)
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -329,6 +353,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=30, help="runs of every method")
     parser.add_argument("--first-seed", type=int, help="of the runs; else that of the study")
     parser.add_argument("--output", type=Path, required=True, help="the file of rows")
+    parser.add_argument("--plot", type=Path, help="draw the rates of all runs into this file")
     arguments = parser.parse_args(argv)
     finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
     for name in arguments.tasks:
@@ -343,6 +368,8 @@ def main(argv: list[str] | None = None) -> None:
                     file.write(json.dumps(row) + "\n")
                 print(f"{name}, {method}, seed {seed}: {row['satisfied'][-1]} of {EPISODES}")
         print(printed(table(rows_of(arguments.output), name)))
+    if arguments.plot:
+        draw(rows_of(arguments.output), arguments.plot)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,14 @@ from paths import EXAMPLES, ROOT
 
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
 
+FIRST_SEEDS = {
+    "corridor": 31_000,
+    "corridor_first": 30_000,
+    "patrol": 30_000,
+    "speed_limit": 20_000,
+}
+"""Of the study, as the page says them before its tables."""
+
 
 def tables(head: str = "variant") -> list[list[list[str]]]:
     """The tables of the page: of each the cells of its rows, without the line below the header."""
@@ -62,7 +70,7 @@ def test_the_first_table_repeats_those_of_the_study() -> None:
         assert ours == [of["ours"][key] for key in ("runs", "mean, %", "least")]
         for shown, method in ((plain, "plain"), (naive, "naive"), (control, "control")):
             mean = of[method]["mean, %"].split()[0]
-            assert shown == f"{mean} of {of[method]['runs']} runs"
+            assert shown == f"{mean} ({of[method]['runs']})"
 
 
 def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
@@ -80,8 +88,23 @@ def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
             # Fixed before the first run: no seed between is left out.
             seeds = sorted(row["seed"] for row in of)
             assert seeds == list(range(seeds[0], seeds[0] + len(of)))
-            assert seeds[0] == (31_000 if name == "corridor" else 30_000)
-            assert mean.startswith(f"{np.mean(ends):.1f} [")
+            assert seeds[0] == FIRST_SEEDS[name]
+            assert mean.split(" [")[0] == f"{np.mean(ends):.1f}"
+            assert ("[" in mean) == (len(of) > 1)
             assert float(least) == min(ends)
-    for name in ("corridor", "patrol"):
+    for name in study.TASKS:
         assert f"{study.TASKS[name].steps:,}".replace(",", " ") in PAGE
+
+
+def test_the_table_of_trials_is_what_their_rows_say() -> None:
+    path = EXAMPLES / "results" / "speed_limit_trials.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["steps"] == "163840"]
+    (table,) = tables("noise")
+    shown: list[tuple[str, ...]] = []
+    for *settings, seeds, satisfied, lengths in table[1:]:
+        runs = zip(seeds.split(", "), satisfied.split(", "), lengths.split(", "), strict=True)
+        shown += [(*settings, *run) for run in runs]
+    columns = ("noise", "log_std_init", "penalty", "constant", "seed", "satisfied", "length")
+    assert sorted(shown) == sorted(tuple(row[name] for name in columns) for row in rows)
+    assert {row["episodes"] for row in rows} == {"10"}
