@@ -31,7 +31,7 @@ def evaluated(
     shape = tuple(values[0].shape)
     n = shape[0]
     registers, wrong = terms(program, o, dtype, values)
-    for instruction in program.clamped(n).instructions[program.terms :]:
+    for instruction in program.instructions[program.terms :]:
         match instruction:
             case Map("min", (a, b)):
                 registers.append(lattice.lesser(registers[a], registers[b]))
@@ -40,7 +40,9 @@ def evaluated(
             case Map(function, args):
                 registers.append(FUNCTIONS[function](o, *(registers[a] for a in args)))
             case Window(name, lo, hi, args):
-                lo, hi = -n if lo is None else lo, n if hi is None else hi
+                # As `Program.clamped` does, in words that compilers of graphs read.
+                lo = -n if lo is None else max(-n, min(n, lo))
+                hi = n if hi is None else max(-n, min(n, hi))
                 fold = Fold.named(name, lattice)
                 before, after = max(0, -lo), max(0, hi)
                 x = tuple(

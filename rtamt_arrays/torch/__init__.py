@@ -30,6 +30,9 @@ __all__ = [
     "smoothing_error",
 ]
 
+# Under torch.compile a specification is read while the graph is made, and is no part of it.
+_program_of = torch.compiler.assume_constant_result(program_of)
+
 # torch.load reads states that were saved, with what it takes for safe.
 torch.serialization.add_safe_globals([OnlineState, EpisodeState])
 
@@ -150,7 +153,7 @@ def evaluate(
     reader = TorchReader(dtype, _device_of(signals))
     operations = TorchOperations(reader.device)
     lattice = lattice_of(operations, reader, semantics, temperature)
-    program = program_of(spec, period, align, online=False)
+    program = _program_of(spec, period, align, online=False)
     values = traces(program, reader, signals)
     return evaluated(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)
 

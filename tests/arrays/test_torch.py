@@ -18,6 +18,7 @@ from bits import bits
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+import rtamt
 import rtamt_arrays.torch as arrays
 from rtamt.errors import InputError
 from rtamt_arrays.operations import Tensor
@@ -137,6 +138,30 @@ def test_a_step_compiles_as_one_graph_and_gives_the_same_bits(
     compiled = torch.compile(monitor.update, fullgraph=True, backend=backend)
     found, expected = (stepped(monitor, samples, resets, f) for f in (compiled, monitor.update))
     assert {k: bits(v) for k, v in found.items()} == {k: bits(v) for k, v in expected.items()}
+
+
+@pytest.mark.parametrize("more", [{}, {"semantics": "smooth", "temperature": 0.1}])
+@pytest.mark.parametrize("spec", [SPECS[1], rtamt.parse(EPISODES[0])], ids=["text", "parsed"])
+def test_robustness_of_traces_compiles_as_one_graph_with_its_gradient(
+    spec: str | rtamt.Specification, more: dict[str, ArrayMonitor]
+) -> None:
+    torch.compiler.reset()
+
+    def robustness(x: Tensor) -> Tensor:
+        return arrays.evaluate(spec, {"x": x[..., 0], "y": x[..., 1]}, **more)
+
+    def total(x: Tensor) -> Tensor:
+        values = robustness(x)
+        return torch.where(values.isfinite(), values, 0.0).sum()
+
+    samples = torch.from_numpy(np.random.default_rng(6).normal(size=(3, 12, 2))).requires_grad_()
+    compiled = torch.compile(robustness, fullgraph=True, backend="aot_eager")
+    assert bits(compiled(samples).detach().numpy()) == bits(robustness(samples).detach().numpy())
+    (found,) = torch.autograd.grad(
+        torch.compile(total, fullgraph=True, backend="aot_eager")(samples), samples
+    )
+    (expected,) = torch.autograd.grad(total(samples), samples)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 # Of torch itself, where its compiler is imported.
