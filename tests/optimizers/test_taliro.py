@@ -167,8 +167,8 @@ def test_several_requirements_cost_the_least_and_fixed_entries_are_held() -> Non
         assert each.cost == min(9 - run_.signals["req"].max(), 9 - run_.signals["gnt"].max())
 
 
-def test_uneven_times_are_sampled_on_straight_lines() -> None:  # type: ignore[untyped-decorator]  # it has no types here
-    @staliro.ode(method="RK45")
+def test_uneven_times_are_sampled_on_straight_lines() -> None:
+    @staliro.ode(method="RK45")  # type: ignore[untyped-decorator]  # it has no types here
     def falling(inputs: staliro.OdeInputs) -> dict[str, float]:
         return {"height": inputs.state["speed"], "speed": -9.81}
 

@@ -57,5 +57,6 @@ def test_a_name_is_no_environment_yet() -> None:
         "expected an environment of Gymnasium, got 'CartPole-v1'; make it with gym.make"
     )
     assert refusal(VectorStlMonitor, "CartPole-v1") == (
-        "expected a vector environment of Gymnasium, got 'CartPole-v1'; make it with gym.make_vec"
+        "expected a vector environment of Gymnasium, got 'CartPole-v1'; make it with gym.make_vec, "
+        "envpool.make_gymnasium or pufferlib.vector.make"
     )

@@ -98,12 +98,6 @@ def test_statistics_around_the_reward_count_what_they_see() -> None:
     assert "r_env" not in info["episode"]
 
 
-def test_of_two_rewards_the_outer_one_is_paid() -> None:
-    env = StlReward(shaped(Monitor(Fresh(SERIES))), mode="replace", clip=3.0)
-    paid, _, info = play(env)
-    assert (info["episode"]["r"], info["episode"]["r_env"]) == (paid, 15.0)
-
-
 def test_without_statistics_none_are_made() -> None:
     env = shaped(Fresh(SERIES))
     assert "episode" not in play(env)[2]

@@ -40,7 +40,7 @@ def is_picture(env: Env) -> bool:
 
 def observing(case: Case) -> Env:
     """With the state of the monitor in the observation, flattened where it is a picture."""
-    env = shaped(case)
+    env = case.monitored()
     if is_picture(env):
         env = FlattenObservation(env)
     return StlReward(env, mode="potential", observe="state")
