@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import rtamt_arrays.jax as arrays
 from rtamt.program.algebra import FUNCTIONS
-from rtamt_arrays import functions
+from rtamt_arrays import functions, smooth
 from rtamt_arrays.operations import Tensor
 
 
@@ -135,6 +135,7 @@ def test_functions_are_those_of_programs() -> None:
 
 
 def test_the_examples_of_docstrings_show_what_happens() -> None:
-    done = doctest.testmod(arrays)
-    assert done.attempted
-    assert not done.failed
+    for module in (arrays, smooth):
+        done = doctest.testmod(module)
+        assert done.attempted
+        assert not done.failed

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import rtamt
 import rtamt_arrays.torch as arrays
 from rtamt.errors import InputError
+from rtamt_arrays import smooth
 from rtamt_arrays.operations import Tensor
 
 
@@ -297,7 +298,7 @@ def test_tensors_of_another_device_are_refused() -> None:
 def test_the_examples_of_docstrings_show_what_happens() -> None:
     before = torch.get_default_dtype()
     torch.set_default_dtype(torch.float32)
-    done = doctest.testmod(arrays)
+    done = [doctest.testmod(module) for module in (arrays, smooth)]
     torch.set_default_dtype(before)
-    assert done.attempted
-    assert not done.failed
+    assert all(each.attempted for each in done)
+    assert not any(each.failed for each in done)

@@ -16,14 +16,14 @@ SPECS = {
 
 def samples(case: Case) -> Any:
     """Samples of two variables in all lanes, for some steps."""
-    steps = max(4, min(64, 262_144 // case["lanes"]))
+    steps = max(4, min(16, 262_144 // case["lanes"]))
     steps = max(2, steps // 8) if case["spec"] == "nested" else steps
     random = np.random.default_rng(7)
     return random.normal(size=(steps, case["lanes"], 2)).astype(np.float32) * 3
 
 
 def repeats(case: Case) -> int:
-    return 3 if case["quick"] else 7
+    return 5 if case["quick"] else 15
 
 
 def per_step(case: Case, whole: float) -> float:
