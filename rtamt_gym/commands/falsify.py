@@ -126,7 +126,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_reading(parser, *EPISODES)
     add_require_asked(parser, "simulation")
-    add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
+    add_output(
+        parser,
+        "--save",
+        "write the violation that was found as a file that rtamt replay runs; without one no file "
+        "is written",
+    )
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
     parser.add_argument(
@@ -254,9 +259,11 @@ def _write(found: Falsification, options: argparse.Namespace, system: str | None
     if options.record:
         found.record.save(options.record)
         yield f"record: {options.record}"
-    if options.save:
+    if options.save and found.falsified:
         found.save(options.save, system=system, policy=options.policy)
         yield f"case: {options.save} (run it again: rtamt replay {options.save})"
+    elif options.save:  # what lies there may be a case that was found before
+        yield f"case: nothing was violated, {options.save} is not written"
     if options.plot:
         found.plot(options.plot)
         yield f"picture: {options.plot}"

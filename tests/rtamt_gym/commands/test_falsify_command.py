@@ -123,6 +123,17 @@ def test_functions_fmus_and_environments_are_systems(capsys: Output, tmp_path: P
     assert "as expected, to the last bit" in lines(capsys, 0, "replay", "case.json")[-1]
 
 
+def test_a_search_that_finds_nothing_leaves_the_case_that_was_found(capsys: Output) -> None:
+    lines(capsys, 1, "falsify", SYSTEM, "--vary", "height=2:8", "--vary", "limit=0:5", *SAVE)
+    kept = Path("case.json").read_bytes()
+    harmless = ["--vary", "height=2:2.1", "--vary", "limit=4.9:5", "--budget", "5"]
+    for name, there in (("case.json", True), ("new.json", False)):
+        printed = _printed(capsys, 0, "falsify", SYSTEM, *harmless, "--save", name)
+        assert f"case: nothing was violated, {name} is not written" in printed
+        assert Path(name).exists() is there
+    assert Path("case.json").read_bytes() == kept
+
+
 def test_another_verdict_exits_1_and_names_what_has_changed(capsys: Output) -> None:
     lines(capsys, 1, "falsify", SYSTEM, "--vary", "height=2:8", "--vary", "limit=0:5", *SAVE)
     kept = json.loads(Path("case.json").read_text())
