@@ -129,8 +129,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output(
         parser,
         "--save",
-        "write the violation that was found as a file that rtamt replay runs; without one no file "
-        "is written",
+        "write what was found as a file that rtamt replay runs; where nothing was violated, a file "
+        "that is there stays",
     )
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
@@ -259,11 +259,12 @@ def _write(found: Falsification, options: argparse.Namespace, system: str | None
     if options.record:
         found.record.save(options.record)
         yield f"record: {options.record}"
-    if options.save and found.falsified:
+    if options.save and not found.falsified and Path(options.save).exists():
+        # What lies there may be a violation that was found before.
+        yield f"case: nothing was violated, {options.save} stays as it is"
+    elif options.save:
         found.save(options.save, system=system, policy=options.policy)
         yield f"case: {options.save} (run it again: rtamt replay {options.save})"
-    elif options.save:  # what lies there may be a case that was found before
-        yield f"case: nothing was violated, {options.save} is not written"
     if options.plot:
         found.plot(options.plot)
         yield f"picture: {options.plot}"

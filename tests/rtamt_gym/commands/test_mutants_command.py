@@ -393,6 +393,18 @@ def test_mutants_that_look_at_the_first_sample_alone_are_said(trace: str, capsys
     assert (found["made"], found["left_out"]) == (2, 0)
 
 
+def _but_the_trace_that_tells_apart(found: Any) -> Any:  # noqa: ANN401 - JSON
+    """Z3 finds one of many, and another one where it has solved something before."""
+    if isinstance(found, dict):
+        return {
+            key: value is not None if key == "apart" else _but_the_trace_that_tells_apart(value)
+            for key, value in found.items()
+        }
+    if isinstance(found, list):
+        return [_but_the_trace_that_tells_apart(each) for each in found]
+    return found
+
+
 def test_processes_notice_what_one_process_notices(tmp_path: Path, capsys: Output) -> None:
     paths = traces_in(tmp_path, 5, seed=7)
     timed = [*paths]
@@ -403,7 +415,7 @@ def test_processes_notice_what_one_process_notices(tmp_path: Path, capsys: Outpu
         write_trace(Path(timed[i]), {"time": times, **columns})
     for files, text in ((paths, SPECS[1]), (timed, SPECS[1].replace("0:2", "0:1s"))):
         alone, two = (answer(capsys, text, "-j", j, "--", *files)["mutants"] for j in "12")
-        assert alone == two
+        assert _but_the_trace_that_tells_apart(alone) == _but_the_trace_that_tells_apart(two)
         (found,) = alone["requirements"].values()
         assert found["noticed"] > 0
 
