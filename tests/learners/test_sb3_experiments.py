@@ -59,7 +59,7 @@ def test_a_run_of_the_study_gives_the_same_row_again_and_is_not_run_twice(
         options = [task, "--methods", method, "--seeds", "1", "--output", str(file)]
         study.main(options)
         said, *rows = capsys.readouterr().out.splitlines()
-        assert said.startswith(f"{task}, {method}, seed 30000: ")
+        assert said.startswith(f"{task}, {method}, seed {short.first_seed}: ")
         study.main(options)
         assert capsys.readouterr().out.splitlines() == rows
         assert rows[-1].split()[:2] == [method, "1"]

@@ -40,7 +40,8 @@ def test_its_checker_finds_no_fault(case: Any) -> None:  # noqa: ANN401
     env = StlReward(case.bare(), case.specs, case.signals, mode="add")
     check_env(env, skip_render_check=True)
     if len(env.observation_space.shape or ()) < 2:
-        check_env(StlReward(env, mode="add", observe="state"), skip_render_check=True)
+        env = StlReward(case.bare(), case.specs, case.signals, mode="add", observe="state")
+        check_env(env, skip_render_check=True)
 
 
 def test_its_monitor_writes_the_flat_keys_of_every_episode(tmp_path: Path) -> None:
