@@ -135,8 +135,7 @@ class Bench:
         if subject.command is None:
             return
         command = subject.command(self.ros.folder, period)
-        environment = self.ros.environment | {"PYTHONPATH": f"{ROOT}:{ROOT}/envs"}
-        environment |= dict(subject.environment)
+        environment = self.ros.environment | dict(subject.environment)
         self.node = Process(command, environment, self.ros.folder / "node.log")
         self.ros.processes.append(self.node)
 

@@ -8,8 +8,9 @@ raised priority, in twelve minutes on a machine that does nothing else:
 
     python tests/bench/ros/run.py late
 
-The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
-figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
+The interpreter must have rospy or rclpy, whose generation is measured, and rtamt installed: the
+checkout beside this file has no native machines. Every figure is that of processes of their own on
+the loopback interface of one host. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ import latency
 import memory
 import restarts
 from bench import HOP, Subject, first, of_2020, ours, relay
+
+from rtamt import BACKEND
 
 Row = dict[str, Any]
 SECONDS = {10.0: 30.0, 100.0: 20.0, 1000.0: 10.0}
@@ -193,7 +196,8 @@ def main() -> None:
     generation = 1 if importlib.util.find_spec("rospy") else 2
     peers = [of_2020(*arguments.peer)] if arguments.peer else []
     tables = {}
-    print(f"ROS {generation}, Python {platform.python_version()}, {os.cpu_count()} processors")
+    python, processors = platform.python_version(), os.cpu_count()
+    print(f"ROS {generation}, Python {python}, {BACKEND} machines, {processors} processors")
     for name in arguments.sections or SECTIONS:
         measure, title = SECTIONS[name]
         begin, load = time.monotonic(), os.getloadavg()[0]
