@@ -6,6 +6,15 @@
 #include <memory>
 #include <new>
 
+// Says of the next loop that its rounds do not read what others write.
+#if defined(__clang__)
+#define RTAMT_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
+#elif defined(__GNUC__)
+#define RTAMT_INDEPENDENT _Pragma("GCC ivdep")
+#else
+#define RTAMT_INDEPENDENT __pragma(loop(ivdep))
+#endif
+
 namespace rtamt {
 
 // Memory for columns. The widest vectors lie within one line of the cache each.
@@ -21,6 +30,8 @@ inline ColumnMemory column_memory(std::size_t n) {
 #if defined(__GNUC__) && defined(__x86_64__)
 
 #define RTAMT_LOOP [[gnu::always_inline]] inline
+// The same of a lambda, between its parameters and its body.
+#define RTAMT_LOOP_BODY __attribute__((always_inline))
 
 enum class Vectors { narrow, avx2, avx512 };
 
@@ -53,6 +64,7 @@ inline void widest(Args... args) {
 #else
 
 #define RTAMT_LOOP inline
+#define RTAMT_LOOP_BODY
 
 template <auto loop, class... Args>
 inline void widest(Args... args) {
@@ -60,5 +72,16 @@ inline void widest(Args... args) {
 }
 
 #endif
+
+template <class Body>
+RTAMT_LOOP void run_body(const Body* body) {
+    (*body)();
+}
+
+// Runs a body of loops, a lambda with RTAMT_LOOP_BODY, as widest runs a function.
+template <class Body>
+inline void widely(const Body& body) {
+    widest<run_body<Body>>(&body);
+}
 
 }  // namespace rtamt

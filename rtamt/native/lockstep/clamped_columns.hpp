@@ -55,12 +55,12 @@ public:
         const auto in = elements_.at(0);
         const auto folded = folded_.at(0);
         each_stretch(t.lanes, t.places.together(),
-                     [&](std::size_t lane, std::size_t i, std::size_t n) {
+                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
                          ring_.push(t.places.of(lane), lane, n, in.from(i), folded.from(i));
                      });
         if (t.first < window_.hi) fold_young(t);
         each_stretch(t.lanes, t.places.together(),
-                     [&](std::size_t lane, std::size_t i, std::size_t n) {
+                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
                          settle(t, lane, n, in.from(i), folded.from(i), seen);
                      });
     }
@@ -87,9 +87,11 @@ private:
         const double* worst = t.columns.at(kMin ? window_.least : window_.greatest);
         const auto out = elements_.at(0);
         const std::size_t count = t.lanes.count();
-        RTAMT_INDEPENDENT
-        for (std::size_t i = 0; i < count; ++i)
-            out.put(i, F::element(operand[i], best[i], worst[i]));
+        widely([&]() RTAMT_LOOP_BODY {
+            RTAMT_INDEPENDENT
+            for (std::size_t i = 0; i < count; ++i)
+                out.put(i, F::element(operand[i], best[i], worst[i]));
+        });
         if (t.first >= begin && t.last <= end) return;
         for (std::size_t i = 0; i < count; ++i) {  // only windows that begin in time count
             const Time time = t.times[t.lanes[i]];
@@ -103,16 +105,22 @@ private:
         const auto since_begin = since_begin_.at(0);
         const auto in = elements_.at(0);
         const auto folded = folded_.at(0);
-        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
-            const std::uint32_t lane = t.lanes[i];
-            if (t.times[lane] >= window_.hi) continue;
-            const Element all = F::combine(since_begin[lane], in[i]);
-            since_begin.put(lane, all);
-            folded.put(i, all);
-        }
+        each_stretch(t.lanes, true,
+                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         const auto all = since_begin.from(lane), from = in.from(i);
+                         const auto out = folded.from(i);
+                         const std::int64_t* times = t.times + lane;
+                         const Time hi = window_.hi;
+                         RTAMT_INDEPENDENT
+                         for (std::size_t j = 0; j < n; ++j) {
+                             const Element x = F::combine(all[j], from[j]);
+                             all.put_if(times[j] < hi, j, x);
+                             out.put_if(times[j] < hi, j, x);
+                         }
+                     });
     }
 
-    void settle(const Taken& t, std::size_t lane, std::size_t n, View<Element> in,
+    RTAMT_LOOP void settle(const Taken& t, std::size_t lane, std::size_t n, View<Element> in,
                 View<Element> folded, const Seen& seen) {
         const auto delayed =
             delayed_.at(static_cast<std::size_t>(t.places.of(lane) % length_), lane);
@@ -120,7 +128,7 @@ private:
         double* now = seen.now + lane;
         double* best = seen.best + lane;
         double* worst = seen.worst + lane;
-        const auto open = [&](std::size_t i, Element x) {
+        const auto open = [&](std::size_t i, Element x) RTAMT_LOOP_BODY {
             now[i] = Order::least(now[i], F::now(x));
             best[i] = Order::least(best[i], F::best(x));
             worst[i] = Order::least(worst[i], F::worst(x));
@@ -135,10 +143,13 @@ private:
             }
             return;
         }
+        const std::int64_t* times = t.times + lane;
+        const Time hi = window_.hi;
+        RTAMT_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i) {
             const Element x = folded[i];
-            if (t.times[lane + i] >= window_.hi)
-                settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
+            const double whole = Order::least(settled[i], F::settled(delayed[i], x));
+            settled[i] = times[i] >= hi ? whole : settled[i];
             delayed.put(i, F::kept(in[i]));
             open(i, x);
         }
@@ -164,13 +175,14 @@ public:
     void take(const Taken& t, Time, Time, const Seen& seen) override {
         const double* operand = t.columns.at(window_.operand);
         const auto folded = folded_.at(0);
-        each_stretch(
-            t.lanes, t.places.together(), [&](std::size_t lane, std::size_t i, std::size_t n) {
-                ring_.push(t.places.of(lane), lane, n, operand + i, folded.from(i));
-            });
-        each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t i, std::size_t n) {
-            settle(t, lane, n, operand + i, folded.from(i), seen);
-        });
+        each_stretch(t.lanes, t.places.together(),
+                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         ring_.push(t.places.of(lane), lane, n, operand + i, folded.from(i));
+                     });
+        each_stretch(t.lanes, true,
+                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         settle(t, lane, n, operand + i, folded.from(i), seen);
+                     });
     }
     void reset(const Lanes& lanes) override {
         if (lanes.all()) ring_.clear();
@@ -178,7 +190,7 @@ public:
     void fields(Snapshot& s) override { ring_.fields(s); }
 
 private:
-    void settle(const Taken& t, std::size_t lane, std::size_t n, const double* operand,
+    RTAMT_LOOP void settle(const Taken& t, std::size_t lane, std::size_t n, const double* operand,
                 View<double> folded, const Seen& seen) {
         double* settled = seen.settled + lane;
         double* now = seen.now + lane;
@@ -194,8 +206,13 @@ private:
             for (std::size_t i = 0; i < n; ++i) settled[i] = Order::least(settled[i], folded[i]);
             return;
         }
-        for (std::size_t i = 0; i < n; ++i)
-            if (t.times[lane + i] >= window_.hi) settled[i] = Order::least(settled[i], folded[i]);
+        const std::int64_t* times = t.times + lane;
+        const Time hi = window_.hi;
+        RTAMT_INDEPENDENT
+        for (std::size_t i = 0; i < n; ++i) {
+            const double whole = Order::least(settled[i], folded[i]);
+            settled[i] = times[i] >= hi ? whole : settled[i];
+        }
     }
 
     ClampedWindow window_;

@@ -184,13 +184,22 @@ public:
         columns_.find(terms, lanes.count());
         Time first = std::numeric_limits<Time>::max();
         Time last = 0;
-        for (std::size_t i = 0; i < lanes.count(); ++i) {
-            first = std::min(first, samples[lanes[i]]);
-            last = std::max(last, samples[lanes[i]]);
-        }
+        each_stretch(lanes, true,
+                     [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+                         Time least = first, most = last;
+                         for (const std::int64_t* s = samples + lane; s < samples + lane + n; ++s) {
+                             least = std::min(least, *s);
+                             most = std::max(most, *s);
+                         }
+                         first = least;
+                         last = most;
+                     });
         const Taken taken{lanes, places_, samples, first, last, columns_};
         for (const auto& value : initial_) value->take(taken);
-        for (std::size_t i = 0; i < lanes.count(); ++i) ++samples[lanes[i]];
+        each_stretch(lanes, true,
+                     [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+                         for (std::size_t i = lane; i < lane + n; ++i) ++samples[i];
+                     });
         conclude(lanes, false);
     }
 

@@ -135,14 +135,12 @@ public:
     }
 
     void conclude(const Lanes& lanes, const std::int64_t* samples, bool ended) override {
-        const double best_tail = operand_.tail[kBest];
-        const double worst_tail = operand_.tail[kWorst];
         const bool to_the_end = ended && end_ == kNever;
         const double* settled = settled_.data();
         double* now = world(kNow);
         double* best_world = world(kBest);
         double* worst_world = world(kWorst);
-        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
             const std::size_t stop = lane + n;
             if (windows_.empty()) {
                 std::copy(settled + lane, settled + stop, now + lane);
@@ -158,14 +156,7 @@ public:
                     worst_world[i] = Order::least(worst[i], settled[i]);
                 }
             }
-            if (to_the_end) return;
-            for (std::size_t i = lane; i < stop; ++i) {
-                if (end_ < samples[i]) continue;  // no unseen sample counts
-                // But for the one of time 0, they may not be there.
-                if (ended || operand_.guard || (samples[i] == 0 && begin_ == 0))
-                    best_world[i] = Order::least(best_world[i], best_tail);
-                worst_world[i] = Order::least(worst_world[i], worst_tail);
-            }
+            if (!to_the_end) add_tails(samples, ended, lane, stop);
         });
     }
 
@@ -194,10 +185,31 @@ private:
         return std::make_unique<ClampedColumns<Order, Reaches<Order>>>(num, window);
     }
 
+    // Adds what unseen samples may be, in the lanes from `lane` to `stop` in which some count.
+    RTAMT_LOOP void add_tails(const std::int64_t* samples, bool ended, std::size_t lane,
+                              std::size_t stop) {
+        const double best_tail = operand_.tail[kBest];
+        const double worst_tail = operand_.tail[kWorst];
+        // But for the sample of time 0, they may not be there.
+        const bool there = ended || operand_.guard;
+        const Time first = begin_ == 0 ? 0 : -1;
+        const Time end = end_;
+        double* best = world(kBest);
+        double* worst = world(kWorst);
+        RTAMT_INDEPENDENT
+        for (std::size_t i = lane; i < stop; ++i) {
+            const bool count = samples[i] <= end;
+            const double least = Order::least(best[i], best_tail);
+            best[i] = count & (there | (samples[i] == first)) ? least : best[i];
+            worst[i] = count ? Order::least(worst[i], worst_tail) : worst[i];
+        }
+    }
+
     void fold_plain(const Taken& t, const double* values) {
         double* settled = settled_.data();
         if (t.first >= begin_ && t.last <= end_) {
-            each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t i, std::size_t n) {
+            each_stretch(t.lanes, true,
+                         [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
                 RTAMT_INDEPENDENT
                 for (std::size_t j = 0; j < n; ++j)
                     settled[lane + j] = Order::least(settled[lane + j], values[i + j]);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/snapshot.hpp"
+#include "core/widest.hpp"
 
 namespace rtamt {
 
@@ -39,11 +40,12 @@ private:
 };
 
 // Calls run(lane, i, n) for stretches of chosen lanes, lane + j being the chosen one number i + j:
-// once for all lanes, if that is allowed, so that the loops inside are long.
+// once for all lanes, if that is allowed, so that the loops inside are long, and of the widest
+// vectors if it is a lambda with RTAMT_LOOP_BODY.
 template <class Run>
-inline void each_stretch(const Lanes& lanes, bool together, Run run) {
+inline void each_stretch(const Lanes& lanes, bool together, const Run& run) {
     if (lanes.all() && together) {
-        run(std::size_t{0}, std::size_t{0}, lanes.num());
+        widely([&]() RTAMT_LOOP_BODY { run(std::size_t{0}, std::size_t{0}, lanes.num()); });
     } else {
         for (std::size_t i = 0; i < lanes.count(); ++i)
             run(std::size_t{lanes[i]}, i, std::size_t{1});

@@ -12,15 +12,6 @@
 #include "core/columns.hpp"
 #include "core/snapshot.hpp"
 
-// Says of the next loop that its rounds do not read what others write.
-#if defined(__clang__)
-#define RTAMT_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
-#elif defined(__GNUC__)
-#define RTAMT_INDEPENDENT _Pragma("GCC ivdep")
-#else
-#define RTAMT_INDEPENDENT __pragma(loop(ivdep))
-#endif
-
 namespace rtamt::lockstep {
 
 // Numbers, 0.0 at first. The operating system gives the memory when it is first written to.
@@ -70,6 +61,12 @@ public:
     void put(std::size_t i, Element x) const {
         const auto numbers = std::bit_cast<Doubles>(x);
         for (std::size_t k = 0; k < width; ++k) columns_[k][i] = numbers[k];
+    }
+    // Puts an element if it is so; without a branch, so that loops become vectors.
+    void put_if(bool is, std::size_t i, Element x) const {
+        const auto numbers = std::bit_cast<Doubles>(x);
+        for (std::size_t k = 0; k < width; ++k)
+            columns_[k][i] = is ? numbers[k] : columns_[k][i];
     }
 
 private:

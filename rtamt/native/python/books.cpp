@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/widest.hpp"
 #include "lockstep/uncertain.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
@@ -48,6 +49,23 @@ nb::object new_doubles(std::size_t n, double*& out) {
     return array.unfilled<double>(n, out);
 }
 
+// The least of the values and of what is there before; -0.0 stands for a value where `over` says so.
+RTAMT_LOOP void fold_least(const double* values, const std::uint8_t* over, bool first, double* out,
+                           std::size_t num) {
+    if (first && over == nullptr) {
+        std::copy_n(values, num, out);
+        return;
+    }
+    RTAMT_INDEPENDENT
+    for (std::size_t lane = 0; lane < num; ++lane) {
+        const double x = over != nullptr && over[lane] ? -0.0 : values[lane];
+        const double before = first ? x : out[lane];
+        // A lane without samples has no robustness by any specification.
+        const double known = before != before ? before : lesser(before, x);
+        out[lane] = x != x ? x : known;
+    }
+}
+
 nb::object least(const nb::tuple& objects, const std::string& name, nb::handle failed) {
     const Banks banks = banks_of(objects);
     const std::size_t num = banks.front()->machine.num();
@@ -60,14 +78,21 @@ nb::object least(const nb::tuple& objects, const std::string& name, nb::handle f
         const double* values = name == "robustness" ? bank.results()
                                : name == "lower"    ? bank.lower()
                                                     : bank.upper();
-        for (std::size_t lane = 0; lane < num; ++lane) {
-            const double x = ended != nullptr && ended[k * num + lane] ? -0.0 : values[lane];
-            const double before = k == 0 ? x : out[lane];
-            // A lane without samples has no robustness by any specification.
-            out[lane] = before != before ? before : x != x ? x : lesser(before, x);
-        }
+        const std::uint8_t* over = ended == nullptr ? nullptr : ended + k * num;
+        widest<fold_least>(values, over, k == 0, out, num);
     }
     return array;
+}
+
+// Whether a lane of the mask has a flag.
+RTAMT_LOOP void find_both(const std::uint8_t* flags, const std::uint8_t* mask, std::size_t num,
+                          bool* found) {
+    std::uint8_t any = 0;
+    if (mask == nullptr)
+        for (std::size_t lane = 0; lane < num; ++lane) any |= flags[lane];
+    else
+        for (std::size_t lane = 0; lane < num; ++lane) any |= mask[lane] != 0 ? flags[lane] : 0;
+    *found = any != 0;
 }
 
 // Feeds every bank its columns of a table. Returns the first bank that has to read its samples by
@@ -96,8 +121,9 @@ std::size_t feed(const nb::tuple& objects, const nb::tuple& columns, nb::handle 
         if (picked.size() != bank.variables() ||
             std::any_of(picked.begin(), picked.end(), [=](std::size_t at) { return at >= width; }))
             throw nb::value_error("expected a column of the table for every variable");
-        for (std::size_t lane = 0; lane < num; ++lane)
-            if ((chosen == nullptr || chosen[lane]) && bank.finished()[lane]) return k;
+        bool over = false;
+        widest<find_both>(bank.finished(), chosen, num, &over);
+        if (over) return k;
         all.picked = picked.data();
         if (bank.take(all, chosen) < num) return k;
     }
@@ -116,6 +142,18 @@ bool finish(const nb::tuple& objects, nb::handle mask, const std::string& end) {
                 return false;
     for (EpisodeObject* bank : banks) bank->machine.finish(chosen, reading);
     return true;
+}
+
+// Whether a verdict that is open is none any more. Few are: it is found without a branch for each lane.
+RTAMT_LOOP void find_new(const std::int64_t* decided_at, const double* lower, const double* upper,
+                         const std::uint8_t* failed, std::size_t num, bool* found) {
+    std::uint64_t any = 0;
+    for (std::size_t lane = 0; lane < num; ++lane) {
+        const auto open = static_cast<std::uint64_t>(decided_at[lane]);
+        any |= open & (~bits_of(lower[lane]) | bits_of(upper[lane]) |
+                       (std::uint64_t{failed[lane]} << 63));
+    }
+    *found = any >> 63 != 0;
 }
 
 int verdict_in(const UncertainBank& bank, std::size_t lane, bool failed) {
@@ -139,14 +177,9 @@ void note(const nb::tuple& objects, nb::handle mask, nb::handle decided_at, nb::
         const double* upper = bank.upper();
         std::int64_t* row = decided + k * num;
         const std::uint8_t* over = ended + k * num;
-        // Few verdicts are new: whether one is, is found without a branch for each lane.
-        std::uint64_t any = 0;
-        for (std::size_t lane = 0; chosen == nullptr && lane < num; ++lane) {
-            const auto open = static_cast<std::uint64_t>(row[lane]);
-            any |= open & (~bits_of(lower[lane]) | bits_of(upper[lane]) |
-                           (std::uint64_t{over[lane]} << 63));
-        }
-        if (chosen == nullptr && any >> 63 == 0) continue;
+        bool any = chosen != nullptr;
+        if (!any) widest<find_new>(row, lower, upper, over, num, &any);
+        if (!any) continue;
         for (std::size_t lane = 0; lane < num; ++lane) {
             if (chosen != nullptr && !chosen[lane]) continue;
             if (row[lane] >= 0 || bank.samples()[lane] == 0) continue;
