@@ -168,6 +168,7 @@ class _Clock:
         self._first, self._every = asked is Instants.FIRST, asked is Instants.EVERY
         self._where = None if isinstance(asked, Instants) else courses[asked]
         self._start = 0
+        self._lanes = np.arange(num)
         self._count = np.zeros(num, np.int64)
 
     @property
@@ -242,8 +243,7 @@ class _Oldest(_Clock):
             asked = self._asked(which, samples)
             count = np.where(before > 0, np.minimum(before + 1, self._most), asked)
             if len(self._recent):
-                lanes = np.arange(self._recent.shape[1])[which]
-                self._recent[samples % len(self._recent), lanes] = asked
+                self._recent[samples % len(self._recent), self._lanes[which]] = asked
         if len(self._operands) == 1:
             event = self._fails if self._name in {"always", "next"} else self._holds
             count = shown = self._ended(event(0, which), self._begin, which, samples, count)
@@ -274,16 +274,18 @@ class _Oldest(_Clock):
         """The count once an event has ended all that is older than the ``last`` instants."""
         if last == 0:
             return np.where(event, 0, count)
-        return np.where(event & (count > last), self._since(last, which, samples, count), count)
+        over = event & (count > last)
+        if self._first or self._where is None:
+            return np.where(over, 0 if self._first else last, count)
+        at = over.nonzero()[0]  # few environments: the instants of the others are not looked at
+        if len(at):
+            count = count.copy()
+            count[at] = self._since(last, self._lanes[which][at], samples[at])
+        return count
 
-    def _since(self, last: int, which: Which, samples: _Ints, count: _Ints) -> _Ints | int:
-        """The count from the oldest of the last instants that are asked, where it is greater."""
-        if self._first:
-            return 0
-        if self._where is None:
-            return np.minimum(count, last)
+    def _since(self, last: int, lanes: _Ints, samples: _Ints) -> _Ints:
+        """The count from the oldest of the last instants that these environments were asked at."""
         back = np.arange(last - 1, -1, -1)[:, None]
-        lanes = np.arange(self._recent.shape[1])[which]
         asked = self._recent[(samples - back) % len(self._recent), lanes]
         found: _Ints = np.where(asked.any(axis=0), last - asked.argmax(axis=0), 0)
         return found
