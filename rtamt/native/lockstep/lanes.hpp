@@ -14,28 +14,30 @@ namespace rtamt {
 // The lanes that a call is about, in rising order.
 class Lanes {
 public:
-    explicit Lanes(std::size_t num) : all_(num), chosen_(all_.data()) {
+    explicit Lanes(std::size_t num) : all_(num), some_(num), chosen_(all_.data()) {
         std::iota(all_.begin(), all_.end(), 0u);
-        some_.reserve(num);
     }
     // Chooses the lanes where the mask is true; all lanes without a mask.
     void choose(const std::uint8_t* mask) {
         chosen_ = all_.data();
         if (mask == nullptr) return;
-        some_.clear();
-        for (const std::uint32_t lane : all_)
-            if (mask[lane]) some_.push_back(lane);
-        if (some_.size() < all_.size()) chosen_ = some_.data();
+        count_ = 0;
+        for (const std::uint32_t lane : all_) {  // without a branch for each lane
+            some_[count_] = lane;
+            count_ += mask[lane] != 0;
+        }
+        if (count_ < all_.size()) chosen_ = some_.data();
     }
 
     std::size_t num() const { return all_.size(); }
     bool all() const { return chosen_ == all_.data(); }
-    std::size_t count() const { return all() ? all_.size() : some_.size(); }
+    std::size_t count() const { return all() ? all_.size() : count_; }
     std::uint32_t operator[](std::size_t i) const { return chosen_[i]; }
 
 private:
     std::vector<std::uint32_t> all_;
-    std::vector<std::uint32_t> some_;
+    std::vector<std::uint32_t> some_;  // the chosen ones first
+    std::size_t count_ = 0;
     const std::uint32_t* chosen_;
 };
 

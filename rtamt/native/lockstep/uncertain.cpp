@@ -75,10 +75,10 @@ void UncertainBank::reset(const std::uint8_t* mask) {
 }
 
 void UncertainBank::finish(const std::uint8_t* mask, End end) {
+    if (!apart_) return least_->finish(mask, end);
     const std::vector<std::uint8_t> before(finished(), finished() + num());
     const std::vector<double> robustness(results(), results() + num());
     least_->finish(mask, end);
-    if (!apart_) return;
     greatest_->finish(mask, end);
     for (std::size_t lane = 0; lane < num(); ++lane)
         if (end == End::cut && finished()[lane] && !before[lane])
