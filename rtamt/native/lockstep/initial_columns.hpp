@@ -140,7 +140,7 @@ public:
         double* now = world(kNow);
         double* best_world = world(kBest);
         double* worst_world = world(kWorst);
-        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+        const auto run = [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
             const std::size_t stop = lane + n;
             if (windows_.empty()) {
                 std::copy(settled + lane, settled + stop, now + lane);
@@ -157,7 +157,8 @@ public:
                 }
             }
             if (!to_the_end) add_tails(samples, ended, lane, stop);
-        });
+        };
+        each_stretch(lanes, true, run);
     }
 
     void fields(Snapshot& s) override {

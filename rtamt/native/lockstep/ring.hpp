@@ -30,14 +30,17 @@ public:
     // Pushes an element of n lanes from `lane` on, which have one place. In the first block, where
     // no lane has pushed enough, `out` is left as it is, and no memory of earlier blocks is touched.
     template <class In>
-    RTAMT_LOOP void push(std::uint64_t place, std::size_t lane, std::size_t n, In in, View<Element> out) {
+    RTAMT_LOOP void push(std::uint64_t place, std::size_t lane, std::size_t n, In in,
+                         View<Element> out) {
         if (block_ == 0) {
             for (std::size_t i = 0; i < n; ++i) out.put(i, in[i]);
             return;
         }
         const auto offset = static_cast<std::size_t>(place % block_);
         const std::size_t half = place / block_ % 2 * block_;
-        const auto slot = [&](std::size_t k) RTAMT_LOOP_BODY { return slots_.at(kBlocks + k, lane); };
+        const auto slot = [&](std::size_t k) RTAMT_LOOP_BODY {
+            return slots_.at(kBlocks + k, lane);
+        };
         const auto front = slot(half + offset);
         const auto oldest = offset + ahead_ == block_ ? slots_.at(kIdentity, lane)
                                                       : slot(half + offset + ahead_);

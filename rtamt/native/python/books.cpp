@@ -49,7 +49,7 @@ nb::object new_doubles(std::size_t n, double*& out) {
     return array.unfilled<double>(n, out);
 }
 
-// The least of the values and of what is there before; -0.0 stands for a value where `over` says so.
+// The least of the values and of what is there before; where `over` is true -0.0 stands for a value.
 RTAMT_LOOP void fold_least(const double* values, const std::uint8_t* over, bool first, double* out,
                            std::size_t num) {
     if (first && over == nullptr) {
@@ -144,7 +144,7 @@ bool finish(const nb::tuple& objects, nb::handle mask, const std::string& end) {
     return true;
 }
 
-// Whether a verdict that is open is none any more. Few are: it is found without a branch for each lane.
+// Whether a verdict that was open is decided. Few are: it is found without a branch for each lane.
 RTAMT_LOOP void find_new(const std::int64_t* decided_at, const double* lower, const double* upper,
                          const std::uint8_t* failed, std::size_t num, bool* found) {
     std::uint64_t any = 0;
