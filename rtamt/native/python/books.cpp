@@ -49,7 +49,7 @@ nb::object new_doubles(std::size_t n, double*& out) {
     return array.unfilled<double>(n, out);
 }
 
-// The least of the values and of what is there before; where `over` is true -0.0 stands for a value.
+// The least of the values and of what is there before; -0.0 stands for a value that is `over`.
 RTAMT_LOOP void fold_least(const double* values, const std::uint8_t* over, bool first, double* out,
                            std::size_t num) {
     if (first && over == nullptr) {
