@@ -25,6 +25,9 @@ class JointFeed(Protocol):
             The least robustness, and the least lower and upper bound, over the monitors.
         """
 
+    def take(self, *args: object) -> None:
+        """As `feed`, without the numbers, which take time to make: `look` gives them."""
+
     def look(self) -> tuple[float, float, float]:
         """The same of the samples so far."""
 

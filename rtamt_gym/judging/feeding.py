@@ -11,13 +11,16 @@ from rtamt import EpisodeMonitor, Verdict
 from rtamt_gym.signals.signals import ElementRead, Read
 from rtamt_gym.signals.slots import MovingRead, SlotRead
 
-__all__ = ["Assessment", "Fed", "Feed", "joint_read", "one_by_one"]
+__all__ = ["Assessment", "Fed", "Feed", "Take", "joint_read", "one_by_one"]
 
 Assessment = tuple[float, float, float]
 """Robustness of the samples so far, and the lower and upper bound of what it can become."""
 
 Feed = Callable[..., Assessment]
 """Feeds one sample to the monitors of a panel; takes the arguments of a `Read`."""
+
+Take = Callable[..., object]
+"""A `Feed` whose result nobody looks at."""
 
 _Pick = Callable[[Sequence[float]], tuple[float, ...]]
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import End, EpisodeMonitor, InputError, Verdict, holds
+from rtamt import End, EpisodeMonitor, InputError, JointFeed, Verdict, holds
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.feeding import Assessment, Feed, joint_read, one_by_one
+from rtamt_gym.judging.feeding import Assessment, Feed, Take, joint_read, one_by_one
 from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judging.interface import described
 from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
@@ -197,8 +197,8 @@ class Panel:
     def _upper(self, name: str, judge: EpisodeMonitor) -> float:
         return -0.0 if name in self._failed else judge.upper
 
-    def read(self) -> Assessment:
-        """Reads robustness, lower and upper bound of the samples so far."""
+    def read(self, *_: object) -> Assessment:
+        """Reads robustness, lower and upper bound of the samples so far; whatever it is given."""
         if self._look is not None and not self._failed:
             return self._look()
         number = self.number
@@ -214,7 +214,6 @@ class Panel:
         *,
         decide: Callable[[], None] | None = None,
         keep: Callable[[Sequence[float]], None] | None = None,
-        still: bool = False,
     ) -> Feed:
         """Makes the function that feeds one sample to all monitors.
 
@@ -227,39 +226,61 @@ class Panel:
                 value for each signal.
             decide: Called after a sample that has decided a verdict, in place of `note`.
             keep: Called with the values of every sample that all monitors have taken in, new ones.
-            still: Whether the caller makes the function anew where a `MovingRead` has moved.
         """
-        note = decide or self.note
-        measure = together(
+        note, see = decide or self.note, together(self._measure(names), keep)
+        made = None if reads is None else self._joint(names, reads, note, see)
+        if reads is None or made is None:
+            return self._one_by_one(names, reads, note, keep)
+        moving = next((read for read in reads if isinstance(read, MovingRead)), None)
+        if moving is None:
+            return made.feed
+        home, feed = moving.home(), made.feed
+
+        def feed_here(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
+            nonlocal feed, home
+            now = moving.home()
+            if now is not home:
+                joint = self._joint(names, reads, note, see)
+                assert joint is not None  # noqa: S101 - the monitors are those from above
+                feed, home = joint.feed, now
+            return feed(*step)
+
+        return feed_here
+
+    def taker(self, names: Sequence[str], reads: Sequence[Read]) -> Take:
+        """Makes a `feeder` whose result nobody looks at: `read` tells it.
+
+        Make it anew where a `MovingRead` has moved.
+        """
+        made = self._joint(names, reads, self.note, self._measure(names))
+        return self._one_by_one(names, reads, self.note, None) if made is None else made.take
+
+    def _measure(self, names: Sequence[str]) -> Callable[[Sequence[float]], None] | None:
+        """What else takes in every sample; None: nothing does."""
+        return together(
             None if self._owing is None else self._owing.feeder(names),
             together(
                 None if self._meter is None else self._meter.feeder(names),
                 None if self._stages is None else self._stages.feeder(names),
             ),
         )
-        see = together(measure, keep)
-        feed = None if reads is None else self._joint(names, reads, note, see)
-        if reads is None or feed is None:
-            parts = [
-                (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
-                for name, (source, judge) in self.monitors.items()
-            ]
-            if keep is not None:  # the values are in the same list at every sample
-                see = together(measure, lambda values: keep(tuple(values)))
-            return one_by_one(parts, len(names), reads, self, note, see)
-        moving = next((read for read in reads if isinstance(read, MovingRead)), None)
-        if moving is None or still:
-            return feed
-        home = moving.home()
 
-        def feed_here(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
-            nonlocal feed, home
-            now = moving.home()
-            if now is not home:
-                feed, home = self._joint(names, reads, note, see), now
-            return feed(*step)  # type: ignore[misc]  # the monitors are those from above
-
-        return feed_here
+    def _one_by_one(
+        self,
+        names: Sequence[str],
+        reads: Sequence[Read] | None,
+        note: Callable[[], None],
+        keep: Callable[[Sequence[float]], None] | None,
+    ) -> Feed:
+        """The `feeder` that feeds one monitor after the other."""
+        parts = [
+            (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
+            for name, (source, judge) in self.monitors.items()
+        ]
+        see = self._measure(names)
+        if keep is not None:  # the values are in the same list at every sample
+            see = together(see, lambda values: keep(tuple(values)))
+        return one_by_one(parts, len(names), reads, self, note, see)
 
     def _joint(
         self,
@@ -267,8 +288,8 @@ class Panel:
         reads: Sequence[Read],
         note: Callable[[], None],
         see: Callable[[Sequence[float]], None] | None,
-    ) -> Feed | None:
-        """The `feeder` in one call of C++; None where there is none for these monitors."""
+    ) -> JointFeed | None:
+        """What feeds in one call of C++; None where there is none for these monitors."""
         judges = self._judges
         if self.of_instant:
             return None
@@ -284,7 +305,7 @@ class Panel:
         if joint is None:
             return None
         self._look = joint.look
-        return joint.feed
+        return joint
 
     def reset(self) -> None:
         for source in self._sources:

@@ -381,7 +381,7 @@ class StlMonitor(
             return
         self._inside = SubSteps(self.env, self._readings(), self._panel)
         watch = self._step_time(self.env, substeps=True)
-        self._feed: Feed = self._compared(self._inside.read, watch, substeps=True)
+        self._feed: Feed = self._compared(self._panel.read, watch, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them

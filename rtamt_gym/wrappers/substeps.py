@@ -16,7 +16,7 @@ from typing import Any
 from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.feeding import Assessment
+from rtamt_gym.judging.feeding import Assessment, Take
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
@@ -43,21 +43,17 @@ class Inside:
         self._follow = _follower(env.unwrapped)
         self.reads = [self._bind(signal) for signal in signals]
 
-    def step(
-        self,
-        action: Any,  # noqa: ANN401
-        feed: Callable[..., object],
-    ) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Steps the environment, and calls ``feed`` after every step of its simulation.
+    def step(self, action: Any, take: Take) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
+        """Steps the environment, and calls ``take`` after every step of its simulation.
 
         Args:
             action: The action of the step.
-            feed: Takes the arguments of a `Read`.
+            take: Takes the arguments of a `Read`.
 
         Raises:
             StateError: If the simulation was not stepped.
         """
-        undo = self._follow(partial(feed, None, action, None, {}))
+        undo = self._follow(take, action)
         try:
             result = self.env.step(action)
         finally:
@@ -89,14 +85,13 @@ class SubSteps:
     """
 
     def __init__(self, env: Env, signals: Sequence[ParsedSignal], panel: Panel) -> None:
-        self._panel = panel
         self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]
         reads = self.inside.reads
-        self._make_feed = partial(panel.feeder, names, reads, still=True)
+        self._make_take = partial(panel.taker, names, reads)
         self._moving = next((read for read in reads if isinstance(read, MovingRead)), None)
         self._home = None if self._moving is None else self._moving.home()
-        self._feed = self._make_feed()
+        self._take = self._make_take()
         self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
 
     def reset(self, *_: object) -> Assessment:
@@ -111,12 +106,8 @@ class SubSteps:
             InputError: If a signal is nan or cannot be read.
         """
         if self._moving is not None and self._moving.home() is not self._home:
-            self._home, self._feed = self._moving.home(), self._make_feed()
-        return self.inside.step(action, self._feed)
-
-    def read(self, *_: object) -> Assessment:
-        """The assessment of the samples that the last step has fed."""
-        return self._panel.read()
+            self._home, self._take = self._moving.home(), self._make_take()
+        return self.inside.step(action, self._take)
 
 
 def read_substep_period(env: Env) -> float | None:
@@ -129,19 +120,18 @@ def read_substep_period(env: Env) -> float | None:
     return 1.0 / frequency if frequency else None
 
 
-_Feed = Callable[[], object]
-
 _Undo = Callable[[], bool]
 """Ends what follows a simulation; returns whether that was stepped meanwhile."""
 
-_Follow = Callable[[_Feed], _Undo]
-"""Arranges that every step of a simulation is followed by a call; returns what undoes that."""
+_Follow = Callable[[Take, Any], _Undo]
+"""Arranges that a sample is taken after every step of a simulation, with the action of the step;
+returns what undoes that."""
 
 
 def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
     config = getattr(simulation, "config", None)
     if isinstance(config, Mapping) and "simulation_frequency" in config:
-        return lambda feed: _follow_road(simulation, feed)
+        return partial(_follow_road, simulation)
     if not hasattr(simulation, "_step_mujoco_simulation"):
         raise InputError(
             Argument("substeps", value=True),
@@ -165,17 +155,17 @@ class _Loop:
 
     def __init__(self, simulation: Any) -> None:  # noqa: ANN401
         self._simulation = simulation
-        self._feeds: list[_Feed] = []
+        self._takes: list[tuple[Take, Any]] = []
         self._stepped = False
 
-    def follow(self, feed: _Feed) -> _Undo:
+    def follow(self, take: Take, action: Any) -> _Undo:  # noqa: ANN401
         # Not by its dictionary: Python reads attributes faster while nobody has asked for that.
         simulation = self._simulation
         around = simulation._step_mujoco_simulation  # noqa: SLF001
         if type(around) is _Loop:  # a monitor around this one follows too
-            around._feeds.append(feed)  # noqa: SLF001
+            around._takes.append((take, action))  # noqa: SLF001
             return around._leave  # noqa: SLF001
-        self._feeds, self._stepped = [feed], False
+        self._takes, self._stepped = [(take, action)], False
         simulation._step_mujoco_simulation = self  # noqa: SLF001
         return self._undo
 
@@ -184,23 +174,23 @@ class _Loop:
         return self._stepped
 
     def _leave(self) -> bool:
-        self._feeds.pop()
+        self._takes.pop()
         return self._stepped
 
     def __call__(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
         mujoco = sys.modules["mujoco"]  # a simulation of it has loaded it
-        step, feeds = mujoco.mj_step, self._feeds
+        step, takes = mujoco.mj_step, self._takes
         model, data = self._simulation.model, self._simulation.data
         data.ctrl[:] = ctrl
         for _ in range(n_frames):
             self._stepped = True
             step(model, data)
-            for feed in feeds:
-                feed()
+            for take, action in takes:
+                take(None, action, None, {})
         mujoco.mj_rnePostConstraint(model, data)
 
 
-def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
+def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:  # noqa: ANN401
     road = simulation.road  # every reset makes a new one
     step = road.step
     stepped = False
@@ -209,7 +199,7 @@ def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
         nonlocal stepped
         stepped = True
         step(dt)
-        feed()
+        take(None, action, None, {})
 
     around = vars(road).get("step")
     road.step = followed

@@ -162,21 +162,32 @@ PyObject* shown(const EpisodePanel& panel, const Numbers& found) {
     return made;
 }
 
+// Reads a sample, and has all machines take it in.
+Numbers take(EpisodePanel& panel, PyObject* const* args, Py_ssize_t n) {
+    if (panel.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
+    struct Feeding {
+        explicit Feeding(bool& flag) : flag(flag) { flag = true; }
+        ~Feeding() { flag = false; }
+        bool& flag;
+    } feeding(panel.feeding);
+    for (std::size_t i = 0; i < panel.sources.size(); ++i)
+        panel.sample[i] = read(panel, panel.sources[i], args, n);
+    for (Part& part : panel.parts) feed(part, panel.sample.data());
+    const Numbers found = least(panel);
+    if (found.decided != 0 && !panel.decided.is_none()) panel.decided(found.decided);
+    if (!panel.seen.is_none()) panel.seen(list_of(panel.sample.data(), panel.sample.size()));
+    return found;
+}
+
 PyObject* feed_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
+    return call<EpisodePanel>(
+        self, [=](EpisodePanel& panel) { return shown(panel, take(panel, args, n)); });
+}
+
+PyObject* take_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
     return call<EpisodePanel>(self, [=](EpisodePanel& panel) {
-        if (panel.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
-        struct Feeding {
-            explicit Feeding(bool& flag) : flag(flag) { flag = true; }
-            ~Feeding() { flag = false; }
-            bool& flag;
-        } feeding(panel.feeding);
-        for (std::size_t i = 0; i < panel.sources.size(); ++i)
-            panel.sample[i] = read(panel, panel.sources[i], args, n);
-        for (Part& part : panel.parts) feed(part, panel.sample.data());
-        const Numbers found = least(panel);
-        if (found.decided != 0 && !panel.decided.is_none()) panel.decided(found.decided);
-        if (!panel.seen.is_none()) panel.seen(list_of(panel.sample.data(), panel.sample.size()));
-        return shown(panel, found);
+        take(panel, args, n);
+        return Py_NewRef(Py_None);
     });
 }
 
@@ -211,6 +222,8 @@ PyMethodDef methods[] = {
     {"feed", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(feed_all)), METH_FASTCALL,
      "feed($self, /, *args)\n--\n\n"
      "Read a sample, have all machines take it in, and return the least robustness and bounds."},
+    {"take", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(take_all)), METH_FASTCALL,
+     "take($self, /, *args)\n--\n\nAs feed, but return None: the numbers are made for look."},
     {"look", look, METH_NOARGS,
      "look($self, /)\n--\n\nReturn the least robustness and bounds of the samples so far."},
     {nullptr, nullptr, 0, nullptr}};

@@ -76,6 +76,31 @@ def test_monitors_fed_together_are_those_fed_alone(
 
 
 @settings(max_examples=50)
+@given(specs=SEVERAL, trace=traces())
+def test_a_sample_taken_without_its_numbers_is_a_sample_fed(
+    specs: list[Formula], trace: Trace
+) -> None:
+    decided: dict[str, list[int]] = {"fed": [], "taken": []}
+    seen: dict[str, list[list[float]]] = {"fed": [], "taken": []}
+    joints = {
+        name: joint_of(
+            [EpisodeMonitor(spec) for spec in specs],
+            VARIABLES,
+            decided=decided[name].append,
+            seen=seen[name].append,
+        )
+        for name in decided
+    }
+    for i in range(length(trace)):
+        values = list(sample(trace, i).values())
+        expected = joints["fed"].feed(values)
+        joints["taken"].take(values)
+        assert identical(joints["taken"].look(), expected)
+        assert decided["taken"] == decided["fed"]
+        assert identical(seen["taken"][i], values)
+
+
+@settings(max_examples=50)
 @given(specs=SEVERAL, trace=traces(least=4))
 def test_monitors_that_are_reset_restored_and_copied_are_fed_on(
     specs: list[Formula], trace: Trace
