@@ -379,8 +379,8 @@ def parse_signals(
         )
     names = list(dict.fromkeys(variables))
     example = (f"{next(iter(agents))}: " if agents else "") + (
-        "obs[0]" if "obs" in sources else "qpos[0]"
-    )
+        "obs[INDEX]" if "obs" in sources else "qpos[INDEX]"
+    )  # a number might be taken for the right one
     others = [name for name in signals if name not in names]
     known = {**(own or {}), **signals}
     for name in names:
@@ -388,7 +388,9 @@ def parse_signals(
             given = f"; the signals are {listing(known)}" if known else ""
             meant = nearest(name, [*others, *(own or {})])
             way_out = meant or Message(
-                "; give one: ", Argument("signals", {name: example}, words=f'"{name}": "{example}"')
+                "; give one: ",
+                Argument("signals", {name: example}, words=f'"{name}": "{example}"'),
+                f", or if it is a constant declare it: const float {name} = VALUE",
             )
             raise InputError(f"variable {name!r} has no signal{given}", way_out)
     silent = [name for name in names if name not in signals]

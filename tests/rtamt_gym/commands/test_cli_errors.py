@@ -170,7 +170,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         (
             "run CartPole-v1 --spec always(x<1)",
-            "variable 'x' has no signal; give one: --signal \"x=obs[0]\"",
+            (
+                "variable 'x' has no signal; give one: --signal \"x=obs[INDEX]\""
+                ", or if it is a constant declare it: const float x = VALUE"
+            ),
         ),
         (
             "run CartPole-v1 --spec always(x<1) --signal x=obs[4]",

@@ -118,7 +118,8 @@ def test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is() -> None:
         "  qpos[0]\n  ^\n  hint: write obs[2], obs['key'][0], action[0], reward or info['key']"
     )
     assert message([episode()], signals={"y": "obs[0]"}) == (
-        "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[0]\""
+        "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[INDEX]\""
+        ", or if it is a constant declare it: const float x = VALUE"
     )
     assert message([episode()], signals={"x": lambda step: step.obs[9]}).startswith(
         "signal 'x': test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is.<locals>."

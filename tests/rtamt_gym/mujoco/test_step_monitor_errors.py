@@ -41,7 +41,10 @@ X = {"x": "qpos[0]"}
         (
             {"signals": {}},
             InputError,
-            ('variable \'x\' has no signal; give one: "x": "qpos[0]"'),
+            (
+                'variable \'x\' has no signal; give one: "x": "qpos[INDEX]"'
+                ", or if it is a constant declare it: const float x = VALUE"
+            ),
         ),
         (
             {"signals": {"x": ("qpos[0]", 0.0)}},

@@ -143,4 +143,7 @@ def test_a_selector_that_does_not_fit_says_what_the_space_is() -> None:
 def test_a_variable_without_a_signal_is_shown_how_to_write_one() -> None:
     with pytest.raises(InputError) as caught:
         parse_signals({}, ["x"], agent_sources(NAMES, hold=False), agents=NAMES)
-    assert str(caught.value) == 'variable \'x\' has no signal; give one: "x": "scout_0: obs[0]"'
+    assert str(caught.value) == (
+        'variable \'x\' has no signal; give one: "x": "scout_0: obs[INDEX]"'
+        ", or if it is a constant declare it: const float x = VALUE"
+    )

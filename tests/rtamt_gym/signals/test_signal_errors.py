@@ -302,12 +302,19 @@ def test_an_info_without_the_number_says_what_it_has(
         (
             {},
             ["theta"],
-            'variable \'theta\' has no signal; give one: "theta": "obs[0]"',
+            (
+                'variable \'theta\' has no signal; give one: "theta": "obs[INDEX]"'
+                ", or if it is a constant declare it: const float theta = VALUE"
+            ),
         ),
         (
             {"x": "obs[0]", "theta": "obs[1]"},
             ["theta", "u"],
-            "variable 'u' has no signal; the signals are 'x', 'theta'; give one: \"u\": \"obs[0]\"",
+            (
+                "variable 'u' has no signal; the signals are 'x', 'theta'; "
+                'give one: "u": "obs[INDEX]"'
+                ", or if it is a constant declare it: const float u = VALUE"
+            ),
         ),
     ],
 )

@@ -56,7 +56,10 @@ Z = {"level": "qpos[2]"}
             (CARTPOLE, LOW),
             {"policy": int},
             InputError,
-            'variable \'level\' has no signal; give one: "level": "obs[0]"',
+            (
+                'variable \'level\' has no signal; give one: "level": "obs[INDEX]"'
+                ", or if it is a constant declare it: const float level = VALUE"
+            ),
         ),
         (
             (gym.make_vec("CartPole-v1", num_envs=2), LOW),

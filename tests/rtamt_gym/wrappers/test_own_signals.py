@@ -127,7 +127,8 @@ def test_agents_are_read_as_their_environment_says() -> None:
             {"level": "obs[0]"},
             (
                 "variable 'height' has no signal; the signals are 'position', 'speed', 'level'; "
-                'give one: "height": "obs[0]"'
+                'give one: "height": "obs[INDEX]"'
+                ", or if it is a constant declare it: const float height = VALUE"
             ),
         ),
         (
@@ -154,7 +155,8 @@ def test_an_attribute_that_is_no_mapping_is_none_of_theirs() -> None:
     with pytest.raises(InputError) as caught:
         StlMonitor(env, "always(position < 1)")
     assert str(caught.value) == (
-        'variable \'position\' has no signal; give one: "position": "obs[0]"'
+        'variable \'position\' has no signal; give one: "position": "obs[INDEX]"'
+        ", or if it is a constant declare it: const float position = VALUE"
     )
     with pytest.raises(InputError) as caught:
         StlReward(env, "always(position < 1)", mode="add")

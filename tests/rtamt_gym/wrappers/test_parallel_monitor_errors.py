@@ -51,7 +51,11 @@ class One(gym.Env[Any, Any]):
             Named(NUMBERS),
             {"signals": {"x": "lead: obs[0]"}},
             InputError,
-            "variable 'y' has no signal; the signals are 'x'; give one: \"y\": \"lead: obs[0]\"",
+            (
+                "variable 'y' has no signal; the signals are 'x'; "
+                'give one: "y": "lead: obs[INDEX]"'
+                ", or if it is a constant declare it: const float y = VALUE"
+            ),
         ),
         (
             Named(NUMBERS),

@@ -77,7 +77,10 @@ class Timeless(gym.Env[Any, Any]):
         (
             {"signals": {"y": "obs[0]"}},
             InputError,
-            "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[0]\"",
+            (
+                "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[INDEX]\""
+                ", or if it is a constant declare it: const float x = VALUE"
+            ),
         ),
         (
             {"signals": {"x": "obs[1]"}},
