@@ -1,15 +1,20 @@
 """The episode machine on arrays: robustness at time 0 and its bounds, in fixed shapes.
 
-It finds what `rtamt.machines.episode.machine` describes; the words are explained there. That one
-keeps the settled values of every stream. Here the samples of the last times alone are kept, and
-each step finds every stream anew, at the offsets from now that others read: the same numbers, with
-no shape that depends on how many samples there were. Times before a lane's reset read as the
-identity, so that a reset costs nothing. What is folded over all times so far is kept: the windows
-that are read at time 0, and the totals of unbounded pasts. They are polynomials in the unknowns,
-stored by their values at the corners.
+It finds what `rtamt.machines.episode.machine` describes; the words are explained there. What has
+settled is kept, each number where it is read: the values of streams, as far back as others read
+them, and for a window of a stream the folds from each of its settled elements on to the newest one.
+A step folds one element into each of these. What has not settled is found anew in each world, at
+offsets from now: the windows are the folds that are kept, each with the elements that are open. So
+all shapes are fixed, and a step costs as many folds as a formula reaches samples ahead.
 
-Streams have the axes time, corner, lane. The first is an offset from now, the second has the length
-1 in the worlds, and 2^k where a program of k unknowns settles.
+Where values no longer depend on samples, as the upper bounds of windows that are not over, a number
+stands for all later ones. Folds begin anew where a lane was reset, and values of times before that
+are read as the identity, so that a reset costs nothing.
+
+An unknown stands for the fold of all samples still to come of a window without an end. What depends
+on it is a polynomial in it, stored by its values at the corners, and each step writes it in terms
+of the next unknown. Values have the axes time, corner, lane; the second has the length 2^k where
+they depend on k unknowns, and 1 elsewhere and in the worlds.
 """
 
 from __future__ import annotations
@@ -17,12 +22,23 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from rtamt.errors import SpecificationError
+from rtamt.program import algebra
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
-from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, exact, fold_all, slide
+from rtamt_arrays.functions import (
+    FUNCTIONS,
+    Elements,
+    Fold,
+    exact,
+    fold_all,
+    prefixes,
+    slide,
+    suffixes,
+)
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.terms import (
     ArrayReader,
@@ -47,17 +63,24 @@ __all__ = ["EpisodeArrays"]
 INF = math.inf
 _WORLDS: tuple[WorldName, ...] = ("now", "lower", "upper")
 _LONGEST = 2**30
+_DECIDES = {"min": -INF, "max": INF}
+"""What decides a function, whatever the other operand is; its negative leaves the other."""
 
 
-def _reach(instruction: Map | Window) -> int:
-    """How much further back than its own offsets an instruction reads its operands."""
-    if isinstance(instruction, Map) or instruction.hi is None:
-        return 0
-    return 1 - instruction.hi if instruction.lo is None else max(0, -instruction.lo)
+class _Cells(NamedTuple):
+    """Rows of a table of the state.
 
+    Attributes:
+        depends: Whether they depend on unknowns, and so lie in ``kept``.
+        begin: The first row.
+        end: The row behind the last one.
+        identity: What they are where a lane begins; None if they are not read there.
+    """
 
-def _joined(o: Operations, arrays: Sequence[Tensor], otherwise: Tensor) -> Tensor:
-    return o.concatenate(arrays) if arrays else otherwise
+    depends: bool
+    begin: int
+    end: int
+    identity: float | None
 
 
 class EpisodeArrays:
@@ -82,20 +105,25 @@ class EpisodeArrays:
             operations.constant([corner[axis] for corner in corners], reader.dtype)[:, None]
             for axis in range(len(self._axes))
         ]
+        self._depends = self._dependent()
         self._shapes = self._offsets()
-        streams = self._shapes.items()
-        self._histories = {
-            r: shape.back
-            for r, shape in streams
-            if r < self.program.terms and not self._is_constant(r)
-        }
-        self._identities: list[float] = []  # of what is kept
-        self._totals: dict[int, int] = {}
-        for register, window in self._windows():
-            if register in self._placement.initial:
-                self._totals[~register] = self._keep(window)
-            if register in self._placement.streams and window.lo is None:
-                self._totals[register] = self._keep(window)
+        self._sizes = {False: 0, True: 0}  # rows that depend on no unknown, and others
+        self._folds: dict[int, list[_Cells]] = {}
+        self._histories: dict[int, _Cells] = {}
+        for r in self._placement.streams:
+            window = self.program.instructions[r]
+            if isinstance(window, Window) and window.hi is not None:
+                rows = 1 if window.length is None else window.length - 1
+                self._folds[r] = self._placed(window, rows, depends=self._depends[r])
+            shape = self._shapes[r]
+            if shape.back > shape.late and not self._is_constant(r):
+                rows = shape.back - shape.late
+                self._histories[r] = self._cells(rows, None, depends=self._depends[r])
+        self._initial: dict[int, list[_Cells]] = {}
+        for r, window in self._windows():
+            if r in self._placement.initial:
+                depends = any(self._depends[a] for a in window.args)
+                self._initial[r] = self._placed(window, 1, depends=depends)
         self._firsts = [r for r in self._placement.initial if r < self.program.terms]
         self._oldest = self._last_age()
 
@@ -106,18 +134,30 @@ class EpisodeArrays:
         instructions = enumerate(self.program.instructions)
         return [(r, each) for r, each in instructions if isinstance(each, Window)]
 
-    def _keep(self, window: Window) -> int:
-        identity = self._fold(window).identity
-        self._identities += identity
-        return len(self._identities) - len(identity)
+    def _placed(self, window: Window, rows: int, *, depends: bool) -> list[_Cells]:
+        return [self._cells(rows, e, depends=depends) for e in self._fold(window).identity]
+
+    def _cells(self, rows: int, identity: float | None, *, depends: bool) -> _Cells:
+        begin = self._sizes[depends]
+        self._sizes[depends] += rows
+        return _Cells(depends, begin, begin + rows, identity)
 
     def _fold(self, window: Window) -> Fold:
         return Fold.named(window.fold, self._lattice)
 
-    def _offsets(self) -> dict[int, Offsets]:
-        late, past = dict[int, int](), dict[int, int]()
+    def _dependent(self) -> dict[int, bool]:
+        """Whether each stream depends on an unknown."""
+        depends: dict[int, bool] = {}
         for r in self._placement.streams:
-            late[r] = past[r] = 0
+            instruction = self.program.instructions[r]
+            args = instruction.args if r >= self.program.terms else ()
+            depends[r] = r in self._axes or any(depends[a] for a in args)
+        return depends
+
+    def _offsets(self) -> dict[int, Offsets]:
+        late, past, back = dict[int, int](), dict[int, int](), dict[int, int]()
+        for r in self._placement.streams:
+            late[r] = past[r] = back[r] = 0
             if r < self.program.terms:
                 continue
             instruction = self.program.formula(r)
@@ -127,15 +167,18 @@ class EpisodeArrays:
                 late[r] = max(0, late[r] + instruction.hi)
                 lo = instruction.hi if instruction.lo is None else instruction.lo
                 past[r] = max(0, past[r] - lo)
-        back = dict(late)
-        for register in range(len(self.program.instructions) - 1, self.program.terms - 1, -1):
-            instruction = self.program.formula(register)
+        for r in range(self.program.terms, len(self.program.instructions)):
+            instruction = self.program.formula(r)
+            if isinstance(instruction, Map) and r not in late:
+                continue
+            oldest = max(late[a] for a in instruction.args)
+            if r in late and isinstance(instruction, Window) and instruction.hi is not None:
+                oldest = late[r] - instruction.hi
+            elif r in late:
+                oldest = late[r]
             for a in instruction.args:
-                if register in self._placement.initial and isinstance(instruction, Window):
-                    back[a] = max(back[a], *(late[each] for each in instruction.args))
-                if register in back:
-                    back[a] = max(back[a], back[register] + _reach(instruction))
-        return {r: Offsets(late[r], past[r], back[r]) for r in late}
+                back[a] = max(back[a], late[a], oldest)
+        return {r: Offsets(late[r], past[r], max(late[r], back[r])) for r in late}
 
     def _last_age(self) -> int:
         bounds = [b for _, w in self._windows() for b in (w.lo, w.hi) if b is not None]
@@ -160,8 +203,8 @@ class EpisodeArrays:
         """
         o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
         return EpisodeState(
-            history=o.full((sum(self._histories.values()), lanes), 0.0, dtype),
-            kept=o.full((len(self._identities), self._corners, lanes), 0.0, dtype),
+            rows=o.full((self._sizes[False], lanes), 0.0, dtype),
+            kept=o.full((self._sizes[True], self._corners, lanes), 0.0, dtype),
             first=o.full((len(self._firsts), lanes), 0.0, dtype),
             age=o.full((lanes,), 0, o.count),
             nan=o.full((lanes,), 0.0, dtype) != 0.0,
@@ -204,168 +247,168 @@ class EpisodeArrays:
         lanes = tuple(age.shape)
         values = columns(self.program, self._reader, sample, lanes)
         known, wrong = terms(self.program, o, self._reader.dtype, values)
-        now = self._moment(state, [o.broadcast(term, lanes) for term in known])
-        robustness, lower, upper = (o.broadcast(each, lanes) for each in self._results(now))
+        now, following = self._settled(state, [o.broadcast(term, lanes) for term in known])
+        robustness, lower, upper = (
+            o.broadcast(self._value(now, world), lanes) for world in _WORLDS
+        )
         nan = state.nan if wrong is None else state.nan | wrong
         lower, upper = o.where(nan, -INF, lower), o.where(nan, INF, upper)
         verdict = o.as_integers(~o.signbit(lower)) - o.as_integers(o.signbit(upper))
         reading = BoundsReading(o.where(nan, math.nan, robustness), lower, upper, verdict, nan)
-        following = EpisodeState(
-            history=_joined(o, [rows[1:] for rows in now.histories.values()], state.history),
-            kept=o.stack(now.kept) if now.kept else state.kept,
-            first=o.stack(list(now.first.values())) if now.first else state.first,
-            age=o.least(age + 1, self._oldest),
-            nan=nan,
-        )
-        return following, reading
+        return following._replace(age=o.least(age + 1, self._oldest), nan=nan), reading
 
     def _check(self, state: EpisodeState) -> None:
         checked_state(
             state,
             EpisodeState,
             {
-                "history": sum(self._histories.values()),
-                "kept": len(self._identities),
+                "rows": self._sizes[False],
+                "kept": self._sizes[True],
                 "first": len(self._firsts),
             },
         )
 
-    def _moment(self, state: EpisodeState, known: list[Tensor]) -> Arrival:
+    def _settled(
+        self, state: EpisodeState, known: list[Tensor]
+    ) -> tuple[Arrival, EpisodeState]:
+        """What has settled with this sample, and the state that keeps it."""
         o, dtype = self._o, self._reader.dtype
         begins = state.age == 0
-        kept: list[Tensor] = []
-        for i, identity in enumerate(self._identities):
-            kept.append(o.where(begins, o.full((), identity, dtype), state.kept[i]))
-        histories: dict[int, Tensor] = {}
-        row = 0
-        for r, length in self._histories.items():
-            histories[r] = o.concatenate([state.history[row : row + length], known[r][None]])
-            row += length
         first = {r: o.where(begins, known[r], state.first[i]) for i, r in enumerate(self._firsts)}
-        return Arrival(state.age, known, histories, kept, first)
+        now = Arrival(state.age, {}, {}, {}, first)
+        unknowns: list[Tensor] = [o.full((1, 1), 0.0, dtype)] * len(self._axes)
+        tables: dict[bool, list[Tensor]] = {False: [], True: []}
 
-    def _results(self, now: Arrival) -> list[Tensor]:
-        """The value at time 0 in each world; what is kept takes in what has settled."""
-        if self._axes:
-            self._fold_in(now, self._walk(now, "settled"))
-        found = []
-        for world in _WORLDS:
-            view = self._walk(now, world)
-            if view.settles:
-                self._fold_in(now, view)
-            values: dict[int, Tensor] = {}
-            for register in self._placement.initial:
-                values[register] = self._at_zero(now, view, register, values)
-            found.append(values[self.program.result])
-        return found
+        def loaded(cells: _Cells) -> Tensor:
+            table = state.kept if cells.depends else state.rows[:, None]
+            rows = table[cells.begin : cells.end]
+            if cells.identity is not None:
+                rows = o.where(begins, o.full((), cells.identity, dtype), rows)
+            return self._in_world(rows, unknowns) if cells.depends else rows
 
-    def _at_zero(
-        self, now: Arrival, view: Worldview, register: int, values: dict[int, Tensor]
-    ) -> Tensor:
-        if register < self.program.terms:
-            return now.first[register]
-        match self.program.formula(register):
-            case Map(function, args):
-                return FUNCTIONS[function](self._o, *(values[a] for a in args))
-            case Window() as window:
-                return self._initial(now, view, register, window)
+        def stored(cells: _Cells, rows: Tensor) -> None:
+            shape = (cells.end - cells.begin, self._corners, *state.age.shape)
+            if cells.depends:
+                tables[True].append(o.broadcast(rows, shape))
+            elif cells.end > cells.begin:
+                tables[False].append(o.broadcast(rows[:, 0], (shape[0], *shape[2:])))
 
-    def _walk(self, now: Arrival, world: WorldName) -> Worldview:
-        o, dtype = self._o, self._reader.dtype
-        settles = world == "settled" or (world == "now" and not self._axes)
-        unknowns = [o.full((1, 1), 0.0, dtype)] * len(self._axes)
-        view = Worldview(world, settles, {}, unknowns)
-        for register in self._placement.streams:
-            begin, end = self._span(register, world)
-            instruction = self.program.instructions[register]
+        def element(window: Window, at: int) -> Elements:
+            shapes = self._shapes
+            x = tuple(now.settled[a][at + shapes[a].back][None] for a in window.args)
+            return self._fold(window).masked(o, state.age >= -at, x) if at else x
+
+        for r in self._placement.streams:
+            instruction = self.program.instructions[r]
+            late, back = self._shapes[r].late, self._shapes[r].back
             if isinstance(instruction, Const):
-                constant = o.full((1, 1), instruction.value, dtype)
-                values = o.broadcast(constant, (end - begin + 1, 1, 1))
-                stream = StreamValues(values, -begin, constant)
-            elif register < self.program.terms:
-                tail = {"lower": -INF, "upper": INF}.get(world, 0.0)
-                values = now.histories[register][:, None]
-                stream = StreamValues(values, -begin, o.full((1, 1), tail, dtype))
+                value = o.full((1, 1, 1), instruction.value, dtype)
+                now.settled[r] = o.broadcast(value, (back + 1, 1, 1))
+                continue
+            if r < self.program.terms:
+                newest = known[r][None, None]
+            elif isinstance(instruction, Map):
+                places = [(a, self._shapes[a].back - late) for a in instruction.args]
+                operands = (now.settled[a][place][None] for a, place in places)
+                newest = FUNCTIONS[instruction.function](o, *operands)
             else:
-                match self.program.formula(register):
-                    case Window() as window:
-                        stream = self._windowed(now, view, register, window)
-                    case Map() as pointwise:
-                        stream = self._pointwise(view, register, pointwise)
-            view.streams[register] = stream
-        return view
+                window = self.program.formula(r)
+                fold = self._fold(window)
+                x = element(window, self._newest(r, window))
+                if window.hi is None:
+                    axis = self._axes[r]
+                    later = tuple(map(self._array, fold.identity[:-1]))
+                    newest = fold.combine(x, (*later, self._ends[axis]))[-1]
+                    unknowns[axis] = newest[0]
+                else:
+                    old = tuple(map(loaded, self._folds[r]))
+                    if old[0].shape[0]:
+                        folds = fold.combine(old, x)
+                        rows = folds if window.lo is None else tuple(map(self._after, folds, x))
+                    else:
+                        rows = x
+                    now.folds[r], newest = rows, rows[-1][:1]
+                    kept = rows if window.lo is None else tuple(a[1:] for a in rows)
+                    for cells, a in zip(self._folds[r], kept, strict=True):
+                        stored(cells, a)
+            if r in self._histories:
+                newest = self._after(loaded(self._histories[r]), newest)
+                stored(self._histories[r], newest[1:])
+            now.settled[r] = newest
+        for r, cells in self._initial.items():
+            window = self.program.formula(r)
+            at = -max(self._shapes[a].late for a in window.args)
+            x = element(window, at)
+            x = self._fold(window).masked(o, self._inside(now, window, at, at), x)
+            now.initial[r] = self._fold(window).combine(tuple(map(loaded, cells)), x)
+            for each, a in zip(cells, now.initial[r], strict=True):
+                stored(each, a)
+        return now, state._replace(
+            rows=o.concatenate(tables[False]) if tables[False] else state.rows,
+            kept=o.concatenate(tables[True]) if tables[True] else state.kept,
+            first=o.stack(list(first.values())) if first else state.first,
+        )
 
-    def _span(self, register: int, world: WorldName) -> tuple[int, int]:
-        """The first and the last offset at which a world has a stream."""
-        shape = self._shapes[register]
-        if world == "settled":
-            return -shape.back, -shape.late
-        return -shape.back, 0 if world == "now" else shape.past
-
-    def _pointwise(self, view: Worldview, register: int, instruction: Map) -> StreamValues:
-        begin, end = self._span(register, view.world)
-        streams = [view.streams[a] for a in instruction.args]
-        choose = FUNCTIONS[instruction.function]
-        values = choose(self._o, *(each.read(self._o, begin, end) for each in streams))
-        return StreamValues(values, -begin, choose(self._o, *(each.tail for each in streams)))
-
-    def _windowed(
-        self, now: Arrival, view: Worldview, register: int, window: Window
-    ) -> StreamValues:
-        begin, end = self._span(register, view.world)
-        fold = self._fold(window)
-        tail = tuple(view.streams[a].tail for a in window.args)
-        if window.lo is None:
-            values, last = self._past(now, view, register, window)
-            return StreamValues(values, -begin, last)
+    def _newest(self, register: int, window: Window) -> int:
+        """The offset of the element that settles into the folds of a stream."""
         if window.hi is None:
-            values = self._future(now, view, register, window)
-        else:
-            seen = self._closed(view, window)
-            x = self._elements(now, view, window, begin + window.lo, end + window.hi, seen=seen)
-            values = slide(fold, x, window.hi - window.lo + 1)[-1]
-        last = fold.combine(tail, tail)[-1]
-        if view.world in {"lower", "upper"} and self._closed(view, window):
-            # After now each window has its own element alone.
-            operand = view.streams[window.args[-1]]
-            if window.lo:
-                last = self._o.full((1, 1), fold.identity[-1], self._reader.dtype)
-                operand = StreamValues(last[None], 0, last)
+            return -self._shapes[register].late
+        return window.hi - self._shapes[register].late
+
+    def _value(self, now: Arrival, world: WorldName) -> Tensor:
+        """The value at time 0 in a world."""
+        unknown = self._o.full((1, 1), 0.0, self._reader.dtype)
+        view = Worldview(world, {}, [unknown] * len(self._axes))
+        for r in self._placement.streams:
+            instruction = self.program.instructions[r]
+            if isinstance(instruction, Const):
+                stream = StreamValues(None, -INF, instruction.value)
+            elif r < self.program.terms:
+                stream = StreamValues(None, 0, INF if world == "upper" else -INF)
+            elif isinstance(instruction, Map):
+                stream = self._pointwise(now, view, r, instruction)
             else:
-                last = operand.tail
-            if end > 0:
-                rest = operand.read(self._o, 1, end)
-                rest = self._o.broadcast(rest, (end, *values.shape[1:]))
-                values = self._o.concatenate([values[: 1 - begin], rest])
-        return StreamValues(values, -begin, last)
+                window = self.program.formula(r)
+                made = self._future if window.hi is None else self._windowed
+                stream = made(now, view, r, window)
+                stream = self._own_elements(now, view, window, stream)
+            view.streams[r] = stream
+        values: dict[int, Tensor] = {}
+        for r in self._placement.initial:
+            if r < self.program.terms:
+                values[r] = now.first[r]
+                continue
+            match self.program.formula(r):
+                case Map(function, args):
+                    values[r] = FUNCTIONS[function](self._o, *(values[a] for a in args))
+                case Window() as window:
+                    values[r] = self._at_zero(now, view, r, window)
+        return values[self.program.result]
 
-    def _closed(self, view: Worldview, window: Window) -> bool:
-        """Whether samples that are not seen count nothing."""
-        if view.world in {"lower", "upper"}:
-            return window.skips(best=view.world == "upper")
-        return view.world == "now"
+    def _read(
+        self, now: Arrival, view: Worldview, register: int, begin: int, end: int
+    ) -> tuple[Tensor | None, int]:
+        """The values at offsets that do not lie in the tail, and the last of these offsets."""
+        shape, stream = self._shapes[register], view.streams[register]
+        last = min(end, stream.last)
+        if last < begin:
+            return None, begin - 1
+        parts = []
+        if begin <= -shape.late:
+            rows = now.settled[register][begin + shape.back : min(last, -shape.late) + shape.back + 1]
+            parts.append(self._in_world(rows, view.unknowns) if self._depends[register] else rows)
+        first = 1 - shape.late
+        if last >= first:
+            parts.append(stream.values[max(begin, first) - first : last - first + 1])
+        return (parts[0] if len(parts) == 1 else self._after(*parts)), last
 
-    def _elements(
-        self, now: Arrival, view: Worldview, window: Window, begin: int, end: int, *, seen: bool
-    ) -> Elements:
-        """The elements at offsets; identities before time 0, and after now if they must be seen."""
-        o, fold = self._o, self._fold(window)
-        last = min(end, 0) if seen else end
-        x: Elements = ()
-        if begin <= last:
-            x = tuple(view.streams[a].read(o, begin, last) for a in window.args)
-            if begin < 0:
-                offsets = o.arange(begin, last + 1)
-                x = fold.masked(o, now.age >= -offsets[:, None, None], x)
-        rest = end - max(begin - 1, last)
-        if rest > 0:
-            shape = x[0].shape[1:] if x else (1, 1)
-            nothing = self._identities_of(fold, (rest, *shape))
-            x = tuple(map(self._after, x, nothing)) if x else nothing
-        return x
-
-    def _identities_of(self, fold: Fold, shape: tuple[int, ...]) -> Elements:
-        return tuple(self._o.full(shape, e, self._reader.dtype) for e in fold.identity)
+    def _filled(self, rows: Tensor | None, tail: Tensor | float, count: int) -> Tensor:
+        """Rows with so many of a tail after them."""
+        if count <= 0:
+            return rows
+        tail = self._array(tail)
+        later = self._o.broadcast(tail, (count, *tail.shape))
+        return later if rows is None else self._after(rows, later)
 
     def _after(self, x: Tensor, y: Tensor) -> Tensor:
         """One array after the other, both as wide as the wider one."""
@@ -373,61 +416,232 @@ class EpisodeArrays:
         parts = [self._o.broadcast(each, (each.shape[0], *wide)) for each in (x, y)]
         return self._o.concatenate(parts)
 
-    def _past(
+    def _pointwise(
+        self, now: Arrival, view: Worldview, register: int, instruction: Map
+    ) -> StreamValues:
+        begin, end = self._open(view, register)
+        operands = []
+        for a in instruction.args:
+            rows, last = self._read(now, view, a, begin, end)
+            operands.append((last, rows, view.streams[a].tail))
+        name = instruction.function
+        tail = self._of_tails(name, [each[2] for each in operands])
+        if name in _DECIDES:
+            (last, x, short), (longest, y, _) = sorted(operands, key=lambda each: each[0])
+            count = last - begin + 1
+            choose = FUNCTIONS[name]
+            common = None if x is None else choose(self._o, x, y[:count])
+            number = short if isinstance(short, float) else 0.0
+            if longest == last or number == _DECIDES[name]:
+                return StreamValues(common, last, tail)
+            rest = y[count:]
+            if number != -_DECIDES[name]:
+                rest = choose(self._o, self._array(short), rest)
+            rows = rest if common is None else self._after(common, rest)
+            return StreamValues(rows, longest, tail)
+        filled = [self._filled(rows, t, end - last) for last, rows, t in operands]
+        if end < begin:
+            return StreamValues(None, end, tail)
+        return StreamValues(FUNCTIONS[name](self._o, *filled), end, tail)
+
+    def _of_tails(self, name: str, tails: Sequence[Tensor | float]) -> Tensor | float:
+        """A function of what stands for later values."""
+        if all(isinstance(each, float) for each in tails):
+            return algebra.FUNCTIONS[name].apply(*tails)
+        return FUNCTIONS[name](self._o, *map(self._array, tails))
+
+    def _open(self, view: Worldview, register: int) -> tuple[int, int]:
+        """The first and the last offset at which a stream has not settled in a world."""
+        shape = self._shapes[register]
+        return 1 - shape.late, 0 if view.world == "now" else shape.past
+
+    def _closed(self, view: Worldview, window: Window) -> bool:
+        """Whether samples that are not seen count nothing."""
+        return view.world == "now" or window.skips(best=view.world == "upper")
+
+    def _elements(
+        self, now: Arrival, view: Worldview, window: Window, begin: int, end: int
+    ) -> tuple[Elements | None, int]:
+        """The elements at offsets that do not lie in the tail, and the last of these offsets."""
+        read = [self._read(now, view, a, begin, end) for a in window.args]
+        last = max(each[1] for each in read)
+        if last < begin:
+            return None, last
+        x = tuple(
+            self._filled(rows, view.streams[a].tail, last - here)
+            for a, (rows, here) in zip(window.args, read, strict=True)
+        )
+        return self._since_zero(now, window, begin, x), last
+
+    def _since_zero(self, now: Arrival, window: Window, begin: int, x: Elements) -> Elements:
+        """Elements from an offset on; identities before time 0."""
+        if begin >= 0:
+            return x
+        offsets = self._o.arange(begin, begin + x[0].shape[0])
+        return self._fold(window).masked(self._o, now.age >= -offsets[:, None, None], x)
+
+    def _extended(
+        self, view: Worldview, window: Window, x: Elements | None, count: int
+    ) -> Elements | None:
+        """Elements with so many of the tail after them."""
+        if count <= 0:
+            return x
+        rows = x or (None,) * len(window.args)
+        tails = (view.streams[a].tail for a in window.args)
+        return tuple(self._filled(a, tail, count) for a, tail in zip(rows, tails, strict=True))
+
+    def _identities_of(self, fold: Fold, count: int) -> Elements | None:
+        if count <= 0:
+            return None
+        return tuple(self._o.full((count, 1, 1), e, self._reader.dtype) for e in fold.identity)
+
+    def _array(self, value: Tensor | float) -> Tensor:
+        """A value as an array with axes of corners and lanes."""
+        return self._o.full((1, 1), value, self._reader.dtype) if isinstance(value, float) else value
+
+    def _even(self, x: Elements) -> Elements:
+        """Elements whose numbers are all as wide as the widest."""
+        wide = [max(sizes) for sizes in zip(*(a.shape[1:] for a in x), strict=True)]
+        return tuple(self._o.broadcast(a, (a.shape[0], *wide)) for a in x)
+
+    def _repeated(self, rows: Tensor, count: int) -> Tensor:
+        """A row as often as that, if it is one."""
+        return self._o.broadcast(rows, (count, *rows.shape[1:]))
+
+    def _windowed(
         self, now: Arrival, view: Worldview, register: int, window: Window
-    ) -> tuple[Tensor, Tensor]:
-        begin, end = self._span(register, view.world)
-        fold, hi = self._fold(window), window.hi or 0
-        if view.settles:
-            oldest = begin + hi - 1
-            newest = self._elements(now, view, window, oldest, oldest, seen=False)
-            self._keep_also(now, view, self._totals[register], fold, newest)
-        total = self._kept(now, view, self._totals[register], fold)
-        seen = view.world == "now"
-        x = self._elements(now, view, window, begin + hi, end + hi, seen=seen)
-        count = end - begin + 1
-        x = tuple(self._after(a[None], b) for a, b in zip(total, x, strict=True))
-        before = self._identities_of(fold, (count, 1, 1))
-        prefixes = slide(fold, tuple(map(self._after, before, x)), count + 1)
-        tail = tuple(view.streams[a].tail for a in window.args)
-        last = fold.combine(tuple(a[-1] for a in prefixes), tail)[-1]
-        return prefixes[-1][1:], last
+    ) -> StreamValues:
+        """A window with an end: what is kept of it, and the elements that are open."""
+        fold, (first, end) = self._fold(window), self._open(view, register)
+        closed = self._closed(view, window)
+        end = 0 if closed else end
+        newest, count = self._newest(register, window), end - first + 1
+        limit = min(end + window.hi, 0) if closed else end + window.hi
+        x, last = self._elements(now, view, window, newest + 1, limit)
+        ahead, width = last - newest, window.length
+        tails = tuple(view.streams[a].tail for a in window.args)
+        number = tails[0] if len(tails) == 1 and isinstance(tails[0], float) else 0.0
+        skipped, decides = number == fold.identity[-1], number == -fold.identity[-1]
+        if last < limit:
+            # Whether every window behind the last element reaches the tail.
+            reached = not closed or (window.lo or 0) <= 0
+            if decides and reached:
+                count = min(count, ahead)
+            elif not skipped:
+                x, ahead = self._extended(view, window, x, limit - last), limit - newest
+            elif width and reached:
+                count = min(count, ahead + width - 1)
+        kept = now.folds[register]
+        if self._depends[register]:
+            kept = tuple(self._in_world(each, view.unknowns) for each in kept)
+        rows = self._over(fold, kept, x, ahead, count, width)
+        if width is None and not decides:
+            total = tuple(a[-1] for a in rows or kept)
+            tail = fold.combine(total, tuple(map(self._array, tails)))[-1]
+        else:
+            tail = self._together(fold, tails)
+        return StreamValues(rows and rows[-1], first - 1 + count, tail)
 
-    def _future(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
-        begin, end = self._span(register, view.world)
-        fold, axis, seen = self._fold(window), self._axes[register], self._closed(view, window)
-        x = self._elements(now, view, window, begin, end, seen=seen)
-        tail = self._identities_of(fold, (1, 1))
-        if view.world == "settled":
-            tail = (*tail[:-1], self._ends[axis])
-        elif not seen:
-            tail = tuple(view.streams[a].tail for a in window.args)
-        count = end - begin + 1
-        x = tuple(self._after(a, b[None]) for a, b in zip(x, tail, strict=True))
-        after = self._identities_of(fold, (count, 1, 1))
-        suffixes = slide(fold, tuple(map(self._after, x, after)), count + 1)[-1]
-        late = self._shapes[register].late
-        view.unknowns[axis] = suffixes[(-late if view.world == "settled" else 1 - late) - begin]
-        return suffixes[:count]
+    def _over(
+        self,
+        fold: Fold,
+        kept: Elements,
+        x: Elements | None,
+        ahead: int,
+        count: int,
+        width: int | None,
+    ) -> Elements | None:
+        """The folds of windows that end at the first, second, ... element ahead; None of none."""
+        if count <= 0:
+            return None
+        parts: list[Elements] = []
+        old = count if width is None else min(count, width - 1)  # windows that began before
+        if old:
+            part = kept if width is None else tuple(a[1 : old + 1] for a in kept)
+            if x is not None:
+                begun = prefixes(self._o, fold, tuple(a[:old] for a in self._even(x)))
+                begun = tuple(self._filled(a, a[-1], old - ahead) for a in begun)
+                part = fold.combine(part, begun)
+            parts.append(tuple(self._repeated(a, old) for a in part))
+        new = count - old
+        if new and width is not None:
+            if x is not None and ahead <= width:
+                parts.append(tuple(a[:new] for a in suffixes(self._o, fold, self._even(x))))
+                new -= ahead
+            elif x is not None:
+                nothing = self._identities_of(fold, new + width - 1 - ahead)
+                padded = x if nothing is None else tuple(map(self._after, x, nothing))
+                parts.append(slide(fold, tuple(a[: new + width - 1] for a in padded), width))
+                new = 0
+            if (nothing := self._identities_of(fold, new)) is not None:
+                parts.append(nothing)
+        whole = parts[0]
+        for part in parts[1:]:
+            whole = tuple(map(self._after, whole, part))
+        return whole
 
-    def _initial(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
+    def _future(
+        self, now: Arrival, view: Worldview, register: int, window: Window
+    ) -> StreamValues:
+        """A window without an end; the fold of what has not settled is its unknown."""
+        fold, (first, end) = self._fold(window), self._open(view, register)
+        closed = self._closed(view, window)
+        end = 0 if closed else end
+        x, last = self._elements(now, view, window, first, end)
+        x = self._extended(view, window, x, end - last)
+        tails = tuple(view.streams[a].tail for a in window.args)
+        later = tuple(self._array(t)[None] for t in (fold.identity if closed else tails))
+        whole = later if x is None else tuple(map(self._after, x, later))
+        rows = suffixes(self._o, fold, self._even(whole))
+        view.unknowns[self._axes[register]] = rows[-1][0]
+        values = None if x is None else rows[-1][:-1]
+        return StreamValues(values, end, self._together(fold, tails))
+
+    def _own_elements(
+        self, now: Arrival, view: Worldview, window: Window, stream: StreamValues
+    ) -> StreamValues:
+        """After now a window of what may not be there has its own element alone."""
+        if view.world == "now" or not self._closed(view, window):
+            return stream
+        if window.lo:
+            return stream._replace(tail=self._fold(window).identity[-1])
+        operand = window.args[-1]
+        rows, last = self._read(now, view, operand, 1, INF)
+        if rows is None:
+            return stream._replace(tail=view.streams[operand].tail)
+        if stream.values is not None:
+            rows = self._after(stream.values, rows)
+        return StreamValues(rows, last, view.streams[operand].tail)
+
+    def _together(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:
+        """The fold of elements that are all the same."""
+        if len(tails) == 1:
+            return tails[0]
+        arrays = tuple(map(self._array, tails))
+        return fold.combine(arrays, arrays)[-1]
+
+    def _at_zero(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
         """The fold of a window at time 0: settled, open and later elements."""
         o, fold = self._o, self._fold(window)
-        total = self._kept(now, view, self._totals[~register], fold)
-        late = max(self._shapes[a].late for a in window.args)
-        past = max(self._shapes[a].past for a in window.args)
-        recorded = self._closed(view, window)
-        begin, end = 1 - late, 0 if recorded else past
-        if begin <= end:
-            x = self._elements(now, view, window, begin, end, seen=recorded)
-            x = fold.masked(o, self._inside(now, window, begin, end), x)
-            total = fold.combine(total, fold_all(fold, x))
-        if not recorded:
-            tail = tuple(view.streams[a].tail for a in window.args)
-            if window.hi is not None:
-                tail = fold.masked(o, now.age < window.hi - past, tail)
+        total = now.initial[register]
+        if any(self._depends[a] for a in window.args):
+            total = tuple(self._in_world(each, view.unknowns) for each in total)
+        begin = 1 - max(self._shapes[a].late for a in window.args)
+        closed = self._closed(view, window)
+        end = 0 if closed else max(self._shapes[a].past for a in window.args)
+        x, last = self._elements(now, view, window, begin, end)
+        if x is not None:
+            x = fold.masked(o, self._inside(now, window, begin, last), x)
+            total = fold.combine(total, tuple(a[None] for a in fold_all(o, fold, x)))
+        hi = window.hi
+        if (last < 0 or not closed) and (hi is None or hi >= 0):
+            tail = tuple(self._array(view.streams[a].tail)[None] for a in window.args)
+            if hi is not None:
+                tail = fold.masked(o, now.age < hi - last, tail)
+            if closed:
+                tail = fold.masked(o, now.age >= max(0, window.lo or 0), tail)
             total = fold.combine(total, tail)
-        return total[-1][0]
+        return total[-1][0][0]
 
     def _inside(self, now: Arrival, window: Window, begin: int, end: int) -> Tensor:
         """Whether the times at offsets are in the window of time 0."""
@@ -436,36 +650,10 @@ class EpisodeArrays:
         inside = times >= max(0, window.lo or 0)
         return inside if window.hi is None else inside & (times <= window.hi)
 
-    def _fold_in(self, now: Arrival, view: Worldview) -> None:
-        """Fold what has settled into the windows that are read at time 0."""
-        for register, window in self._windows():
-            if ~register in self._totals:
-                at = -max(self._shapes[a].late for a in window.args)
-                fold = self._fold(window)
-                x = self._elements(now, view, window, at, at, seen=False)
-                x = fold.masked(self._o, self._inside(now, window, at, at), x)
-                self._keep_also(now, view, self._totals[~register], fold, x)
-
-    def _keep_also(
-        self, now: Arrival, view: Worldview, place: int, fold: Fold, x: Elements
-    ) -> None:
-        """Fold one element into what is kept, in terms of the unknowns of this step."""
-        before = tuple(self._in_world(now.kept[place + i], view.unknowns) for i in range(len(x)))
-        total = fold.combine(before, tuple(a[0] for a in x))
-        shape = (self._corners, *now.age.shape)
-        for i, number in enumerate(total):
-            now.kept[place + i] = self._o.broadcast(number, shape)
-
-    def _kept(self, now: Arrival, view: Worldview, place: int, fold: Fold) -> Elements:
-        """What is kept, in a world."""
-        kept = tuple(now.kept[place + i] for i in range(len(fold.identity)))
-        if view.settles:
-            return kept
-        return tuple(self._in_world(each, view.unknowns) for each in kept)
-
-    def _in_world(self, kept: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
+    def _in_world(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
         """Polynomials in the unknowns for given values of these."""
-        settled = kept.reshape((2,) * len(unknowns) + (1, *kept.shape[1:]))
+        count, _, lanes = rows.shape
+        values = rows.reshape((count, *(2,) * len(unknowns), 1, lanes))
         for u in unknowns:
-            settled = self._lattice.greater(settled[0], self._lattice.lesser(settled[1], u))
-        return settled
+            values = self._lattice.greater(values[:, 0], self._lattice.lesser(values[:, 1], u))
+        return values

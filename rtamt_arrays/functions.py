@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from rtamt.program.algebra import FOLDS, Element
 from rtamt_arrays.operations import Operations, Tensor
 
-__all__ = ["FUNCTIONS", "Elements", "Fold", "Lattice", "exact", "fold_all", "slide"]
+__all__ = ["FUNCTIONS", "Elements", "Fold", "Lattice", "exact", "fold_all", "prefixes", "slide", "suffixes"]
 
 Elements = tuple[Tensor, ...]
 """The numbers of an element of a fold, as arrays."""
@@ -78,9 +78,41 @@ def slide(fold: Fold, elements: Elements, width: int) -> Elements:
         size *= 2
 
 
-def fold_all(fold: Fold, elements: Elements) -> Elements:
+def prefixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
+    """The folds of the first element, of the first two, and so on, along the first axis."""
+    size = 1
+    while size < elements[0].shape[0]:
+        longer = fold.combine(tuple(a[:-size] for a in elements), tuple(a[size:] for a in elements))
+        elements = tuple(
+            o.concatenate([a[:size], b]) for a, b in zip(elements, longer, strict=True)
+        )
+        size *= 2
+    return elements
+
+
+def suffixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
+    """The folds from the first element on, from the second on, and so on."""
+    size = 1
+    while size < elements[0].shape[0]:
+        longer = fold.combine(tuple(a[:-size] for a in elements), tuple(a[size:] for a in elements))
+        elements = tuple(
+            o.concatenate([b, a[-size:]]) for a, b in zip(elements, longer, strict=True)
+        )
+        size *= 2
+    return elements
+
+
+def fold_all(o: Operations, fold: Fold, elements: Elements) -> Elements:
     """The fold of all elements along the first axis, which it removes."""
-    return tuple(a[0] for a in slide(fold, elements, elements[0].shape[0]))
+    while (count := elements[0].shape[0]) > 1:
+        even = count - count % 2
+        pairs = fold.combine(
+            tuple(a[0:even:2] for a in elements), tuple(a[1:even:2] for a in elements)
+        )
+        if even < count:
+            pairs = tuple(o.concatenate([b, a[-1:]]) for a, b in zip(elements, pairs, strict=True))
+        elements = pairs
+    return tuple(a[0] for a in elements)
 
 
 def _no_negative_zero(o: Operations, x: Tensor) -> Tensor:

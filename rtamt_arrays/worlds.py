@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from rtamt_arrays.operations import Operations, Tensor
+from rtamt_arrays.functions import Elements
+from rtamt_arrays.operations import Tensor
 
 __all__ = [
     "Arrival",
@@ -16,21 +17,21 @@ __all__ = [
     "Worldview",
 ]
 
-WorldName = Literal["now", "lower", "upper", "settled"]
+WorldName = Literal["now", "lower", "upper"]
 
 
 class EpisodeState(NamedTuple):
     """What an episode monitor knows of its lanes.
 
     Attributes:
-        history: Samples of the terms that streams read, the oldest of each term first.
-        kept: Folds over all times so far, of shape (numbers, corners, lanes).
+        rows: Values of streams that have settled, and folds of them, the oldest of each first.
+        kept: The same that depend on what is still to come, of shape (numbers, corners, lanes).
         first: The terms of sample 0 that are read there.
         age: Samples of each lane since its reset, up to those that matter.
         nan: Whether a lane has had a nan since its reset.
     """
 
-    history: Tensor
+    rows: Tensor
     kept: Tensor
     first: Tensor
     age: Tensor
@@ -59,9 +60,9 @@ class Offsets(NamedTuple):
     """The offsets from now at which a stream is found.
 
     Attributes:
-        late: How many samples of the future a value depends on.
+        late: How many samples of the future a value depends on; older values have settled.
         past: For how many times after now a value depends on samples.
-        back: The oldest offset, as a positive number; the value there has settled.
+        back: The oldest offset that is read, as a positive number.
     """
 
     late: int
@@ -70,38 +71,35 @@ class Offsets(NamedTuple):
 
 
 class StreamValues(NamedTuple):
-    """The values of a register in a world, from ``-back`` on, and that of all later times."""
+    """The values of a stream that have not settled, in a world.
 
-    values: Tensor
-    back: int
-    tail: Tensor
+    Attributes:
+        values: The values from the first such offset on; None if there is none.
+        last: The last of these offsets.
+        tail: The value at all later ones: a number, or an array if it depends on samples.
+    """
 
-    def read(self, o: Operations, begin: int, end: int) -> Tensor:
-        """The values at offsets begin to end."""
-        count = self.values.shape[0]
-        first, last = begin + self.back, end + self.back + 1
-        beyond = last - max(first, count)
-        if beyond <= 0:
-            return self.values[first:last]
-        later = o.broadcast(self.tail, (beyond, *self.values.shape[1:]))
-        return later if first >= count else o.concatenate([self.values[first:], later])
+    values: Tensor | None
+    last: int
+    tail: Tensor | float
 
 
 class Arrival(NamedTuple):
-    """What is known when a sample is there: terms, histories with it, and what is kept.
+    """What is known when a sample is there.
 
     Attributes:
         age: Samples of each lane before this one, so the time of this one.
-        terms: The terms of the sample.
-        histories: The last values of terms that streams read, with this one.
-        kept: The folds over all times so far, of shape (corners, lanes); they are replaced.
+        settled: The settled values of streams, the oldest first.
+        folds: Of windows that streams have: the folds from each settled element of the window on,
+            to the newest one; of windows without a begin, the fold of all.
+        initial: The folds of settled elements of windows that are read at time 0.
         first: The terms of sample 0.
     """
 
     age: Tensor
-    terms: list[Tensor]
-    histories: dict[int, Tensor]
-    kept: list[Tensor]
+    settled: dict[int, Tensor]
+    folds: dict[int, Elements]
+    initial: dict[int, Elements]
     first: dict[int, Tensor]
 
 
@@ -109,6 +107,5 @@ class Worldview(NamedTuple):
     """The streams of a world, and its values of the unknowns."""
 
     world: WorldName
-    settles: bool
     streams: dict[int, StreamValues]
     unknowns: list[Tensor]
