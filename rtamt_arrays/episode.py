@@ -518,6 +518,11 @@ class EpisodeArrays:
         newest, count = self._newest(register, window), end - first + 1
         limit = min(end + window.hi, 0) if closed else end + window.hi
         x, last = self._elements(now, view, window, newest + 1, limit)
+        if last < min(limit, -1) and (window.lo is None or window.lo < 0):
+            # A tail may stand for times before time 0, which windows of the past reach.
+            x = self._extended(view, window, x, min(limit, -1) - last)
+            last = min(limit, -1)
+            x = self._since_zero(now, window, newest + 1, x)
         ahead, width = last - newest, window.length
         tails = tuple(view.streams[a].tail for a in window.args)
         number = tails[0] if len(tails) == 1 and isinstance(tails[0], float) else 0.0

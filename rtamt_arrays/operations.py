@@ -37,6 +37,12 @@ class Operations(Protocol):
     def signbit(self, x: Tensor) -> Tensor:
         """Whether the sign bit is set."""
 
+    def lesser(self, x: Tensor, y: Tensor) -> Tensor:
+        """The lesser number, -0.0 below 0.0; at a tie the gradient is that of one of them."""
+
+    def greater(self, x: Tensor, y: Tensor) -> Tensor:
+        """The greater number, -0.0 below 0.0; at a tie the gradient is that of one of them."""
+
     def isnan(self, x: Tensor) -> Tensor:
         """Whether a value is nan."""
 

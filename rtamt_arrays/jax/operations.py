@@ -44,6 +44,12 @@ class JaxOperations:
     concatenate = staticmethod(jnp.concatenate)
     stack = staticmethod(jnp.stack)
 
+    def lesser(self, x: Tensor, y: Tensor) -> Tensor:
+        return jnp.where(_first(x, y), x, y)
+
+    def greater(self, x: Tensor, y: Tensor) -> Tensor:
+        return jnp.where(_first(x, y), y, x)
+
     def as_integers(self, x: Tensor) -> Tensor:
         return x.astype(jnp.int32)
 
@@ -52,6 +58,11 @@ class JaxOperations:
 
     def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
         return table.at[rows].set(values, mode="promise_in_bounds", unique_indices=True)
+
+
+def _first(x: Tensor, y: Tensor) -> Tensor:
+    """Whether x is the lesser one. Minima of XLA need not keep -0.0 and 0.0 apart."""
+    return (x < y) | ((x == y) & jnp.signbit(x))
 
 
 class JaxReader:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import torch
+from torch.autograd.forward_ad import unpack_dual
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt_arrays.operations import Tensor
@@ -37,7 +38,6 @@ class TorchOperations:
         return torch.arange(begin, end, dtype=torch.int32, device=self._device)
 
     where = staticmethod(torch.where)
-    signbit = staticmethod(torch.signbit)
     isnan = staticmethod(torch.isnan)
     abs = staticmethod(torch.abs)
     sqrt = staticmethod(torch.sqrt)
@@ -49,6 +49,20 @@ class TorchOperations:
     broadcast = staticmethod(torch.broadcast_to)
     concatenate = staticmethod(torch.cat)
     stack = staticmethod(torch.stack)
+
+    def signbit(self, x: Tensor) -> Tensor:
+        return _bits(x) < 0  # which compilers make vectors of
+
+    def lesser(self, x: Tensor, y: Tensor) -> Tensor:
+        if _differentiated(x, y):
+            return torch.where(_first(x, y), x, y)
+        # Minima give one of two equal numbers, which differ in no bit but the sign of zeros.
+        return (_bits(torch.minimum(x, y)) | _bits(torch.minimum(y, x))).view(x.dtype)
+
+    def greater(self, x: Tensor, y: Tensor) -> Tensor:
+        if _differentiated(x, y):
+            return torch.where(_first(x, y), y, x)
+        return (_bits(torch.maximum(x, y)) & _bits(torch.maximum(y, x))).view(x.dtype)
 
     def as_integers(self, x: Tensor) -> Tensor:
         return x.to(torch.int32)
@@ -63,6 +77,29 @@ class TorchOperations:
         if self._in_place:
             return table.index_copy_(0, rows, values)
         return table.index_copy(0, rows, values)
+
+
+_BITS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
+
+
+def _bits(x: Tensor) -> Tensor:
+    """The bits of numbers as integers, which are negative where the sign bit is set."""
+    return x.view(_BITS[x.dtype.itemsize])
+
+
+def _first(x: Tensor, y: Tensor) -> Tensor:
+    """Whether x is the lesser one, in operations that have a gradient."""
+    return (x < y) | ((x == y) & (_bits(x) < 0))
+
+
+def _differentiated(*operands: Tensor) -> bool:
+    """Whether one of them has a gradient, or a tangent: bits have neither."""
+    if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
+        return True
+    # Compilers of graphs know no tangents.
+    return not torch.compiler.is_compiling() and any(
+        unpack_dual(x).tangent is not None for x in operands
+    )
 
 
 class TorchReader:
