@@ -268,9 +268,7 @@ class EpisodeArrays:
             },
         )
 
-    def _settled(
-        self, state: EpisodeState, known: list[Tensor]
-    ) -> tuple[Arrival, EpisodeState]:
+    def _settled(self, state: EpisodeState, known: list[Tensor]) -> tuple[Arrival, EpisodeState]:
         """What has settled with this sample, and the state that keeps it."""
         o, dtype = self._o, self._reader.dtype
         begins = state.age == 0
@@ -395,7 +393,9 @@ class EpisodeArrays:
             return None, begin - 1
         parts = []
         if begin <= -shape.late:
-            rows = now.settled[register][begin + shape.back : min(last, -shape.late) + shape.back + 1]
+            rows = now.settled[register][
+                begin + shape.back : min(last, -shape.late) + shape.back + 1
+            ]
             parts.append(self._in_world(rows, view.unknowns) if self._depends[register] else rows)
         first = 1 - shape.late
         if last >= first:
@@ -497,7 +497,9 @@ class EpisodeArrays:
 
     def _array(self, value: Tensor | float) -> Tensor:
         """A value as an array with axes of corners and lanes."""
-        return self._o.full((1, 1), value, self._reader.dtype) if isinstance(value, float) else value
+        return (
+            self._o.full((1, 1), value, self._reader.dtype) if isinstance(value, float) else value
+        )
 
     def _even(self, x: Elements) -> Elements:
         """Elements whose numbers are all as wide as the widest."""
@@ -585,9 +587,7 @@ class EpisodeArrays:
             whole = tuple(map(self._after, whole, part))
         return whole
 
-    def _future(
-        self, now: Arrival, view: Worldview, register: int, window: Window
-    ) -> StreamValues:
+    def _future(self, now: Arrival, view: Worldview, register: int, window: Window) -> StreamValues:
         """A window without an end; the fold of what has not settled is its unknown."""
         fold, (first, end) = self._fold(window), self._open(view, register)
         closed = self._closed(view, window)

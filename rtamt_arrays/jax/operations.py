@@ -54,10 +54,12 @@ class JaxOperations:
         return x.astype(jnp.int32)
 
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
-        return table.at[rows].get(mode="promise_in_bounds", unique_indices=True)
+        return jnp.asarray(table).at[rows].get(mode="promise_in_bounds", unique_indices=True)
 
     def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
-        return table.at[rows].set(values, mode="promise_in_bounds", unique_indices=True)
+        return (
+            jnp.asarray(table).at[rows].set(values, mode="promise_in_bounds", unique_indices=True)
+        )
 
 
 def _first(x: Tensor, y: Tensor) -> Tensor:

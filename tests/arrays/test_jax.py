@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import doctest
+import io
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import jax
@@ -10,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from array_contract import ArrayMonitor, EpisodeContract, OfflineContract, OnlineContract, places
+from bits import bits
 from numpy.typing import NDArray
 
 import rtamt_arrays.jax as arrays
@@ -30,6 +35,10 @@ class Jax:
     """JAX under ``jit`` and ``scan``: a compiler takes a second, so it gets formulas together."""
 
     arrays = arrays
+    kinds = (jnp.float32, jnp.bfloat16)
+
+    def doubles(self, values: Tensor) -> Tensor:
+        return values.astype(jnp.float64)
 
     def tensor(self, values: object) -> Tensor:
         array = np.array(values)
@@ -128,6 +137,105 @@ def test_a_monitor_that_was_made_while_jax_traced_can_be_used_after(
     found = jax.jit(first)(x)
     _, reading = kept[0].update(kept[0].init(2), {"x": x})
     assert reading.robustness.tolist() == found.tolist()
+
+
+@pytest.mark.parametrize(
+    ("made", "text"),
+    [
+        (arrays.online, "historically[0:3](x > 0) and once(y > 1)"),
+        (arrays.episode, "always(x > 0 implies eventually[0:3](y > 1)) and (x > 1) until (y > 1)"),
+    ],
+)
+def test_a_state_that_was_saved_goes_on_where_it_was(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, file = made(text), io.BytesIO()
+    samples = jnp.asarray(np.random.default_rng(8).normal(size=(9, 3, 2)))
+    state = monitor.init(3)
+    for sample in samples[:6]:
+        state, _ = monitor.update(state, sample)
+    np.savez(file, **state._asdict())
+    file.seek(0)
+    loaded = type(state)(**np.load(file))
+    for sample in samples[6:]:
+        (state, expected), (loaded, found) = (
+            monitor.update(each, sample) for each in (state, loaded)
+        )
+        for x, y in zip((*loaded, *found), (*state, *expected), strict=True):
+            assert bits(x) == bits(y)
+
+
+@pytest.mark.parametrize("made", [arrays.online, arrays.episode])
+def test_what_is_written_on_a_gradient_through_steps_is_that_of_the_sample_that_decides(
+    made: Callable[..., ArrayMonitor],
+) -> None:
+    monitor = made("historically[0:3](x > 0)" if made is arrays.online else "always(x > 0)")
+    samples = jnp.asarray([[[3.0]], [[1.0]], [[2.0]]])
+    resets = jnp.zeros((3, 1), dtype=bool)
+    gradient = jax.grad(lambda x: stepped(monitor, x, resets, every=True).robustness[-1, 0])
+    assert np.ravel(gradient(samples)).tolist() == [0.0, 1.0, 0.0]
+
+
+DEVICES = """
+import sys
+from functools import partial
+
+import jax
+import numpy as np
+from jax.sharding import PartitionSpec
+
+import rtamt_arrays.jax as arrays
+
+assert len(jax.devices()) == 4
+monitor = getattr(arrays, sys.argv[1])(sys.argv[2])
+samples = np.random.default_rng(9).normal(size=(12, 8, 2)).astype(np.float32)
+resets = np.random.default_rng(9).random((12, 8)) < 0.1
+step = lambda state, given: monitor.update(monitor.reset(state, given[1]), given[0])
+run = lambda state, samples, resets: jax.lax.scan(step, state, (samples, resets))
+
+# Lanes are the last axis of what has lanes; the places of delays have none.
+state = monitor.init(8)
+lanes = lambda x, axes: PartitionSpec(*[None] * (axes - 1), "lanes")
+states = type(state)(
+    *(PartitionSpec() if name == "place" else lanes(x, x.ndim) for name, x in state._asdict().items())
+)
+_, reading = jax.eval_shape(run, state, samples, resets)
+mesh = jax.sharding.Mesh(jax.devices(), ("lanes",))
+sharded = jax.shard_map(
+    run,
+    mesh=mesh,
+    in_specs=(states, PartitionSpec(None, "lanes"), PartitionSpec(None, "lanes")),
+    out_specs=(states, jax.tree.map(lambda x: lanes(x, x.ndim), reading)),
+)
+compiled = jax.jit(sharded).lower(state, samples, resets).compile()
+for word in ("all-reduce", "all-gather", "collective-permute", "all-to-all"):
+    assert word not in compiled.as_text(), word
+found, expected = compiled(state, samples, resets), jax.jit(run)(state, samples, resets)
+for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+    assert np.asarray(x).tobytes() == np.asarray(y).tobytes()
+assert len(found[1].robustness.sharding.device_set) == 4
+print("equal")
+"""
+
+
+@pytest.mark.parametrize(
+    ("made", "text"),
+    [
+        ("online", "historically[0:3](x > 0) and once(y > 1)"),
+        ("episode", "always(x > 0 implies eventually[0:3](y > 1)) and (x > 1) until (y > 1)"),
+    ],
+)
+def test_lanes_of_four_devices_need_no_word_between_them(made: str, text: str) -> None:
+    """In a process of its own, since the number of devices is fixed where JAX begins."""
+    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=4", "JAX_PLATFORMS": "cpu"}
+    ran = subprocess.run(
+        [sys.executable, "-c", DEVICES, made, text],
+        env=os.environ | flags | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.stdout == "equal\n", ran.stderr
 
 
 def test_functions_are_those_of_programs() -> None:

@@ -17,6 +17,7 @@ from array_contract import ArrayMonitor, EpisodeContract, OfflineContract, Onlin
 from bits import bits
 from hypothesis import given, settings
 from numpy.typing import NDArray
+from torch.utils._python_dispatch import TorchDispatchMode
 
 import rtamt
 import rtamt_arrays.torch as arrays
@@ -29,6 +30,10 @@ class Torch:
     """torch in eager mode."""
 
     arrays = arrays
+    kinds = (torch.float32, torch.bfloat16)
+
+    def doubles(self, values: Tensor) -> Tensor:
+        return values.double()
 
     def tensor(self, values: object) -> Tensor:
         array = np.array(values)
@@ -239,6 +244,52 @@ def test_no_step_looks_at_a_number_nor_has_a_shape_that_depends_on_one(case: cas
             assert arrays.evaluate(formula, signals).is_meta
             smooth = arrays.evaluate(formula, signals, semantics="smooth", temperature=0.1)
             assert smooth.is_meta
+
+
+class NothingAsked(TorchDispatchMode):
+    """Refuses the operations that wait for a device, or whose shapes depend on numbers."""
+
+    REFUSED = ("_local_scalar_dense", "nonzero", "masked_select", "unique", "equal")
+
+    def __torch_dispatch__(
+        self, func: Tensor, types: object, args: Sequence[Tensor] = (), kwargs: object = None
+    ) -> Tensor:
+        given: Mapping[str, object] = kwargs or {}  # type: ignore[assignment]
+        name = func.overloadpacket.__name__
+        moves = name == "_to_copy" and given.get("device") is not None
+        assert name not in self.REFUSED, name
+        assert not moves, name
+        return func(*args, **given)
+
+
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_steps_in_place_ask_no_tensor_for_a_number_and_move_none(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, (samples, resets) = made(text), played()
+    state = monitor.init(3)
+    with NothingAsked():
+        for sample, mask in zip(samples, resets, strict=True):
+            monitor.reset_(state, mask)
+            monitor.update_(state, sample)
+            monitor.update(monitor.reset(state, mask), sample)
+        x, y = samples.permute(2, 1, 0)
+        arrays.evaluate(text, {"x": x, "y": y})
+
+
+def test_what_would_be_asked_is_refused() -> None:
+    with pytest.raises(AssertionError, match="_local_scalar_dense"), NothingAsked():
+        torch.zeros(2)[0].item()
+
+
+# Of torch itself, where it first makes tangents.
+@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
+def test_tangents_go_through_min_and_max() -> None:
+    def least(x: Tensor) -> Tensor:
+        return arrays.evaluate("always(x >= 0)", {"x": x})[0]
+
+    x = torch.tensor([2.0, 1.0, 3.0])
+    assert torch.func.jvp(least, (x,), (torch.tensor([5.0, 7.0, 9.0]),))[1].item() == 7.0
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from rtamt import Formula, VectorEpisodeMonitor, VectorMonitor, evaluate
+from rtamt.errors import SpecificationError
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 from rtamt_arrays.operations import Tensor
@@ -96,7 +97,9 @@ def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Cas
         outermost: Whether one may be an outermost ``always``, which is about all samples so far
             for monitors and about all later ones in whole traces.
     """
-    usable = s.formulas(3, endless=endless).filter(lambda f: f.variables and exactly_rounded(f))
+    usable = s.formulas(3, endless=endless).filter(
+        lambda f: f.variables and exactly_rounded(f) and _fits(f)
+    )
     formulas = [draw(usable) for _ in range(BATCH)]
     if outermost and draw(st.booleans()) and not endless:
         formulas[0] = _outermost(formulas[0])
@@ -106,6 +109,15 @@ def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Cas
     samples = random.choice(np.array(values), (SAMPLES, LANES, len(s.VARIABLES)))
     resets = random.random((SAMPLES, LANES)) < 0.1
     return Case(formulas, samples, resets)
+
+
+def _fits(formula: Formula) -> bool:
+    """Whether an episode has few enough operators without an end inside others."""
+    try:
+        VectorEpisodeMonitor(formula, LANES)
+    except SpecificationError:
+        return False
+    return True
 
 
 def _outermost(formula: Formula) -> Formula:

@@ -40,6 +40,13 @@ class ArrayLibrary(Protocol):
     def arrays(self) -> ArrayMonitor:
         """The package of monitors on its arrays."""
 
+    @property
+    def kinds(self) -> Sequence[object]:
+        """The kinds of floats of 24 and of 8 bits."""
+
+    def doubles(self, values: Tensor) -> Tensor:
+        """The values as doubles."""
+
     def tensor(self, values: object) -> Tensor:
         """An array of doubles, or of booleans where the values are."""
 
@@ -238,6 +245,20 @@ def _sum_of_finite(
     return lambda x: library.sum_of_finite(function(x))
 
 
+def _predicates(formula: rtamt.Formula) -> list[rtamt.Formula]:
+    """The formulas at the leaves that have a variable."""
+    parts = [each for each in formula.args if isinstance(each, rtamt.Formula)]
+    if not parts:
+        return [formula] if formula.variables else []
+    return [leaf for part in parts for leaf in _predicates(part)]
+
+
+def _apart(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """The greatest difference; nan is apart from nothing."""
+    different = ~((x == y) | np.isnan(x) | np.isnan(y))
+    return float(np.max(np.abs(x[different] - y[different]), initial=0.0))
+
+
 TEMPERATURES = (0.1, 1.0)
 
 SMOOTH = (
@@ -290,12 +311,38 @@ class OfflineContract:
         found = self.library.arrays.evaluate(formula, tensors).tolist()
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
 
-    def test_the_gradient_of_a_least_value_is_that_of_one_sample_that_attains_it(self) -> None:
+    @settings(few, max_examples=10)
+    @given(cases.cases(endless=True), st.integers(0, 1))
+    def test_fewer_bits_cost_no_more_than_they_cost_the_worst_predicate(
+        self, case: cases.Case, kind: int
+    ) -> None:
+        dtype = self.library.kinds[kind]
+        samples = np.random.default_rng(4).normal(size=case.samples.shape)
+
+        def values(formula: rtamt.Formula) -> NDArray[np.float64]:
+            exact, rounded = self.of(formula), self.of(formula, dtype=dtype)
+            calls = [exact, lambda x: self.library.doubles(rounded(x))]
+            return np.array(self.library.evaluated(calls, samples))
+
+        for formula in case.formulas:
+            exact, rounded = values(formula)
+            worst = max((_apart(*values(each)) for each in _predicates(formula)), default=0.0)
+            assert _apart(exact, rounded) <= worst, formula
+
+    @pytest.mark.parametrize(
+        "text", ["always(x >= 0)", "not eventually(x <= 0)", "x >= 0 until x < -9"]
+    )
+    def test_the_gradient_of_a_least_value_is_that_of_one_sample_that_attains_it(
+        self, text: str
+    ) -> None:
         def least(x: Tensor) -> Tensor:
-            return self.library.arrays.evaluate("always(x >= 0)", {"x": x})[0]
+            return self.library.arrays.evaluate(text, {"x": x})[0]
 
         (found,) = self.library.gradients([least], np.array([2.0, 0.0, 0.0]))
         assert sorted(np.abs(found)) == [0.0, 0.0, 1.0]
+
+    def test_the_gradient_is_that_of_finite_differences_where_there_is_no_tie(self) -> None:
+        self.check_gradients({})
 
     def test_a_nan_takes_its_trace(self) -> None:
         found = self.value("x > 0", [[1.0, math.nan], [1.0, 2.0]])
@@ -339,15 +386,18 @@ class OfflineContract:
         assert bounds[sign < 0] == 0.0
 
     def test_the_smooth_gradient_is_that_of_finite_differences(self) -> None:
+        self.check_gradients({"semantics": "smooth", "temperature": 0.5})
+
+    def check_gradients(self, more: dict[str, Any]) -> None:
+        """Compare gradients along a direction with central differences."""
         random = np.random.default_rng(3)
         samples, direction = random.normal(size=(2, cases.SAMPLES, 2, len(s.VARIABLES)))
         formulas = [rtamt.parse(text).formula for text in SMOOTH]
-        smooth = [self.of(f, semantics="smooth", temperature=0.5) for f in formulas]
-        finite = [_sum_of_finite(self.library, each) for each in smooth]
-        gradients = self.library.gradients(finite, samples)
+        functions = [_sum_of_finite(self.library, self.of(f, **more)) for f in formulas]
+        gradients = self.library.gradients(functions, samples)
         step = 1e-5
-        ahead = self.library.evaluated(finite, samples + step * direction)
-        behind = self.library.evaluated(finite, samples - step * direction)
+        ahead = self.library.evaluated(functions, samples + step * direction)
+        behind = self.library.evaluated(functions, samples - step * direction)
         for text, gradient, x, y in zip(SMOOTH, gradients, ahead, behind, strict=True):
             found, expected = np.sum(gradient * direction), (x - y) / (2 * step)
             assert found == pytest.approx(expected, rel=1e-6, abs=1e-6), text
