@@ -24,7 +24,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rtamt.errors import SpecificationError
 from rtamt.program import algebra
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
@@ -39,6 +38,7 @@ from rtamt_arrays.functions import (
     slide,
     suffixes,
 )
+from rtamt_arrays.layout import Cells, Layout
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.terms import (
     ArrayReader,
@@ -52,7 +52,6 @@ from rtamt_arrays.worlds import (
     Arrival,
     BoundsReading,
     EpisodeState,
-    Offsets,
     StreamValues,
     WorldName,
     Worldview,
@@ -62,25 +61,16 @@ __all__ = ["EpisodeArrays"]
 
 INF = math.inf
 _WORLDS: tuple[WorldName, ...] = ("now", "lower", "upper")
-_LONGEST = 2**30
 _DECIDES = {"min": -INF, "max": INF}
 """What decides a function, whatever the other operand is; its negative leaves the other."""
 
 
-class _Cells(NamedTuple):
-    """Rows of a table of the state.
+class _Kept(NamedTuple):
+    """A state, its unknowns at this step, and the rows of the next one."""
 
-    Attributes:
-        depends: Whether they depend on unknowns, and so lie in ``kept``.
-        begin: The first row.
-        end: The row behind the last one.
-        identity: What they are where a lane begins; None if they are not read there.
-    """
-
-    depends: bool
-    begin: int
-    end: int
-    identity: float | None
+    state: EpisodeState
+    unknowns: list[Tensor]
+    tables: dict[bool, list[Tensor]]
 
 
 class EpisodeArrays:
@@ -105,91 +95,11 @@ class EpisodeArrays:
             operations.constant([corner[axis] for corner in corners], reader.dtype)[:, None]
             for axis in range(len(self._axes))
         ]
-        self._depends = self._dependent()
-        self._shapes = self._offsets()
-        self._sizes = {False: 0, True: 0}  # rows that depend on no unknown, and others
-        self._folds: dict[int, list[_Cells]] = {}
-        self._histories: dict[int, _Cells] = {}
-        for r in self._placement.streams:
-            window = self.program.instructions[r]
-            if isinstance(window, Window) and window.hi is not None:
-                rows = 1 if window.length is None else window.length - 1
-                self._folds[r] = self._placed(window, rows, depends=self._depends[r])
-            shape = self._shapes[r]
-            if shape.back > shape.late and not self._is_constant(r):
-                rows = shape.back - shape.late
-                self._histories[r] = self._cells(rows, None, depends=self._depends[r])
-        self._initial: dict[int, list[_Cells]] = {}
-        for r, window in self._windows():
-            if r in self._placement.initial:
-                depends = any(self._depends[a] for a in window.args)
-                self._initial[r] = self._placed(window, 1, depends=depends)
-        self._firsts = [r for r in self._placement.initial if r < self.program.terms]
-        self._oldest = self._last_age()
-
-    def _is_constant(self, register: int) -> bool:
-        return isinstance(self.program.instructions[register], Const)
-
-    def _windows(self) -> list[tuple[int, Window]]:
-        instructions = enumerate(self.program.instructions)
-        return [(r, each) for r, each in instructions if isinstance(each, Window)]
-
-    def _placed(self, window: Window, rows: int, *, depends: bool) -> list[_Cells]:
-        return [self._cells(rows, e, depends=depends) for e in self._fold(window).identity]
-
-    def _cells(self, rows: int, identity: float | None, *, depends: bool) -> _Cells:
-        begin = self._sizes[depends]
-        self._sizes[depends] += rows
-        return _Cells(depends, begin, begin + rows, identity)
+        self._layout = Layout(self._placement)
+        self._shapes, self._depends = self._layout.shapes, self._layout.depends
 
     def _fold(self, window: Window) -> Fold:
         return Fold.named(window.fold, self._lattice)
-
-    def _dependent(self) -> dict[int, bool]:
-        """Whether each stream depends on an unknown."""
-        depends: dict[int, bool] = {}
-        for r in self._placement.streams:
-            instruction = self.program.instructions[r]
-            args = instruction.args if r >= self.program.terms else ()
-            depends[r] = r in self._axes or any(depends[a] for a in args)
-        return depends
-
-    def _offsets(self) -> dict[int, Offsets]:
-        late, past, back = dict[int, int](), dict[int, int](), dict[int, int]()
-        for r in self._placement.streams:
-            late[r] = past[r] = back[r] = 0
-            if r < self.program.terms:
-                continue
-            instruction = self.program.formula(r)
-            late[r] = max(late[a] for a in instruction.args)
-            past[r] = max(past[a] for a in instruction.args)
-            if isinstance(instruction, Window) and instruction.hi is not None:
-                late[r] = max(0, late[r] + instruction.hi)
-                lo = instruction.hi if instruction.lo is None else instruction.lo
-                past[r] = max(0, past[r] - lo)
-        for r in range(self.program.terms, len(self.program.instructions)):
-            instruction = self.program.formula(r)
-            if isinstance(instruction, Map) and r not in late:
-                continue
-            oldest = max(late[a] for a in instruction.args)
-            if r in late and isinstance(instruction, Window) and instruction.hi is not None:
-                oldest = late[r] - instruction.hi
-            elif r in late:
-                oldest = late[r]
-            for a in instruction.args:
-                back[a] = max(back[a], late[a], oldest)
-        return {r: Offsets(late[r], past[r], max(late[r], back[r])) for r in late}
-
-    def _last_age(self) -> int:
-        bounds = [b for _, w in self._windows() for b in (w.lo, w.hi) if b is not None]
-        reach = max((sum(shape) for shape in self._shapes.values()), default=0)
-        last = 2 + reach + max(map(abs, bounds), default=0)
-        if last > _LONGEST:
-            formula = self.program.specification.formula
-            raise SpecificationError(
-                f"{formula} reaches over {last} samples; arrays count up to {_LONGEST}"
-            )
-        return last
 
     def init(self, lanes: int) -> EpisodeState:
         """The state before the first sample.
@@ -203,9 +113,9 @@ class EpisodeArrays:
         """
         o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
         return EpisodeState(
-            rows=o.full((self._sizes[False], lanes), 0.0, dtype),
-            kept=o.full((self._sizes[True], self._corners, lanes), 0.0, dtype),
-            first=o.full((len(self._firsts), lanes), 0.0, dtype),
+            rows=o.full((self._layout.sizes[False], lanes), 0.0, dtype),
+            kept=o.full((self._layout.sizes[True], self._corners, lanes), 0.0, dtype),
+            first=o.full((len(self._layout.firsts), lanes), 0.0, dtype),
             age=o.full((lanes,), 0, o.count),
             nan=o.full((lanes,), 0.0, dtype) != 0.0,
         )
@@ -255,16 +165,16 @@ class EpisodeArrays:
         lower, upper = o.where(nan, -INF, lower), o.where(nan, INF, upper)
         verdict = o.as_integers(~o.signbit(lower)) - o.as_integers(o.signbit(upper))
         reading = BoundsReading(o.where(nan, math.nan, robustness), lower, upper, verdict, nan)
-        return following._replace(age=o.least(age + 1, self._oldest), nan=nan), reading
+        return following._replace(age=o.least(age + 1, self._layout.oldest), nan=nan), reading
 
     def _check(self, state: EpisodeState) -> None:
         checked_state(
             state,
             EpisodeState,
             {
-                "rows": self._sizes[False],
-                "kept": self._sizes[True],
-                "first": len(self._firsts),
+                "rows": self._layout.sizes[False],
+                "kept": self._layout.sizes[True],
+                "first": len(self._layout.firsts),
             },
         )
 
@@ -272,80 +182,92 @@ class EpisodeArrays:
         """What has settled with this sample, and the state that keeps it."""
         o, dtype = self._o, self._reader.dtype
         begins = state.age == 0
-        first = {r: o.where(begins, known[r], state.first[i]) for i, r in enumerate(self._firsts)}
+        firsts = enumerate(self._layout.firsts)
+        first = {r: o.where(begins, known[r], state.first[i]) for i, r in firsts}
         now = Arrival(state.age, {}, {}, {}, first)
         unknowns: list[Tensor] = [o.full((1, 1), 0.0, dtype)] * len(self._axes)
-        tables: dict[bool, list[Tensor]] = {False: [], True: []}
-
-        def loaded(cells: _Cells) -> Tensor:
-            table = state.kept if cells.depends else state.rows[:, None]
-            rows = table[cells.begin : cells.end]
-            if cells.identity is not None:
-                rows = o.where(begins, o.full((), cells.identity, dtype), rows)
-            return self._in_world(rows, unknowns) if cells.depends else rows
-
-        def stored(cells: _Cells, rows: Tensor) -> None:
-            shape = (cells.end - cells.begin, self._corners, *state.age.shape)
-            if cells.depends:
-                tables[True].append(o.broadcast(rows, shape))
-            elif cells.end > cells.begin:
-                tables[False].append(o.broadcast(rows[:, 0], (shape[0], *shape[2:])))
-
-        def element(window: Window, at: int) -> Elements:
-            shapes = self._shapes
-            x = tuple(now.settled[a][at + shapes[a].back][None] for a in window.args)
-            return self._fold(window).masked(o, state.age >= -at, x) if at else x
-
+        kept = _Kept(state, unknowns, {False: [], True: []})
         for r in self._placement.streams:
             instruction = self.program.instructions[r]
-            late, back = self._shapes[r].late, self._shapes[r].back
             if isinstance(instruction, Const):
                 value = o.full((1, 1, 1), instruction.value, dtype)
-                now.settled[r] = o.broadcast(value, (back + 1, 1, 1))
+                now.settled[r] = self._repeated(value, self._shapes[r].back + 1)
                 continue
-            if r < self.program.terms:
-                newest = known[r][None, None]
-            elif isinstance(instruction, Map):
-                places = [(a, self._shapes[a].back - late) for a in instruction.args]
-                operands = (now.settled[a][place][None] for a, place in places)
-                newest = FUNCTIONS[instruction.function](o, *operands)
-            else:
-                window = self.program.formula(r)
-                fold = self._fold(window)
-                x = element(window, self._newest(r, window))
-                if window.hi is None:
-                    axis = self._axes[r]
-                    later = tuple(map(self._array, fold.identity[:-1]))
-                    newest = fold.combine(x, (*later, self._ends[axis]))[-1]
-                    unknowns[axis] = newest[0]
-                else:
-                    old = tuple(map(loaded, self._folds[r]))
-                    if old[0].shape[0]:
-                        folds = fold.combine(old, x)
-                        rows = folds if window.lo is None else tuple(map(self._after, folds, x))
-                    else:
-                        rows = x
-                    now.folds[r], newest = rows, rows[-1][:1]
-                    kept = rows if window.lo is None else tuple(a[1:] for a in rows)
-                    for cells, a in zip(self._folds[r], kept, strict=True):
-                        stored(cells, a)
-            if r in self._histories:
-                newest = self._after(loaded(self._histories[r]), newest)
-                stored(self._histories[r], newest[1:])
+            newest = known[r][None, None] if r < self.program.terms else self._newer(now, kept, r)
+            if r in self._layout.histories:
+                cells = self._layout.histories[r]
+                newest = self._after(self._loaded(kept, cells), newest)
+                self._store(kept, cells, newest[1:])
             now.settled[r] = newest
-        for r, cells in self._initial.items():
+        for r, places in self._layout.initial.items():
             window = self.program.formula(r)
             at = -max(self._shapes[a].late for a in window.args)
-            x = element(window, at)
+            x = self._settled_element(now, window, at)
             x = self._fold(window).masked(o, self._inside(now, window, at, at), x)
-            now.initial[r] = self._fold(window).combine(tuple(map(loaded, cells)), x)
-            for each, a in zip(cells, now.initial[r], strict=True):
-                stored(each, a)
+            old = tuple(self._loaded(kept, cells) for cells in places)
+            now.initial[r] = self._fold(window).combine(old, x)
+            for cells, rows in zip(places, now.initial[r], strict=True):
+                self._store(kept, cells, rows)
+        plain, dependent = kept.tables[False], kept.tables[True]
         return now, state._replace(
-            rows=o.concatenate(tables[False]) if tables[False] else state.rows,
-            kept=o.concatenate(tables[True]) if tables[True] else state.kept,
+            rows=o.concatenate(plain) if plain else state.rows,
+            kept=o.concatenate(dependent) if dependent else state.kept,
             first=o.stack(list(first.values())) if first else state.first,
         )
+
+    def _newer(self, now: Arrival, kept: _Kept, register: int) -> Tensor:
+        """The value of a stream that settles with this sample."""
+        match self.program.formula(register):
+            case Map(function, args):
+                late = self._shapes[register].late
+                places = [(a, self._shapes[a].back - late) for a in args]
+                operands = (now.settled[a][place][None] for a, place in places)
+                return FUNCTIONS[function](self._o, *operands)
+            case Window() as window:
+                x = self._settled_element(now, window, self._newest(register, window))
+                if window.hi is None:
+                    axis, fold = self._axes[register], self._fold(window)
+                    later = tuple(map(self._array, fold.identity[:-1]))
+                    newest = fold.combine(x, (*later, self._ends[axis]))[-1]
+                    kept.unknowns[axis] = newest[0]
+                    return newest
+                return self._refolded(now, kept, register, window, x)
+
+    def _refolded(
+        self, now: Arrival, kept: _Kept, register: int, window: Window, x: Elements
+    ) -> Tensor:
+        """Fold an element into the folds of a window, the oldest of which has settled."""
+        places, fold = self._layout.folds[register], self._fold(window)
+        rows, old = x, tuple(self._loaded(kept, cells) for cells in places)
+        if old[0].shape[0]:
+            rows = fold.combine(old, x)
+            rows = rows if window.lo is None else tuple(map(self._after, rows, x))
+        now.folds[register] = rows
+        for cells, a in zip(places, rows, strict=True):
+            self._store(kept, cells, a if window.lo is None else a[1:])
+        return rows[-1][:1]
+
+    def _settled_element(self, now: Arrival, window: Window, at: int) -> Elements:
+        """The element at an offset at which all of it has settled; the identity before time 0."""
+        x = tuple(now.settled[a][at + self._shapes[a].back][None] for a in window.args)
+        return self._fold(window).masked(self._o, now.age >= -at, x) if at else x
+
+    def _loaded(self, kept: _Kept, cells: Cells) -> Tensor:
+        """What is kept, in terms of the unknowns of this step."""
+        table = kept.state.kept if cells.depends else kept.state.rows[:, None]
+        rows = table[cells.begin : cells.end]
+        if cells.identity is not None:
+            nothing = self._o.full((), cells.identity, self._reader.dtype)
+            rows = self._o.where(kept.state.age == 0, nothing, rows)
+        return self._in_world(rows, kept.unknowns) if cells.depends else rows
+
+    def _store(self, kept: _Kept, cells: Cells, rows: Tensor) -> None:
+        """Keep rows; they are stored in the order of the layout."""
+        if cells.end > cells.begin:
+            lanes = tuple(kept.state.age.shape)
+            rows, corners = (rows, (self._corners,)) if cells.depends else (rows[:, 0], ())
+            shape = (cells.end - cells.begin, *corners, *lanes)
+            kept.tables[cells.depends].append(self._o.broadcast(rows, shape))
 
     def _newest(self, register: int, window: Window) -> int:
         """The offset of the element that settles into the folds of a stream."""

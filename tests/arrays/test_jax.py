@@ -166,7 +166,7 @@ def test_a_state_that_was_saved_goes_on_where_it_was(
 
 
 @pytest.mark.parametrize("made", [arrays.online, arrays.episode])
-def test_what_is_written_on_a_gradient_through_steps_is_that_of_the_sample_that_decides(
+def test_the_gradient_through_steps_is_that_of_the_sample_that_decides(
     made: Callable[..., ArrayMonitor],
 ) -> None:
     monitor = made("historically[0:3](x > 0)" if made is arrays.online else "always(x > 0)")
@@ -197,7 +197,10 @@ run = lambda state, samples, resets: jax.lax.scan(step, state, (samples, resets)
 state = monitor.init(8)
 lanes = lambda x, axes: PartitionSpec(*[None] * (axes - 1), "lanes")
 states = type(state)(
-    *(PartitionSpec() if name == "place" else lanes(x, x.ndim) for name, x in state._asdict().items())
+    *(
+        PartitionSpec() if name == "place" else lanes(x, x.ndim)
+        for name, x in state._asdict().items()
+    )
 )
 _, reading = jax.eval_shape(run, state, samples, resets)
 mesh = jax.sharding.Mesh(jax.devices(), ("lanes",))
