@@ -200,7 +200,7 @@ class EpisodeArrays:
                 self._store(kept, cells, newest[1:])
             now.settled[r] = newest
         for r, places in self._layout.initial.items():
-            window = self.program.formula(r)
+            window = self._layout.windows[r]
             at = -max(self._shapes[a].late for a in window.args)
             x = self._settled_element(now, window, at)
             x = self._fold(window).masked(o, self._inside(now, window, at, at), x)
@@ -282,13 +282,13 @@ class EpisodeArrays:
         for r in self._placement.streams:
             instruction = self.program.instructions[r]
             if isinstance(instruction, Const):
-                stream = StreamValues(None, -INF, instruction.value)
+                stream = StreamValues(None, -self._layout.oldest, instruction.value)
             elif r < self.program.terms:
                 stream = StreamValues(None, 0, INF if world == "upper" else -INF)
             elif isinstance(instruction, Map):
                 stream = self._pointwise(now, view, r, instruction)
             else:
-                window = self.program.formula(r)
+                window = self._layout.windows[r]
                 made = self._future if window.hi is None else self._windowed
                 stream = made(now, view, r, window)
                 stream = self._own_elements(now, view, window, stream)
@@ -307,7 +307,7 @@ class EpisodeArrays:
 
     def _read(
         self, now: Arrival, view: Worldview, register: int, begin: int, end: int
-    ) -> tuple[Tensor | None, int]:
+    ) -> tuple[Tensor, int]:
         """The values at offsets that do not lie in the tail, and the last of these offsets."""
         shape, stream = self._shapes[register], view.streams[register]
         last = min(end, stream.last)
@@ -324,7 +324,7 @@ class EpisodeArrays:
             parts.append(stream.values[max(begin, first) - first : last - first + 1])
         return (parts[0] if len(parts) == 1 else self._after(*parts)), last
 
-    def _filled(self, rows: Tensor | None, tail: Tensor | float, count: int) -> Tensor:
+    def _filled(self, rows: Tensor, tail: Tensor | float, count: int) -> Tensor:
         """Rows with so many of a tail after them."""
         if count <= 0:
             return rows
@@ -440,13 +440,14 @@ class EpisodeArrays:
         closed = self._closed(view, window)
         end = 0 if closed else end
         newest, count = self._newest(register, window), end - first + 1
-        limit = min(end + window.hi, 0) if closed else end + window.hi
+        limit = newest + count  # the offset of the last element of the last window
+        limit = min(limit, 0) if closed else limit
         x, last = self._elements(now, view, window, newest + 1, limit)
         if last < min(limit, -1) and (window.lo is None or window.lo < 0):
             # A tail may stand for times before time 0, which windows of the past reach.
             x = self._extended(view, window, x, min(limit, -1) - last)
             last = min(limit, -1)
-            x = self._since_zero(now, window, newest + 1, x)
+            x = x and self._since_zero(now, window, newest + 1, x)
         ahead, width = last - newest, window.length
         tails = tuple(view.streams[a].tail for a in window.args)
         number = tails[0] if len(tails) == 1 and isinstance(tails[0], float) else 0.0
@@ -533,7 +534,7 @@ class EpisodeArrays:
         if window.lo:
             return stream._replace(tail=self._fold(window).identity[-1])
         operand = window.args[-1]
-        rows, last = self._read(now, view, operand, 1, INF)
+        rows, last = self._read(now, view, operand, 1, view.streams[operand].last)
         if rows is None:
             return stream._replace(tail=view.streams[operand].tail)
         if stream.values is not None:

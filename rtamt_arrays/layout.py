@@ -42,12 +42,14 @@ class Layout:
         histories: The settled values of streams that others read.
         initial: The folds of windows that are read at time 0.
         firsts: The terms that are read at time 0.
+        windows: The windows among the instructions.
         oldest: The age from which on a lane's age no longer matters.
     """
 
     def __init__(self, placement: Placement) -> None:
         self._placement = placement
         self.program = placement.program
+        self.windows = dict(self._windows())
         self.depends = self._dependent()
         self.shapes = self._offsets()
         self.sizes = {False: 0, True: 0}  # rows that depend on no unknown, and others
@@ -63,7 +65,7 @@ class Layout:
                 rows = shape.back - shape.late
                 self.histories[r] = self._cells(rows, None, depends=self.depends[r])
         self.initial: dict[int, list[Cells]] = {}
-        for r, window in self._windows():
+        for r, window in self.windows.items():
             if r in self._placement.initial:
                 depends = any(self.depends[a] for a in window.args)
                 self.initial[r] = self._placed(window, 1, depends=depends)
@@ -89,8 +91,7 @@ class Layout:
         """Whether each stream depends on an unknown."""
         depends: dict[int, bool] = {}
         for r in self._placement.streams:
-            instruction = self.program.instructions[r]
-            args = instruction.args if r >= self.program.terms else ()
+            args = self.program.formula(r).args if r >= self.program.terms else ()
             depends[r] = r in self._placement.unknowns or any(depends[a] for a in args)
         return depends
 
@@ -121,7 +122,7 @@ class Layout:
         return {r: Offsets(late[r], past[r], max(late[r], back[r])) for r in late}
 
     def _last_age(self) -> int:
-        bounds = [b for _, w in self._windows() for b in (w.lo, w.hi) if b is not None]
+        bounds = [b for w in self.windows.values() for b in (w.lo, w.hi) if b is not None]
         reach = max((sum(shape) for shape in self.shapes.values()), default=0)
         last = 2 + reach + max(map(abs, bounds), default=0)
         if last > _LONGEST:

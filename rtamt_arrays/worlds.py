@@ -79,7 +79,7 @@ class StreamValues(NamedTuple):
         tail: The value at all later ones: a number, or an array if it depends on samples.
     """
 
-    values: Tensor | None
+    values: Tensor
     last: int
     tail: Tensor | float
 
