@@ -359,6 +359,13 @@ std::vector<double> Program::numbers(const std::vector<double>& given) const {
     return numbers;
 }
 
+Program parse_program(std::string_view bytes) {
+    const auto [before, hash] = whole(bytes);
+    Program program = Reader().read(before);
+    program.fingerprint = hash;
+    return program;
+}
+
 Program read_program(const std::string& folder) {
     const std::string path = folder + (folder.empty() || folder.back() == '/' ? "" : "/") + kFile;
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
@@ -368,10 +375,7 @@ Program read_program(const std::string& folder) {
     char block[1 << 14];
     while (const std::size_t size = std::fread(block, 1, sizeof block, file.get()))
         bytes.append(block, size);
-    const auto [before, hash] = whole(bytes);
-    Program program = Reader().read(before);
-    program.fingerprint = hash;
-    return program;
+    return parse_program(bytes);
 }
 
 }  // namespace rtamt::fmu

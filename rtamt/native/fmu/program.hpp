@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "dense/clock.hpp"
@@ -114,6 +115,9 @@ struct Program {
     // The numbers that follow from parameters of these values. Throws Refusal on a nan.
     std::vector<double> numbers(const std::vector<double>& parameters) const;
 };
+
+// The program that the bytes of a file say. Throws Refusal if they are damaged.
+Program parse_program(std::string_view bytes);
 
 // Reads the file of a folder. Throws Refusal if it is missing or damaged.
 Program read_program(const std::string& folder);

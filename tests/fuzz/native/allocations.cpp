@@ -1,0 +1,153 @@
+// Every allocation of a unit fails once: the call says so by the status of FMI, the unit is as it
+// was, and the same call then succeeds. Prints how many allocations failed.
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <new>
+#include <string>
+
+#include "units.hpp"
+
+namespace {
+
+long countdown = -1;  // allocations until one fails; negative: none does
+bool failed = false;
+
+void* allocated(std::size_t size) {
+    if (countdown >= 0 && countdown-- == 0) {
+        failed = true;
+        throw std::bad_alloc();
+    }
+    void* memory = std::malloc(size > 0 ? size : 1);
+    if (memory == nullptr) throw std::bad_alloc();
+    return memory;
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return allocated(size); }
+void* operator new[](std::size_t size) { return allocated(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace {
+
+using fuzz::Unit;
+
+void require(bool holds, const char* what, long at) {
+    if (holds) return;
+    std::fprintf(stderr, "allocation %ld: expected %s\n", at, what);
+    std::exit(1);
+}
+
+// All that a unit is, as bytes.
+std::string state_of(Unit& unit, long at) {
+    void* state = nullptr;
+    std::size_t size = 0;
+    require(unit.take(&state) == fuzz::kOk, "a state", at);
+    require(unit.size_of(state, &size) == fuzz::kOk, "its size", at);
+    std::string bytes(size, '\0');
+    require(unit.write(state, bytes.data(), size) == fuzz::kOk, "its bytes", at);
+    require(unit.free_state(&state) == fuzz::kOk, "the state to be freed", at);
+    return bytes;
+}
+
+// One simulation whose allocation number `at` fails, if it has as many.
+class Simulation {
+public:
+    Simulation(int version, std::size_t folder, long at) : at_(at), left_(at) {
+        armed([&] { unit_ = new (std::nothrow) Unit(version, folder); });
+        if (failed_ && (unit_ == nullptr || !unit_->made())) {
+            delete unit_;
+            unit_ = new Unit(version, folder);
+        }
+        require(unit_->made(), "a unit", at_);
+    }
+    ~Simulation() { delete unit_; }
+    Simulation(const Simulation&) = delete;
+    Simulation& operator=(const Simulation&) = delete;
+
+    bool failed_once() const { return failed_; }
+
+    std::string run() {
+        call([&] { return unit_->enter(0.0, false, 0.0); });
+        call([&] { return unit_->leave(); });
+        std::string given;
+        void* taken = nullptr;
+        std::string written;
+        for (int i = 0; i < 24; ++i) {
+            const std::uint32_t inputs[] = {fuzz::kFirst, fuzz::kFirst + 1};
+            const double values[] = {std::sin(i * 1.7) * 4, std::cos(i * 0.9) * 4};
+            call([&] { return unit_->set(inputs, values, 2); });
+            call([&] { return unit_->step(i, 1.0); });
+            double outputs[3] = {};
+            call([&] { return unit_->get(fuzz::kOutputs, outputs, 3); });
+            given.append(reinterpret_cast<const char*>(outputs), sizeof outputs);
+            if (i == 11) {
+                call([&] { return unit_->take(&taken); });
+                written = state_of(*unit_, at_);
+            }
+        }
+        void* read = nullptr;
+        call([&] { return unit_->read(written.data(), written.size(), &read); });
+        call([&] { return unit_->restore(taken); });
+        call([&] { return unit_->restore(read); });
+        given += state_of(*unit_, at_);
+        call([&] { return unit_->free_state(&taken); });
+        call([&] { return unit_->free_state(&read); });
+        call([&] { return unit_->terminate(); });
+        call([&] { return unit_->reset(); });
+        return given;
+    }
+
+private:
+    template <class Run>
+    void armed(Run run) {
+        countdown = left_;
+        failed = false;
+        try {
+            run();
+        } catch (const std::bad_alloc&) {  // of the calling program, not of the unit
+        }
+        left_ = countdown;
+        countdown = -1;
+        failed_ |= failed;
+    }
+
+    template <class Call>
+    void call(Call each) {
+        const std::string before = state_of(*unit_, at_);
+        int status = fuzz::kOk;
+        armed([&] { status = each(); });
+        if (status == fuzz::kOk) return;
+        require(failed && status == fuzz::kError, "an error of FMI where no memory is left", at_);
+        require(state_of(*unit_, at_) == before, "the unit as it was before", at_);
+        require(each() == fuzz::kOk, "the call to succeed with memory", at_);
+    }
+
+    long at_;
+    long left_;
+    bool failed_ = false;
+    Unit* unit_ = nullptr;
+};
+
+}  // namespace
+
+int main() {
+    long all = 0;
+    for (const int version : {2, 3}) {
+        for (std::size_t folder = 0; folder < std::size(fuzz::kFolders); ++folder) {
+            const std::string expected = Simulation(version, folder, -1).run();
+            for (long at = 0;; ++at) {
+                Simulation simulation(version, folder, at);
+                require(simulation.run() == expected, "the results of an undisturbed run", at);
+                if (!simulation.failed_once()) break;
+                ++all;
+            }
+        }
+    }
+    std::printf("%ld\n", all);
+    return 0;
+}

@@ -1,0 +1,50 @@
+"""Writes the units that fuzzers call, `programs/NAME/program.rtamt`, as they are exported today.
+
+Run after a change of the format: python tests/fuzz/programs.py
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "support"))
+
+from fmu_calls import dense, sampled, write  # noqa: E402 - it lies in tests/support
+
+from rtamt.export.programs import Programs  # noqa: E402
+
+TEXTS = {
+    "samples": """
+        const float limit = 3
+        near = historically[1:4](x < 2 * limit) and prev(y > 0)
+        done = eventually always(y > 2)
+        done and always(x > limit implies eventually[0:4] always[1:3](y > sqrt(limit)))
+    """,
+    "neutral": """
+        input float x
+        output float y
+        always[2:6]((y > 0) until[0:3] (x > 0)) or eventually once[0:3](y < -1)
+    """,
+    "dense": """
+        const float limit = 3
+        near = once[0:3](x > -limit)
+        done = eventually always(y > 2)
+        always((x < 1) since[0:3] (y > limit)) or done
+    """,
+}
+
+
+def programs(name: str) -> Programs:
+    """The programs of a unit of two inputs."""
+    if name == "dense":
+        return dense(TEXTS[name])
+    return sampled(TEXTS[name], semantics="output-vacuity" if name == "neutral" else "standard")
+
+
+if __name__ == "__main__":
+    for name in TEXTS:
+        folder = HERE / "programs" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        write(folder, programs(name))
