@@ -75,10 +75,8 @@ public:
 
     void fields(Snapshot& s) override {
         if (monitor_) machine_fields(s, *monitor_);
-        for (const auto& episode : episodes_) {
-            machine_fields(s, *episode);
-            s.require(episode->samples() == best_->samples());
-        }
+        for (const auto& episode : episodes_) machine_fields(s, *episode);
+        for (const auto& episode : episodes_) s.require(episode->samples() == best_->samples());
         s.require(!monitor_ || monitor_->samples() == best_->samples());
     }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <new>
 #include <utility>
 
 namespace rtamt::fmu {
@@ -24,9 +25,10 @@ const char* text_of(Phase phase) {
         case Phase::instantiated: return "before initialization";
         case Phase::initializing: return "in initialization";
         case Phase::stepping: return "after initialization";
-        case Phase::terminated: break;
+        case Phase::terminated: return "after terminate";
+        case Phase::lost: break;
     }
-    return "after terminate";
+    return "after a step in which memory ran out";
 }
 
 }  // namespace
@@ -86,6 +88,7 @@ double& Instance::other_settable(Reference reference, double value) {
 }
 
 int Instance::integer(Reference reference) const {
+    if (now_.phase == Phase::lost) refuse_lost();
     if (reference != kVerdict)
         throw Refusal("expected the value reference 4, of 'verdict', got " +
                       std::to_string(reference));
@@ -108,6 +111,10 @@ bool& Instance::settable(Reference reference, bool) {
 
 void Instance::refuse_phase(const char* what) const {
     throw Refusal(std::string("expected the call ") + what + ", got it " + text_of(now_.phase));
+}
+
+void Instance::refuse_lost() {
+    throw Refusal("memory ran out in a step: reset the instance, or restore a state of before");
 }
 
 void Instance::set_times(double start, double stop) {
@@ -158,7 +165,12 @@ bool Instance::step(double time, double size) {
                       " s, got one to " + number_text(time + size) + " s");
     double fraction = now_.fraction;
     const std::size_t due = program_.period > 0 ? samples(size, fraction) : 1;
-    engine_->step(now_.inputs.data(), time, due);
+    try {
+        engine_->step(now_.inputs.data(), time, due);
+    } catch (const std::bad_alloc&) {
+        now_.phase = Phase::lost;
+        refuse_lost();
+    }
     now_.fraction = fraction;
     now_.time = time + size;
     now_.ended = now_.stop_on_violation && engine_->verdict() < 0;
@@ -185,6 +197,7 @@ void Instance::Now::fields(Snapshot& s) {
 }
 
 std::string Instance::state() {
+    if (now_.phase == Phase::lost) refuse_lost();
     Snapshot out;
     std::uint64_t fingerprint = program_.fingerprint;
     out(fingerprint);
@@ -193,21 +206,26 @@ std::string Instance::state() {
     return std::move(out).written();
 }
 
-void Instance::restore(std::string_view state) {
+Instance::Restored Instance::restored(std::string_view state) const {
     Snapshot in(state);
     std::uint64_t fingerprint = 0;
     in(fingerprint);
     if (fingerprint != program_.fingerprint)
         throw Refusal("expected a state of this unit, got a state of another");
-    Now now = initial();
-    now.fields(in);
+    Restored made{initial(), nullptr};
+    made.now.fields(in);
     // Until initialization ends an engine has the constants of the start.
-    const bool started = now.phase > Phase::initializing;
-    auto engine = make_engine(program_, started ? now.parameters : starts(program_.parameters));
-    engine->fields(in);
+    const bool started = made.now.phase > Phase::initializing;
+    made.engine = make_engine(program_, started ? made.now.parameters : starts(program_.parameters));
+    made.engine->fields(in);
     in.require(in.unread() == 0);
-    now_ = std::move(now);
-    engine_ = std::move(engine);
+    return made;
+}
+
+void Instance::restore(std::string_view state) {
+    Restored made = restored(state);
+    now_ = std::move(made.now);
+    engine_ = std::move(made.engine);
 }
 
 }  // namespace rtamt::fmu

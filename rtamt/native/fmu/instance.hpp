@@ -25,9 +25,11 @@ enum : Reference {
     kFirst = 8,
 };
 
-enum class Phase : std::uint8_t { instantiated, initializing, stepping, terminated };
+// Memory can run out in the middle of a step: what the instance knew is lost then.
+enum class Phase : std::uint8_t { instantiated, initializing, stepping, terminated, lost };
 
-// Every call either does what it says, or throws an exception and changes nothing.
+// Every call either does what it says, or throws an exception and changes nothing, but for a step
+// in which memory runs out: until the instance is reset, or a state is restored, it refuses others.
 class Instance {
 public:
     explicit Instance(Program program);
@@ -35,6 +37,7 @@ public:
     Instance& operator=(const Instance&) = delete;
 
     double real(Reference reference) const {
+        if (now_.phase == Phase::lost) [[unlikely]] refuse_lost();
         if (reference == kRobustness) return engine_->robustness();
         if (reference == kLower) return engine_->lower();
         if (reference == kUpper) return engine_->upper();
@@ -45,7 +48,7 @@ public:
     // The variable that may be set to a value now.
     double& settable(Reference reference, double value) {
         const std::size_t i = std::size_t{reference} - kFirst;
-        if (i < now_.inputs.size() && now_.phase != Phase::terminated) return now_.inputs[i];
+        if (i < now_.inputs.size() && now_.phase < Phase::terminated) return now_.inputs[i];
         return other_settable(reference, value);
     }
     bool& settable(Reference reference, bool value);
@@ -67,6 +70,8 @@ public:
 
     std::string state();
     void restore(std::string_view state);
+    // Throws what restoring the state would throw.
+    void require_state(std::string_view state) const { restored(state); }
 
 private:
     // All that changes but the engine.
@@ -83,10 +88,17 @@ private:
         void fields(Snapshot& s);
     };
 
+    struct Restored {
+        Now now;
+        std::unique_ptr<Engine> engine;
+    };
+
     Now initial() const;
+    Restored restored(std::string_view state) const;
     double other_real(Reference reference) const;
     double& other_settable(Reference reference, double value);
     [[noreturn]] void refuse_phase(const char* what) const;
+    [[noreturn]] static void refuse_lost();
     // The variable behind a reference, counted from the first input.
     std::size_t place(Reference reference) const;
     // The samples of a step, and what `fraction` is after it.

@@ -101,9 +101,7 @@ void* Unit::read_state(const char* bytes, std::size_t size, void* given) {
     if (state.empty() || hash != hash_of(state))
         throw Refusal("expected the bytes of a state, got damaged ones");
     // That it fits is found out here, and not when the simulation is to go on from it.
-    const std::string before = instance.state();
-    instance.restore(state);
-    instance.restore(before);
+    instance.require_state(state);
     return keep(std::move(state), given);
 }
 

@@ -39,11 +39,16 @@ EVERYTHING = (0, *range(FIRST, FIRST + 4))
 """Time, inputs, and the output behind the parameter or in its place."""
 DAMAGED = "expected the bytes of a state, got damaged ones"
 
-kinds = pytest.mark.parametrize("kind", ["samples", "dense"])
+kinds = pytest.mark.parametrize("kind", ["samples", "neutral", "dense"])
 
 
 def programs(kind: str) -> Programs:
-    return sampled(TEXT) if kind == "samples" else dense(DENSE)
+    if kind == "dense":
+        return dense(DENSE)
+    # Neutral predicates have a machine for each bound.
+    declared = "input float x\noutput float y" if kind == "neutral" else ""
+    semantics = "output-vacuity" if kind == "neutral" else "standard"
+    return sampled(declared + TEXT, semantics=semantics)
 
 
 def go_on(made: Unit, begin: int, end: int, seed: int = 0) -> list[list[int]]:
