@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
@@ -33,6 +34,9 @@ from rtamt_gym import (
 )
 
 EPISODES = 100
+FIRST_CHOSEN = 2_000_000
+"""The seed of the first episode by which the policy of a run is chosen."""
+TARGET = 0.98
 METHODS = ("ours", "plain", "naive", "control")
 GAMMA = 0.98
 
@@ -50,8 +54,9 @@ class Task:
         learner: Makes, from a method and a seed, a learner with its environments.
         seen: Makes environments as the policy of a method sees them, whose episodes judge.
         first_seed: The seed of the first run; each further run has one more.
-        steps: Steps of the environments that every run trains.
-        points: How often a run is judged, at equal distances.
+        steps: The most steps of the environments that a run trains.
+        every: After how many steps a policy is a candidate for the best of its run.
+        chosen_by: By how many episodes candidates are compared.
         methods: What is compared.
     """
 
@@ -62,27 +67,27 @@ class Task:
     seen: Callable[[str], Any]
     first_seed: int
     steps: int
-    points: int
+    every: int
+    chosen_by: int
     methods: tuple[str, ...] = METHODS
 
 
-def falling(made: list[Any], steps: int) -> Callable[[float], float]:
-    """A rate from 1e-3 to 0 over all steps of a run, which is trained in parts."""
-    return lambda _: 1e-3 * max(0.0, 1.0 - (made[0].num_timesteps if made else 0) / steps)
+def falling(left: float) -> float:
+    """A rate of learning from 1e-3 to 0, from the share of the steps that is left."""
+    return 1e-3 * left
 
 
-def ppo(envs: Envs, seed: int, steps: int, n_steps: int) -> Any:
+def ppo(envs: Envs, seed: int, n_steps: int) -> Any:
     """PPO whose noise lasts ten steps, whose rollouts are whole episodes, and whose rate falls."""
     from stable_baselines3 import PPO
     from vec_env import GymnasiumVecEnv
 
-    made: list[Any] = []
-    model = PPO(
+    return PPO(
         "MlpPolicy",
         GymnasiumVecEnv(envs, seed),
         n_steps=n_steps,
         batch_size=250,
-        learning_rate=falling(made, steps),
+        learning_rate=falling,
         gamma=GAMMA,
         gae_lambda=1.0,
         use_sde=True,
@@ -90,8 +95,6 @@ def ppo(envs: Envs, seed: int, steps: int, n_steps: int) -> Any:
         seed=seed,
         device="cpu",
     )
-    made.append(model)
-    return model
 
 
 def corridor(num: int) -> Envs:
@@ -119,7 +122,7 @@ def corridor_learner(method: str, seed: int) -> Any:
     elif method != "plain":
         paid: dict[str, Any] = {"weight": 2.0, "bonus": train_corridor.BONUS}
         envs = VectorStlReward(envs, mode="progress", gamma=GAMMA, **paid, **kept)
-    return ppo(envs, seed, 40_000, train_corridor.STEPS)
+    return ppo(envs, seed, train_corridor.STEPS)
 
 
 def patrol(num: int) -> Envs:
@@ -146,10 +149,7 @@ def patrol_learner(method: str, seed: int) -> Any:
     elif method != "plain":
         paid: dict[str, Any] = {"penalty": 1.0, "on_violation": "terminate"}
         envs = VectorStlReward(envs, mode="potential", gamma=GAMMA, **paid, **kept)
-    return ppo(envs, seed, 32_000, train_patrol.STEPS)
-
-
-LIMIT_STEPS = 163_840
+    return ppo(envs, seed, train_patrol.STEPS)
 
 
 def limited(method: str) -> Env[Any, Any]:
@@ -184,22 +184,19 @@ def limit_learner(method: str, seed: int) -> Any:
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
-    made: list[Any] = []
     lasting = method != "trembling"
-    model = PPO(
+    return PPO(
         "MlpPolicy",
         VecNormalize(make_vec_env(lambda: limited(method), 16, seed=seed)),
         n_steps=128,
         batch_size=512,
-        learning_rate=falling(made, LIMIT_STEPS),
+        learning_rate=falling,
         use_sde=lasting,
         sde_sample_freq=8 if lasting else -1,
         policy_kwargs={"log_std_init": -3.0 if lasting else -1.5},
         seed=seed,
         device="cpu",
     )
-    made.append(model)
-    return model
 
 
 TASKS = {
@@ -211,7 +208,8 @@ TASKS = {
         lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_kept(method)),
         first_seed=31_000,
         steps=40_000,
-        points=5,
+        every=4000,
+        chosen_by=EPISODES,
     ),
     "patrol": Task(
         train_patrol.REQUIRED,
@@ -223,7 +221,8 @@ TASKS = {
         ),
         first_seed=30_000,
         steps=32_000,
-        points=8,
+        every=4000,
+        chosen_by=EPISODES,
     ),
     "speed_limit": Task(
         train_speed_limit.REQUIRED,
@@ -232,44 +231,70 @@ TASKS = {
         limit_learner,
         lambda _: train_speed_limit.made,
         first_seed=20_000,
-        steps=LIMIT_STEPS,
-        points=2,
+        steps=163_840,
+        every=16_384,
+        chosen_by=20,
         methods=(*METHODS, "unpaid", "trembling"),
     ),
 }
 
 
+def best_of(learner: Any, path: Path) -> Any:
+    """The policy that a callback kept in a file, as its training environment shows it the world."""
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from rtamt_gym.learners.sb3 import as_trained
+
+    envs = learner.get_env()
+    if isinstance(envs, VecNormalize):
+        envs = VecNormalize.load(f"{path}_vecnormalize.pkl", envs.venv)
+    return as_trained(type(learner).load(path, env=envs, device="cpu"))
+
+
 def run(name: str, method: str, seed: int) -> dict[str, Any]:
-    """Trains one method with one seed; its row."""
+    """Trains one method with one seed, and judges its best policy; its row."""
     import torch
+
+    from rtamt_gym.learners.sb3 import SatisfactionCallback
 
     torch.set_num_threads(1)
     task = TASKS[name]
+    asked: dict[str, Any] = {"period": task.period, "n_envs": task.chosen_by}
     learner = task.learner(method, seed)
-    steps, satisfied, seconds = [], [], 0.0
-    for _ in range(task.points):
-        begin = process_time()
-        learner.learn(task.steps // task.points, reset_num_timesteps=False)
-        seconds += process_time() - begin
-        found = evaluate_policy(
-            learner,
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "best"
+        callback = SatisfactionCallback(
             task.seen(method),
             task.required,
             task.signals,
-            period=task.period,
-            episodes=EPISODES,
-            seed=FIRST_JUDGED,
-            n_envs=EPISODES,
-            keep=0,
+            eval_freq=task.every,
+            episodes=task.chosen_by,
+            seed=FIRST_CHOSEN,
+            path=path,
+            target=TARGET,
+            **asked,
         )
-        steps.append(learner.num_timesteps)
-        satisfied.append(found.success.satisfied)
+        begin = process_time()
+        learner.learn(task.steps, callback=callback)
+        seconds = process_time() - begin
+        best = best_of(learner, path)
+    found = evaluate_policy(
+        best,
+        task.seen(method),
+        task.required,
+        task.signals,
+        episodes=EPISODES,
+        seed=FIRST_JUDGED,
+        keep=0,
+        **asked,
+    )
     return {
         "task": name,
         "method": method,
         "seed": seed,
-        "steps": steps,
-        "satisfied": satisfied,
+        "steps": [steps for steps, _ in callback.evaluations],
+        "chosen_by": [each.success.satisfied for _, each in callback.evaluations],
+        "satisfied": found.success.satisfied,
         "episodes": EPISODES,
         "seconds": round(seconds, 1),
     }

@@ -133,7 +133,9 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         if self._env is None:
             return
         as_trained(self.model)  # refuses wrappers that it does not know
-        if self._env in getattr(self.training_env.unwrapped, "envs", ()):
+        trained_in = getattr(self.training_env.unwrapped, "envs", ())
+        # Of a `VecEnv` around a vector environment it is that one, and no list.
+        if self._env is trained_in or (isinstance(trained_in, list) and self._env in trained_in):
             raise InputError(
                 "expected an environment of its own to evaluate in, got one that is trained in; "
                 "give the function that makes it"
