@@ -3,7 +3,7 @@
 A run is one seed of one method. Its row is written when it is over, and a program that was stopped
 goes on with the runs that the file lacks. The seeds of a task were fixed before its first run.
 
-Run: python examples/study.py corridor patrol speed_limit --seeds 30 --output study.jsonl
+Run: python examples/study.py corridor patrol speed_limit --seeds 100 --output study.jsonl
 """
 
 import argparse
@@ -37,7 +37,12 @@ EPISODES = 100
 FIRST_CHOSEN = 2_000_000
 """The seed of the first episode by which the policy of a run is chosen."""
 TARGET = 0.98
+"""The rate at which a run stops, if a test on further episodes does not refuse it."""
 METHODS = ("ours", "plain", "naive", "control")
+UNSTOPPED = ("control", "whole")
+"""Methods that train to the end, so that their last policies say what a reward leads to."""
+OURS = 5
+"""How many runs of ours come with one run of each other method."""
 GAMMA = 0.98
 
 Envs = VectorEnv[Any, Any, Any]
@@ -155,14 +160,12 @@ def patrol_learner(method: str, seed: int) -> Any:
 def limited(method: str) -> Env[Any, Any]:
     """What a method learns the speed limit in.
 
-    Ours pays 30 less at the violation that ends an episode; the control calls the same end a
-    truncation, and `unpaid` ends without the penalty.
+    Ours pays 30 less at the violation, which ends an episode; the control pays the same, and goes
+    on. `whole` is ours.
     """
     match method:
         case "plain" | "naive":
             return train_speed_limit.trained(method)
-        case "unpaid":
-            return train_speed_limit.trained("terminate")
         case _:
             return StlReward(
                 train_speed_limit.made(),
@@ -171,29 +174,25 @@ def limited(method: str) -> Env[Any, Any]:
                 mode="potential",
                 gamma=0.99,
                 penalty=30.0,
-                on_violation="truncate" if method == "control" else "terminate",
+                on_violation="report" if method == "control" else "terminate",
             )
 
 
 def limit_learner(method: str, seed: int) -> Any:
-    """PPO whose noise lasts eight steps, and whose rate falls.
-
-    `trembling` has as much noise at first, about 0.22, drawn anew in each step.
-    """
+    """PPO whose noise lasts eight steps, and whose rate falls."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
-    lasting = method != "trembling"
     return PPO(
         "MlpPolicy",
         VecNormalize(make_vec_env(lambda: limited(method), 16, seed=seed)),
         n_steps=128,
         batch_size=512,
         learning_rate=falling,
-        use_sde=lasting,
-        sde_sample_freq=8 if lasting else -1,
-        policy_kwargs={"log_std_init": -3.0 if lasting else -1.5},
+        use_sde=True,
+        sde_sample_freq=8,
+        policy_kwargs={"log_std_init": -3.0},
         seed=seed,
         device="cpu",
     )
@@ -206,7 +205,7 @@ TASKS = {
         1.0,
         corridor_learner,
         lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_kept(method)),
-        first_seed=31_000,
+        first_seed=40_000,
         steps=40_000,
         every=4000,
         chosen_by=EPISODES,
@@ -219,8 +218,8 @@ TASKS = {
         lambda method: VectorStlMonitor(
             patrol(EPISODES), on_violation="report", **patrol_kept(method)
         ),
-        first_seed=30_000,
-        steps=32_000,
+        first_seed=41_000,
+        steps=48_000,
         every=4000,
         chosen_by=EPISODES,
     ),
@@ -230,11 +229,11 @@ TASKS = {
         None,
         limit_learner,
         lambda _: train_speed_limit.made,
-        first_seed=20_000,
+        first_seed=42_000,
         steps=163_840,
         every=16_384,
         chosen_by=20,
-        methods=(*METHODS, "unpaid", "trembling"),
+        methods=(*METHODS, "whole"),
     ),
 }
 
@@ -255,7 +254,7 @@ def run(name: str, method: str, seed: int) -> dict[str, Any]:
     """Trains one method with one seed, and judges its best policy; its row."""
     import torch
 
-    from rtamt_gym.learners.sb3 import SatisfactionCallback
+    from rtamt_gym.learners.sb3 import SatisfactionCallback, as_trained
 
     torch.set_num_threads(1)
     task = TASKS[name]
@@ -271,30 +270,38 @@ def run(name: str, method: str, seed: int) -> dict[str, Any]:
             episodes=task.chosen_by,
             seed=FIRST_CHOSEN,
             path=path,
-            target=TARGET,
+            target=None if method in UNSTOPPED else TARGET,
             **asked,
         )
         begin = process_time()
         learner.learn(task.steps, callback=callback)
         seconds = process_time() - begin
         best = best_of(learner, path)
-    found = evaluate_policy(
-        best,
-        task.seen(method),
-        task.required,
-        task.signals,
-        episodes=EPISODES,
-        seed=FIRST_JUDGED,
-        keep=0,
-        **asked,
-    )
+
+    def judged(policy: Any) -> int:
+        found = evaluate_policy(
+            policy,
+            task.seen(method),
+            task.required,
+            task.signals,
+            episodes=EPISODES,
+            seed=FIRST_JUDGED,
+            keep=0,
+            **asked,
+        )
+        return found.success.satisfied
+
+    satisfied = judged(best)
+    stopped = callback.confirmed is not None
     return {
         "task": name,
         "method": method,
         "seed": seed,
         "steps": [steps for steps, _ in callback.evaluations],
         "chosen_by": [each.success.satisfied for _, each in callback.evaluations],
-        "satisfied": found.success.satisfied,
+        "satisfied": satisfied,
+        "last": satisfied if stopped else judged(as_trained(learner)),
+        "stopped": stopped,
         "episodes": EPISODES,
         "seconds": round(seconds, 1),
     }
@@ -311,35 +318,39 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
-    """The cells of the table of a task: a header, and a row for every method that has runs."""
-    curves: dict[str, list[list[float]]] = {}
-    seconds: dict[str, list[float]] = {}
-    steps: list[int] = []
+def ends_of(rows: list[dict[str, Any]], name: str, key: str) -> dict[str, list[float]]:
+    """Of each method of a task the shares, in percent, that its runs have at this key."""
+    ends: dict[str, list[float]] = {}
     for row in rows:
         if row["task"] == name:
-            steps = row["steps"]
-            rates = [100 * count / row["episodes"] for count in row["satisfied"]]
-            curves.setdefault(row["method"], []).append(rates)
-            seconds.setdefault(row["method"], []).append(row["seconds"])
-    cells = [["method", "runs", "mean, %", "IQM, %", "least", "quartiles", "below 80 %", "s a run"]]
-    if not curves:
+            ends.setdefault(row["method"], []).append(100 * row[key] / row["episodes"])
+    return ends
+
+
+def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
+    """The cells of the table of a task: a header, and a row for every method that has runs."""
+    head = "method, runs, mean %, least, quartiles, below 80 %, last %, stopped, steps, s a run"
+    cells = [head.split(", ")]
+    rates, last = ends_of(rows, name, "satisfied"), ends_of(rows, name, "last")
+    if not rates:
         return cells
-    for method, found in compare_methods(curves, steps=steps).methods.items():
+    for method, found in compare_methods(rates).methods.items():
+        of = [row for row in rows if (row["task"], row["method"]) == (name, method)]
         low, high = found.mean.interval
         interval = f" [{low:.1f}, {high:.1f}]" if found.runs > 1 else ""
         least, *quartiles, _ = found.quartiles
-        ends = [run[-1] for run in curves[method]]
         cells.append(
             [
                 method,
                 str(found.runs),
                 f"{found.mean.value:.1f}{interval}",
-                f"{found.interquartile_mean.value:.1f}",
                 f"{least:.0f}",
                 ", ".join(f"{each:.0f}" for each in quartiles),
-                f"{sum(end < 80 for end in ends)} of {found.runs}",
-                f"{sum(seconds[method]) / found.runs:.0f}",
+                f"{sum(end < 80 for end in rates[method])} of {found.runs}",
+                f"{np.mean(last[method]):.1f}",
+                f"{sum(row['stopped'] for row in of)} of {found.runs}",
+                f"{np.mean([row['steps'][-1] for row in of]) / 1000:.0f}k",
+                f"{np.mean([row['seconds'] for row in of]):.0f}",
             ]
         )
     return cells
@@ -351,11 +362,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
         figure, panels = plt.subplots(1, len(names), squeeze=False, figsize=(7.6, 3.4))
         for axes, name in zip(panels[0], names, strict=True):
-            rates: dict[str, list[float]] = {}
-            for row in rows:
-                if row["task"] == name:
-                    rate = 100 * row["satisfied"][-1] / row["episodes"]
-                    rates.setdefault(row["method"], []).append(rate)
+            rates = ends_of(rows, name, "satisfied")
             for place, (method, found) in enumerate(compare_methods(rates).methods.items()):
                 across = place + (np.linspace(0.4, -0.4, found.runs) if found.runs > 1 else 0.0)
                 axes.plot(sorted(rates[method]), across, ".", color="C0", clip_on=False)
@@ -375,23 +382,29 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("tasks", nargs="+", choices=TASKS)
     known = sorted({method for task in TASKS.values() for method in task.methods})
     parser.add_argument("--methods", nargs="+", choices=known, help="some of those of the tasks")
-    parser.add_argument("--seeds", type=int, default=30, help="runs of every method")
+    parser.add_argument("--seeds", type=int, default=100, help="runs of ours; of others a fifth")
     parser.add_argument("--first-seed", type=int, help="of the runs; else that of the study")
     parser.add_argument("--output", type=Path, required=True, help="the file of rows")
     parser.add_argument("--plot", type=Path, help="draw the rates of all runs into this file")
     arguments = parser.parse_args(argv)
     finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
+    first = arguments.first_seed
+    runs = [
+        (name, method, (TASKS[name].first_seed if first is None else first) + at // every)
+        for at in range(arguments.seeds)
+        for name in arguments.tasks
+        for method in TASKS[name].methods
+        for every in [1 if method == "ours" else OURS]
+        if at % every == 0 and (arguments.methods is None or method in arguments.methods)
+    ]
+    for name, method, seed in runs:
+        if (name, method, seed) in finished:
+            continue
+        row = run(name, method, seed)
+        with arguments.output.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+        print(f"{name}, {method}, seed {seed}: {row['satisfied']} of {EPISODES}", flush=True)
     for name in arguments.tasks:
-        task = TASKS[name]
-        first = task.first_seed if arguments.first_seed is None else arguments.first_seed
-        for seed in range(first, first + arguments.seeds):
-            for method in task.methods if arguments.methods is None else arguments.methods:
-                if method not in task.methods or (name, method, seed) in finished:
-                    continue
-                row = run(name, method, seed)
-                with arguments.output.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-                print(f"{name}, {method}, seed {seed}: {row['satisfied'][-1]} of {EPISODES}")
         print(printed(table(rows_of(arguments.output), name)))
     if arguments.plot:
         draw(rows_of(arguments.output), arguments.plot)
