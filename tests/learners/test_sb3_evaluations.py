@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from experiments import script
 from programs import LIMIT, Ride, shares_of, watched
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.env_util import make_vec_env
@@ -17,7 +18,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecFrameStack, VecNormalize
 
 from rtamt import InputError
-from rtamt_gym import StlMonitor, evaluate_policy
+from rtamt_gym import StlMonitor, VectorStlMonitor, evaluate_policy
 from rtamt_gym.learners import sb3
 from rtamt_gym.learners.sb3 import SatisfactionCallback
 from rtamt_gym.results.intervals import clopper_pearson
@@ -194,10 +195,15 @@ def test_what_cannot_be_evaluated_is_refused_before_training() -> None:
         return str(caught.value)
 
     envs = make_vec_env(monitored, 2, seed=1)
-    assert refused(learner(envs), SatisfactionCallback(envs)) == (
+    trained_in = (
         "expected an environment of its own to evaluate in, got one that is trained in; give the "
         "function that makes it"
     )
+    assert refused(learner(envs), SatisfactionCallback(envs)) == trained_in
+    corridors = script("corridor").VectorCorridor(2)
+    many = VectorStlMonitor(corridors, "always(x < 2)", {"x": ("info['x']", 0.0)}, period=1)
+    around = script("vec_env").GymnasiumVecEnv(many, seed=1)
+    assert refused(learner(around), SatisfactionCallback(many)) == trained_in
     assert refused(learner(envs), SatisfactionCallback(monitored, seed=2, episodes=10)) == (
         "expected seeds that training does not use, got 2 to 11 for evaluations, and 1 to 2 for "
         "the environments of the model; give another seed="

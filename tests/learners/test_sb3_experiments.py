@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import types
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def test_a_run_of_the_study_gives_the_same_row_again_and_is_not_run_twice(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     study = script("study")
-    short = dataclasses.replace(study.TASKS[task], steps=2000, points=1)
+    short = dataclasses.replace(study.TASKS[task], steps=2000, every=2000)
     monkeypatch.setitem(study.TASKS, task, short)
     files = [tmp_path / "first.jsonl", tmp_path / "second.jsonl"]
     for file in files:
@@ -71,6 +72,35 @@ def test_a_run_of_the_study_gives_the_same_row_again_and_is_not_run_twice(
     assert first == second
     assert first["steps"] == [2000]
     assert first["episodes"] == 100
+    assert first["satisfied"] == first["last"]  # the only candidate is the last policy
+
+
+def test_a_run_of_the_study_is_judged_by_its_best_policy_and_by_its_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study = script("study")
+    short = dataclasses.replace(study.TASKS["corridor"], steps=4000, every=2000)
+    monkeypatch.setitem(study.TASKS, "corridor", short)
+    rates = iter([0.7, 0.2, 0.6, 0.1])  # two candidates, the best and the last on other episodes
+    seeds = []
+
+    def evaluate_policy(*arguments: Any, episodes: int, seed: int, **options: Any) -> Any:  # noqa: ANN401, ARG001
+        seeds.append(seed)
+        found = types.SimpleNamespace(episodes=episodes, returns=np.zeros(1), requirements={})
+        rate = next(rates)
+        found.success = types.SimpleNamespace(
+            rate=rate, satisfied=round(100 * rate), interval=(0.0, 1.0)
+        )
+        return found
+
+    monkeypatch.setattr(study, "evaluate_policy", evaluate_policy)
+    monkeypatch.setattr("rtamt_gym.learners.sb3.evaluate_policy", evaluate_policy)
+    monkeypatch.setattr("rtamt_gym.learners.sb3.evaluation_metrics", lambda _: {})
+    row = study.run("corridor", "ours", 1999)
+    assert row["steps"] == [2000, 4000]
+    assert row["chosen_by"] == [70, 20]
+    assert (row["satisfied"], row["last"], row["stopped"]) == (60, 10, False)
+    assert seeds == [study.FIRST_CHOSEN] * 2 + [1_000_000] * 2
 
 
 class Counting(VectorEnv[Any, Any, Any]):

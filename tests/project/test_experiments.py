@@ -176,7 +176,7 @@ def test_methods_of_the_study_say_and_pay_the_end_at_the_speed_limit_as_they_are
     limited = script("study").limited
     fast = [np.array([1, -1, 1, -1, 1, -1], np.float32) * (-1) ** (k // 4) for k in range(500)]
     paid: dict[str, list[float]] = {}
-    for method in ("plain", "unpaid", "ours", "control"):
+    for method in ("plain", "ours", "control", "whole"):
         env = limited(method)
         env.reset(seed=5)
         rewards = []
@@ -184,25 +184,25 @@ def test_methods_of_the_study_say_and_pay_the_end_at_the_speed_limit_as_they_are
             _, reward, terminated, truncated, _ = env.step(action)
             rewards.append(float(reward))
             if method != "plain" and env.unwrapped.data.qvel[0] >= 1.5:
-                assert (terminated, truncated) == (method != "control", method == "control")
+                assert (terminated, truncated) == (method != "control", False)
                 break
             assert not terminated
         paid[method] = rewards
-    count = len(paid["unpaid"])
+    count = len(paid["ours"])
     assert 1 < count < 500
-    assert paid["unpaid"] == paid["plain"][:count]
+    assert paid["whole"] == paid["ours"]
     assert len(paid["ours"]) == len(paid["control"]) == count
     assert paid["ours"][:-1] == paid["control"][:-1]
     assert paid["ours"][-1] == pytest.approx(paid["control"][-1], abs=1)  # 0 after an end
     # A potential within [-1, 1] changes the sum of discounted rewards by no more than 2.
     discounts = 0.99 ** np.arange(count)
-    lost = float(discounts @ np.subtract(paid["unpaid"], paid["ours"]))
+    lost = float(discounts @ np.subtract(paid["plain"][:count], paid["ours"]))
     assert lost == pytest.approx(30 * discounts[-1], abs=2)
 
 
 def test_the_study_draws_the_runs_that_there_are(tmp_path: Path) -> None:
     rows = [
-        {"task": task, "method": method, "satisfied": [0, ends], "episodes": 100}
+        {"task": task, "method": method, "satisfied": ends, "episodes": 100}
         for task in ("corridor", "speed_limit")
         for method, ends in (("ours", 100), ("ours", 16), ("plain", 0))
     ]
