@@ -33,15 +33,18 @@ episode that fails early may earn more than one that succeeds late; ``terminal``
 ``potential`` do not depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
-arrays of shape (lanes,). Flags (``ended``, ``terminated``) are 1 or 0, or True and False.
+arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or
+0, or True and False where they are no arrays.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar, assert_never, get_args
+from typing import Any, Literal, TypeVar, assert_never, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +79,14 @@ Numeric = TypeVar("Numeric", float, NDArray[np.float64])
 """A float, or an array with one float for each lane."""
 
 
+def _library_of(array: Any) -> Any:  # noqa: ANN401 - of any library
+    """The functions of the library that an array is of, which is loaded: `numpy` or one like it."""
+    if isinstance(array, np.ndarray):
+        return np
+    names = getattr(array, "__array_namespace__", None)  # torch has none
+    return sys.modules["torch"] if names is None else names()
+
+
 def clip(x: Numeric, bound: float) -> Numeric:
     """``min(max(x, -bound), bound)``; infinities become finite.
 
@@ -83,12 +94,11 @@ def clip(x: Numeric, bound: float) -> Numeric:
         >>> clip(float("-inf"), 1.0), clip(0.25, 1.0)
         (-1.0, 0.25)
     """
-    if isinstance(x, np.ndarray):
-        return np.clip(x, -bound, bound)
-    # Calls of min() and max() would cost twice as much.
-    if x > bound:
-        return bound
-    return max(x, -bound)
+    if isinstance(x, float | int):
+        # Calls of min() and max() would cost twice as much.
+        return bound if x > bound else max(x, -bound)
+    clipped: Numeric = _library_of(x).clip(x, -bound, bound)
+    return clipped
 
 
 def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) -> list[Numeric]:
@@ -124,26 +134,28 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
         0.242
     """
     first = values[0]
-    if isinstance(first, np.ndarray):
-        lowest: NDArray[np.float64] = first
-        if len(values) > 1:
-            lowest = np.minimum(first, values[1])
-            for other in values[2:]:
-                np.minimum(lowest, other, out=lowest)
-            if not lowest.all():  # np.minimum gives either zero
-                lowest[(lowest == 0.0) & np.signbit(values).any(axis=0)] = -0.0
-        if temperature is None:
-            return lowest
-        # Differences to the least, so that no exponential overflows.
-        powers = np.exp((lowest - np.asarray(values)) / temperature)
-        smooth: NDArray[np.float64] = lowest - temperature * np.log(powers.sum(axis=0))
-        return smooth
+    if not isinstance(first, float | int):
+        return _least_of_lanes(values, temperature)
     low = min(values)
     if low == 0.0:  # min gives the first zero
         low = min(values, key=lambda value: math.copysign(1.0, value) if value == 0.0 else 2.0)
     if temperature is None:
         return low
     return low - temperature * math.log(sum(math.exp((low - v) / temperature) for v in values))
+
+
+def _least_of_lanes(values: Sequence[Any], temperature: float | None) -> Any:  # noqa: ANN401
+    library = _library_of(values[0])
+    lowest = functools.reduce(library.minimum, values)
+    # A minimum gives either zero. Only NumPy can look first whether there is one, which is cheap.
+    if len(values) > 1 and not (library is np and lowest.all()):
+        negative = functools.reduce(library.logical_or, map(library.signbit, values))
+        lowest = library.where((lowest == 0.0) & negative, -0.0, lowest)
+    if temperature is None:
+        return lowest
+    # Differences to the least, so that no exponential overflows.
+    powers = sum(library.exp((lowest - value) / temperature) for value in values)
+    return lowest - temperature * library.log(powers)
 
 
 def hierarchical(levels: Sequence[Numeric], bound: float) -> Numeric:
@@ -176,10 +188,11 @@ def _of_first_negative(levels: Sequence[Numeric], values: Sequence[Numeric]) -> 
     value = values[-1]
     for rank in range(len(levels) - 2, -1, -1):
         level = levels[rank]
-        if isinstance(level, np.ndarray):
-            value = np.where(np.signbit(level), values[rank], value)
-        elif math.copysign(1.0, level) < 0.0:
-            value = values[rank]
+        if isinstance(level, float | int):
+            value = values[rank] if math.copysign(1.0, level) < 0.0 else value
+        else:
+            library = _library_of(level)
+            value = library.where(library.signbit(level), values[rank], value)
     return value
 
 
@@ -255,10 +268,14 @@ def outcome(lower: Numeric, upper: Numeric) -> Numeric:
         >>> outcome(0.5, 2.0), outcome(-1.0, -0.0), outcome(-1.0, 0.0)
         (1.0, -1.0, 0.0)
     """
-    if isinstance(lower, np.ndarray):
-        decided: NDArray[np.float64] = 1.0 - np.signbit(lower) - np.signbit(upper)
-        return decided
-    return (math.copysign(1.0, lower) + math.copysign(1.0, upper)) / 2.0
+    if isinstance(lower, float | int):
+        return (math.copysign(1.0, lower) + math.copysign(1.0, upper)) / 2.0
+    library = _library_of(lower)
+    decided: Numeric = (
+        library.copysign(library.ones_like(lower), lower)
+        + library.copysign(library.ones_like(upper), upper)
+    ) / 2.0
+    return decided
 
 
 def settle(before: Numeric, after: Numeric, bonus: float, penalty: float) -> Numeric:

@@ -15,6 +15,7 @@ __all__ = [
     "Lanewise",
     "SpecRows",
     "Where",
+    "end_info",
     "known_outcome",
     "last_info",
     "outcome",
@@ -173,10 +174,24 @@ def last_info(
     return {
         "stl_episode": outcomes,
         "stl_violated_by": Where(violated, violated_by),
-        "stl_violated_at": Where(violated, violated_at),
+        **end_info(
+            Where(violated, violated_at),
+            success,
+            undecided,
+            Where(np.logical_not(reported), success),
+        ),
+    }
+
+
+def end_info(
+    violated_at: Lanewise, success: Lanewise, undecided: Lanewise, is_success: Lanewise
+) -> dict[str, Any]:
+    """The keys of the last info of an episode that are numbers or truth values."""
+    return {
+        "stl_violated_at": violated_at,
         "stl_success": success,
         "stl_undecided": undecided,
-        "is_success": Where(np.logical_not(reported), success),
+        "is_success": is_success,
     }
 
 

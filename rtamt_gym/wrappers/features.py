@@ -86,9 +86,14 @@ class StateFeatures:
 
     def read(self, values: MonitorValues[Numeric]) -> NDArray[np.float32]:
         """The features of all specifications."""
-        robustness = values.judged if self.whole else values.robustness
         if not isinstance(values.samples, np.ndarray):
+            robustness = values.judged if self.whole else values.robustness
             return np.array(self._of_one(robustness, values), np.float32)
+        return np.array(self.rows(values), np.float32).T
+
+    def rows(self, values: MonitorValues[Any]) -> list[Any]:
+        """The features of many environments, an array of each; arrays may be of any library."""
+        robustness = values.judged if self.whole else values.robustness
         numbers = [
             scaled(column, self.weights, self.clip)
             for column in (robustness, values.lower, values.upper)
@@ -102,7 +107,7 @@ class StateFeatures:
             rows += each
             if owing is not None:
                 rows += self._rows_of(owing[place], self.weights[place])
-        return np.array(rows, np.float32).T
+        return rows
 
     def _of_one(self, robustness: Sequence[Any], values: MonitorValues[Any]) -> list[float]:
         """The features of one environment: in loops, as calls would take twice the time."""
@@ -142,9 +147,9 @@ def time_left(sample: Numeric, horizon: int | None) -> Numeric:
         (1.0, 0.25, 0.0, 1.0)
     """
     left = sample * 0.0 + 1.0 if horizon is None else (horizon - sample) / max(horizon, 1)
-    if isinstance(left, np.ndarray):
-        return np.maximum(left, 0.0)
-    return max(left, 0.0)
+    if isinstance(left, float | int):
+        return max(left, 0.0)
+    return left * (left > 0.0)
 
 
 def appended_space(
