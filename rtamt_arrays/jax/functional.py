@@ -1,0 +1,172 @@
+"""Requirements for functional environments of Gymnasium, such as `gymnasium.envs.phys2d`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Unpack
+
+import gymnasium as gym
+import jax
+import jax.numpy as jnp
+from gymnasium.experimental.functional import FuncEnv
+
+from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
+from rtamt_arrays.requirements import RequirementOptions, RequirementState
+from rtamt_arrays.selectors import ArrayStep
+from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.features import appended_space
+
+__all__ = ["StlFuncEnv", "StlFuncState"]
+
+
+class StlFuncState(NamedTuple):
+    """The state of a functional environment and of its requirements.
+
+    Attributes:
+        env: The state of the environment.
+        stl: What is known of the episode.
+        features: What ``observe="state"`` appends to the observation.
+        reward: The shaped reward of the step that led here.
+        terminated: Whether the environment, or a violation, ends the episode here.
+        info: The keys of the info.
+    """
+
+    env: Any
+    stl: RequirementState
+    features: jax.Array
+    reward: jax.Array
+    terminated: jax.Array
+    info: dict[str, Any]
+
+
+class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
+    """Judges the episodes of a functional environment, on the device.
+
+    ``initial`` takes sample 0 and ``transition`` every further one; ``reward``, ``terminal``,
+    ``state_info`` and ``transition_info`` tell what came of it. The infos have the keys of
+    `rtamt_arrays.jax.brax.StlWrapper`. The environment knows no limit of time, so that
+    ``on_violation="truncate"`` is refused. Its state is no single array: `FunctionalJaxEnv` takes
+    it, and loops under ``jit``, ``vmap`` and ``scan``, but `FunctionalJaxVectorEnv` does not.
+
+    Args:
+        env: The functional environment.
+        specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
+        signals: What the variables read: see `rtamt_arrays.selectors`.
+        dtype: The kind of floats of the monitors; None: that of JAX.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`; without ``period`` a step
+            takes what the default parameters call ``tau`` or ``dt``.
+
+    Raises:
+        SpecificationError: As `rtamt.EpisodeMonitor` does.
+        InputError: If an argument is wrong; while JAX traces, if a selector does not fit what the
+            environment gives.
+
+    Example:
+        >>> import jax
+        >>> from gymnasium.envs.phys2d.cartpole import CartPoleFunctional
+        >>> env = StlFuncEnv(CartPoleFunctional(), "always(abs(x) < 1)", {"x": "obs[0]"})
+        >>> state = env.initial(jax.random.key(0))
+        >>> after = env.transition(state, 1, jax.random.key(1))
+        >>> bool(env.terminal(after, jax.random.key(2)))
+        False
+    """
+
+    def __init__(
+        self,
+        env: FuncEnv[Any, Any, Any, Any, Any, Any, Any],
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        dtype: object = None,
+        **options: Unpack[RequirementOptions],
+    ) -> None:
+        self._env = env
+        super().__init__()
+        params = self.default_params
+        period = as_period(getattr(params, "tau", getattr(params, "dt", None)))
+        self._judge = JaxRequirements(specs, signals, period, dtype, options)
+        self.action_space = env.action_space
+        self.observation_space: gym.Space[Any] = env.observation_space
+        if self._judge.requirements.observes:
+            box = self._judge.requirements.features.box
+            self.observation_space = appended_space(env.observation_space, box, "state")
+
+    def initial(self, rng: Any, params: Any = None) -> StlFuncState:  # noqa: ANN401 - as Gymnasium has it
+        """The initial state; its observation is sample 0."""
+        given = self._params(params)
+        inner = self._env.initial(rng, *given)
+        obs = self._env.observation(inner, rng, *given)
+        step = ArrayStep(one(obs), None, None, self._env.state_info(inner, *given), one(inner))
+        blank = self._judge.requirements.init(1)
+        known, judged = self._judge.begin(blank, step, jnp.ones(1, dtype=bool))
+        return _state(inner, known, judged)
+
+    def transition(
+        self,
+        state: StlFuncState,
+        action: Any,  # noqa: ANN401 - as Gymnasium has it
+        rng: Any,  # noqa: ANN401
+        params: Any = None,  # noqa: ANN401
+    ) -> StlFuncState:
+        """The next state, in which the step has been judged."""
+        given = self._params(params)
+        inner = self._env.transition(state.env, action, rng, *given)
+        obs = self._env.observation(inner, rng, *given)
+        reward = self._env.reward(state.env, action, inner, rng, *given)
+        terminated = jnp.asarray(self._env.terminal(inner, rng, *given), dtype=bool)
+        info = self._env.transition_info(state.env, action, inner, *given)
+        step = one(ArrayStep(obs, action, reward, info, inner))
+        never = jnp.zeros(1, dtype=bool)
+        known, judged = self._judge.step(state.stl, step, terminated[None], never)
+        return _state(inner, known, judged)
+
+    def observation(self, state: StlFuncState, rng: Any, params: Any = None) -> Any:  # noqa: ANN401
+        """That of the environment, with what ``observe="state"`` appends."""
+        obs = self._env.observation(state.env, rng, *self._params(params))
+        return of_one(self._judge.shown(one(obs), state.features[None]))
+
+    def reward(
+        self,
+        state: StlFuncState,  # noqa: ARG002 - as Gymnasium has it
+        action: Any,  # noqa: ANN401, ARG002
+        next_state: StlFuncState,
+        rng: Any,  # noqa: ANN401, ARG002
+        params: Any = None,  # noqa: ANN401, ARG002
+    ) -> jax.Array:
+        """The shaped reward."""
+        return next_state.reward
+
+    def terminal(self, state: StlFuncState, rng: Any, params: Any = None) -> jax.Array:  # noqa: ANN401, ARG002
+        """Whether the environment, or a violation, ends the episode in this state."""
+        return state.terminated
+
+    def state_info(self, state: StlFuncState, params: Any = None) -> dict[str, Any]:  # noqa: ANN401
+        """That of the environment, with the keys of the requirements."""
+        return {**self._env.state_info(state.env, *self._params(params)), **state.info}
+
+    def transition_info(
+        self,
+        state: StlFuncState,
+        action: Any,  # noqa: ANN401 - as Gymnasium has it
+        next_state: StlFuncState,
+        params: Any = None,  # noqa: ANN401
+    ) -> dict[str, Any]:
+        """That of the environment, with the keys of the requirements."""
+        own = self._env.transition_info(state.env, action, next_state.env, *self._params(params))
+        return {**own, **next_state.info}
+
+    def get_default_params(self, **kwargs: Any) -> Any:  # noqa: ANN401 - as Gymnasium has it
+        """Those of the environment."""
+        return self._env.get_default_params(**kwargs)
+
+    @staticmethod
+    def _params(params: Any) -> tuple[Any, ...]:  # noqa: ANN401 - as Gymnasium has it
+        return () if params is None else (params,)
+
+
+def _state(inner: Any, known: RequirementState, judged: Any) -> StlFuncState:  # noqa: ANN401 - states
+    result = of_one(judged)
+    return StlFuncState(
+        inner, known, result.features, result.reward, result.terminated, result.info
+    )

@@ -1,0 +1,401 @@
+"""Episodes of many environments under requirements, as pure functions of arrays.
+
+`Requirements` knows no simulator: it takes the signals, the rewards and the ends of a step, and
+gives what a wrapper adds to it: the keys of infos, the shaped reward, the ends, and numbers for the
+observation. Every one of these is that of `rtamt_gym`, by the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, Protocol, TypedDict, get_args
+
+from rtamt import Align, End, InputError, Period, Specification
+from rtamt.errors import Argument
+from rtamt.program.instructions import Window
+from rtamt.program.program import Program
+from rtamt_arrays.episode import EpisodeArrays
+from rtamt_arrays.operations import Operations, Tensor
+from rtamt_arrays.worlds import BoundsReading, EpisodeState
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judging.constants import ConstantValue
+from rtamt_gym.judging.ends import AtTermination
+from rtamt_gym.judging.infos import end_info, spec_state, step_info
+from rtamt_gym.judging.specs import SpecsLike, load_specs
+from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.shaping import Mode, Priority, Shaping, clip, least, outcome, settle
+from rtamt_gym.wrappers.features import StateFeatures
+
+__all__ = ["Judged", "OnViolation", "RequirementOptions", "RequirementState", "Requirements"]
+
+OnViolation = Literal["terminate", "truncate", "report"]
+"""What happens to an episode at a certain violation."""
+
+
+class RequirementOptions(TypedDict, total=False):
+    """The keyword arguments of every wrapper; each means what it means in `rtamt_gym.StlReward`.
+
+    ``mode`` is None by default: the reward stays. ``details`` adds ``info["stl"]``, where verdicts
+    are 1, -1 and 0.
+    """
+
+    period: Period | None
+    align: Align | None
+    constants: Mapping[str, ConstantValue] | None
+    on_violation: OnViolation
+    at_termination: AtTermination
+    at_truncation: End
+    details: bool
+    observe: Literal["state"] | None
+    mode: Mode | None
+    weight: float
+    clip: float
+    gamma: float
+    temperature: float | None
+    weights: Mapping[str, float] | None
+    priorities: Mapping[str, Priority] | None
+    bonus: float
+    penalty: float
+
+
+class RequirementState(NamedTuple):
+    """What is known of the episodes; its arrays have the lanes as their last axis.
+
+    Attributes:
+        monitors: The state of the monitor of each specification.
+        potential: What the shaping compares the next step with.
+        outcome: What has been settled: 1 satisfied, -1 violated, 0 neither.
+        violated_at: The sample that showed the first violation; -1 where there is none.
+        samples: Samples since the reset.
+    """
+
+    monitors: tuple[EpisodeState, ...]
+    potential: Tensor
+    outcome: Tensor
+    violated_at: Tensor
+    samples: Tensor
+
+
+class Judged(NamedTuple):
+    """What a step of the environments is with the requirements.
+
+    Attributes:
+        reward: The shaped reward.
+        terminated: Where an episode is terminated, by the environment or by a violation.
+        truncated: Where it is truncated.
+        info: The keys for the info.
+        features: The monitors' state for the observation, of shape (lanes, features).
+    """
+
+    reward: Tensor
+    terminated: Tensor
+    truncated: Tensor
+    info: dict[str, Any]
+    features: Tensor
+
+
+class MakesEpisodes(Protocol):
+    """The function ``episode`` of an array library."""
+
+    def __call__(
+        self, spec: Specification, period: Period | None, *, align: Align | None
+    ) -> EpisodeArrays:
+        """The monitor of a specification."""
+
+
+class Requirements:
+    """The requirements of an environment.
+
+    Args:
+        specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
+        episode: Makes the monitor of one.
+        operations: The operations of the array library.
+        options: See `RequirementOptions`.
+
+    Attributes:
+        variables: The variables of all specifications.
+        features: What ``observe="state"`` shows.
+        observes: Whether it is to be shown.
+
+    Raises:
+        SpecificationError: As the monitors do.
+        InputError: If an option is none of its choices, or the cut of a window is to be read.
+    """
+
+    def __init__(
+        self,
+        specs: SpecsLike,
+        episode: MakesEpisodes,
+        operations: Operations,
+        options: RequirementOptions,
+    ) -> None:
+        given = dict(options)
+        period, align = given.pop("period", None), given.pop("align", None)
+        loaded = load_specs(specs, constants=given.pop("constants", None))
+        for name, spec in loaded.items():
+            if spec.timed and period is None:
+                raise InputError(
+                    f"specification {name!r} has bounds, and the environment does not say how "
+                    "long a step takes; pass ",
+                    Argument("period", 0.02),
+                    " in seconds, or ",
+                    Argument("period", 1),
+                    " for bounds in steps",
+                )
+        self._o = operations
+        self._monitors = {name: episode(s, period, align=align) for name, s in loaded.items()}
+        programs = {name: monitor.program for name, monitor in self._monitors.items()}
+        self.variables = tuple(dict.fromkeys(v for s in loaded.values() for v in s.variables))
+        self._on_violation = given.pop("on_violation", "terminate")
+        check_choice("on_violation", self._on_violation, get_args(OnViolation))
+        self._at_termination = given.pop("at_termination", "complete")
+        check_choice("at_termination", self._at_termination, get_args(AtTermination))
+        self._at_truncation = given.pop("at_truncation", "cut")
+        check_choice("at_truncation", self._at_truncation, get_args(End))
+        for argument, end in (
+            ("at_termination", self._at_termination),
+            ("at_truncation", self._at_truncation),
+        ):
+            if end == "cut":
+                _refuse_cut_windows(argument, programs)
+        self._details = given.pop("details", False)
+        observe = given.pop("observe", None)
+        check_choice("observe", observe, (None, "state"))
+        self.observes = observe is not None
+        self._shapes = given.get("mode") is not None
+        self._optional = {"stl": self._details, "reward": self._shapes}
+        shown = given if self._shapes else {**given, "mode": "add"}
+        self._shaping = Shaping.of(list(loaded), **shown)  # type: ignore[arg-type]  # what is left
+        self.features = StateFeatures(
+            self._shaping.weights,
+            self._shaping.clip,
+            tuple(program.latency for program in programs.values()),
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the specifications."""
+        return list(self._monitors)
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """The keys of the infos."""
+        blank: dict[str, Any] = {**step_info({}, 0, 0, 0, 0), **end_info(0, 0, 0, 0)}
+        added = [name for name, is_there in self._optional.items() if is_there]
+        return frozenset([*blank, *added])
+
+    metric_keys = frozenset({"robustness", "is_success"})
+    """The keys of `metrics`."""
+
+    def init(self, lanes: int) -> RequirementState:
+        """The state before the first sample; `begin` is to take that in every lane."""
+        o, monitors = self._o, tuple(each.init(lanes) for each in self._monitors.values())
+        zero = o.full((lanes,), 0.0, monitors[0].kept.dtype)
+        count = monitors[0].age
+        return RequirementState(monitors, zero, zero, count - 1, count)
+
+    def begin(
+        self, state: RequirementState, sample: Mapping[str, Tensor | float], mask: Tensor
+    ) -> tuple[RequirementState, Judged]:
+        """Begins episodes: the lanes of the mask forget theirs and take their first sample.
+
+        Args:
+            state: What `init`, `begin` or `step` gave.
+            sample: For each variable an array of shape (lanes,), or a number for all.
+            mask: A boolean for each lane.
+
+        Returns:
+            The next state, and what a reset is with the requirements, in the lanes of the mask.
+        """
+        o, lanes = self._o, tuple(mask.shape)
+        given = {
+            name: o.full(lanes, value, state.potential.dtype) if isinstance(value, float) else value
+            for name, value in sample.items()
+        }
+        begun, readings = self._update(
+            [m.reset(s, mask) for m, s in zip(self._all, state.monitors, strict=True)], given
+        )
+        samples = o.where(mask, state.samples * 0 + 1, state.samples)
+        values = _values(readings, samples)
+        violated = self._violated(values)
+        zero = state.potential * 0.0
+        fresh = RequirementState(
+            begun,
+            self._potential(values),
+            zero,
+            o.as_integers(violated) - 1,  # sample 0, where it is violated
+            samples,
+        )
+        never = mask & ~mask
+        judged = Judged(
+            zero,
+            never,
+            never,
+            self._info(values, violated, fresh.violated_at, never, zero),
+            self._shown(values),
+        )
+        return _where(o, mask, fresh, state), judged
+
+    def step(
+        self,
+        state: RequirementState,
+        sample: Mapping[str, Tensor],
+        reward: Tensor,
+        terminated: Tensor,
+        truncated: Tensor,
+    ) -> tuple[RequirementState, Judged]:
+        """Judges a step in every lane.
+
+        Args:
+            state: What `begin` or `step` gave.
+            sample: An array of shape (lanes,) for each variable: of the state in which an episode
+                ended, where one did, not of that which it was reset to.
+            reward: The environment's own reward.
+            terminated: Where the environment has terminated the episode, as booleans.
+            truncated: Where a limit of time has; a termination counts before it.
+        """
+        o = self._o
+        monitors, readings = self._update(state.monitors, sample)
+        ended = terminated | truncated
+        found = [self._at_end(each, terminated, ended) for each in readings]
+        values = _values(found, state.samples + 1)
+        violated = self._violated(values)
+        violated_at = o.where(violated & (state.violated_at < 0), state.samples, state.violated_at)
+        early = violated & ~ended
+        if self._on_violation == "terminate":
+            terminated = terminated | early
+        elif self._on_violation == "truncate":
+            truncated = truncated | early
+        over = terminated | truncated
+        potential = self._potential(values)
+        settled = outcome(least(values.lower), least(values.upper))
+        following = RequirementState(monitors, potential, settled, violated_at, state.samples + 1)
+        shaped = reward
+        if self._shapes:
+            one, zero = potential * 0.0 + 1.0, potential * 0.0
+            shaping = self._shaping
+            shaped = shaping.reward(
+                reward,
+                state.potential,
+                potential,
+                o.where(terminated, one, zero),
+                o.where(over, one, zero),
+            )
+            if shaping.settles:
+                shaped = shaped + settle(state.outcome, settled, shaping.bonus, shaping.penalty)
+        return following, Judged(
+            shaped,
+            terminated,
+            truncated,
+            self._info(values, violated, violated_at, over, reward),
+            self._shown(values),
+        )
+
+    def metrics(self, judged: Judged) -> dict[str, Tensor]:
+        """Numbers that are summed over an episode: those of its last step, and 0 before it."""
+        o, over = self._o, judged.terminated | judged.truncated
+        robustness = clip(judged.info["robustness"], self._shaping.clip)
+        zero = robustness * 0.0
+        success = o.where(judged.info["is_success"], zero + 1.0, zero)
+        return {"robustness": o.where(over, robustness, zero), "is_success": success}
+
+    @property
+    def _all(self) -> Sequence[EpisodeArrays]:
+        return tuple(self._monitors.values())
+
+    def _update(
+        self, states: Sequence[EpisodeState], sample: Mapping[str, Tensor]
+    ) -> tuple[tuple[EpisodeState, ...], list[BoundsReading]]:
+        pairs = [m.update(s, sample) for m, s in zip(self._all, states, strict=True)]
+        return tuple(state for state, _ in pairs), [reading for _, reading in pairs]
+
+    def _at_end(self, reading: BoundsReading, terminated: Tensor, ended: Tensor) -> BoundsReading:
+        """The reading where the environment has ended an episode, read as the options say."""
+        o, never = self._o, ended & ~ended
+        closed = terminated if self._at_termination in {"complete", "cut"} else never
+        if self._at_truncation != "open":
+            closed = closed | (ended & ~terminated)
+        closed = closed & ~reading.nan
+        robustness, verdict = reading.robustness, reading.verdict
+        sign = 1 - 2 * o.as_integers(o.signbit(robustness))
+        lower, upper = (o.where(closed, robustness, b) for b in (reading.lower, reading.upper))
+        verdict = o.where(closed, sign, verdict)
+        if self._at_termination == "failure":
+            failed = terminated & (verdict == 0)
+            upper = o.where(failed, -0.0, upper)
+            verdict = o.where(failed, verdict * 0 - 1, verdict)
+        return BoundsReading(robustness, lower, upper, verdict, reading.nan)
+
+    def _violated(self, values: MonitorValues[Any]) -> Tensor:
+        return self._o.signbit(least(values.upper))
+
+    def _potential(self, values: MonitorValues[Any]) -> Tensor:
+        if self._shaping.mode == "progress":
+            return self._shaping.middle(values.lower, values.upper)
+        return self._shaping.robustness(values.robustness)
+
+    def _shown(self, values: MonitorValues[Any]) -> Tensor:
+        return self._o.stack(self.features.rows(values)).swapaxes(0, 1)
+
+    def _info(
+        self,
+        values: MonitorValues[Any],
+        violated: Tensor,
+        violated_at: Tensor,
+        over: Tensor,
+        reward: Tensor,
+    ) -> dict[str, Any]:
+        success, undecided = over, over & ~over
+        for verdict in values.verdicts:
+            success = success & (verdict > 0)
+            undecided = undecided | (over & (verdict == 0))
+        columns = (values.robustness, values.lower, values.upper, values.verdicts)
+        states = {
+            name: spec_state(*each) for name, *each in zip(self._monitors, *columns, strict=True)
+        }
+        own = {"reward": reward} if self._shapes else {}
+        return step_info(
+            own,
+            least(values.robustness),
+            least(values.lower),
+            least(values.upper),
+            violated,
+            states if self._details else None,
+        ) | end_info(violated_at, success, undecided, success)
+
+
+def _values(readings: Sequence[BoundsReading], samples: Tensor) -> MonitorValues[Any]:
+    robustness = [each.robustness for each in readings]
+    return MonitorValues(
+        robustness,
+        robustness,
+        [each.lower for each in readings],
+        [each.upper for each in readings],
+        [each.verdict for each in readings],
+        samples,
+    )
+
+
+def _where(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - parts of states
+    """The new state in the lanes of the mask, and the old one in the others."""
+    if not isinstance(new, tuple):
+        return o.where(mask, new, old)
+    parts = [_where(o, mask, x, y) for x, y in zip(new, old, strict=True)]
+    make: Callable[..., Any] = getattr(type(new), "_make", tuple)
+    return make(parts)
+
+
+def _refuse_cut_windows(argument: str, programs: Mapping[str, Program]) -> None:
+    for name, program in programs.items():
+        for instruction in program.instructions:
+            if not isinstance(instruction, Window):
+                continue
+            bounded = instruction.hi is not None and instruction.hi > 0
+            if bounded or (instruction.hi is None and instruction.lo != 0):
+                raise InputError(
+                    f"specification {name!r}: {argument}='cut' would leave open what a window "
+                    "after the end has not seen, which monitors on arrays do not follow; pass ",
+                    Argument(argument, "complete"),
+                    ", for which it has seen all there is, or ",
+                    Argument(argument, "open" if argument == "at_truncation" else "failure"),
+                )

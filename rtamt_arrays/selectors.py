@@ -1,0 +1,124 @@
+"""The signals of a specification, read from a step of many environments on a device.
+
+They are written as those of `rtamt_gym` are: ``obs[2]``, ``obs['state'][0]``, ``action[0]``,
+``reward``, ``info['key']``, ``metrics['key']``, or a function of an `ArrayStep` of one environment,
+which is vectorized. Action and reward have no value at a reset: a pair gives one,
+``("action[0]", 0.0)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_arrays.operations import Tensor
+from rtamt_gym.signals.signals import ParsedSignal, SignalLike, Source, parse_signals
+from rtamt_gym.signals.sources import STEP
+
+__all__ = ["SOURCES", "ArraySignals", "ArrayStep"]
+
+
+class ArrayStep(NamedTuple):
+    """What a signal reads: of many environments, or of one where a function gets it.
+
+    Attributes:
+        obs: The observation: an array, or a dictionary of them.
+        action: The action of the step; None at a reset.
+        reward: The environment's own reward of the step; None at a reset.
+        info: The environment's own info.
+        state: The state of the simulator.
+        metrics: The metrics of a Brax or Playground environment.
+    """
+
+    obs: Any
+    action: Any
+    reward: Any
+    info: Mapping[str, Any]
+    state: Any
+    metrics: Mapping[str, Any] = {}
+
+
+def _nothing(_signal: ParsedSignal, _env: object) -> Any:  # noqa: ANN401 - no environment binds it
+    msg = "arrays are read by ArraySignals"
+    raise AssertionError(msg)
+
+
+SOURCES: Mapping[str, Source] = {
+    **STEP,
+    "metrics": Source(example="metrics['key']", bind=_nothing, brackets="key"),
+}
+"""The words that selectors may begin with."""
+
+
+class ArraySignals:
+    """Reads signals from steps.
+
+    Args:
+        signals: A selector, a function, or a pair of one of them and its value at a reset.
+        variables: The variables of the specifications.
+        vectorize: Makes of a function of one environment one of many.
+
+    Raises:
+        InputError: As `rtamt_gym.StlMonitor` does on its signals, and on a value at a reset that is
+            unknown.
+    """
+
+    def __init__(
+        self,
+        signals: Mapping[str, SignalLike],
+        variables: Sequence[str],
+        vectorize: Callable[[Callable[[Any], Any]], Callable[[Any], Any]],
+    ) -> None:
+        self._signals = parse_signals(signals, variables, SOURCES)
+        self._vectorize = vectorize
+        for signal in self._signals:
+            if signal.default is not None and math.isnan(signal.default):
+                raise InputError(
+                    f"signal {signal.name!r}: expected a number as its value at a reset, got None: "
+                    "monitors on arrays know no unknown samples; write a specification of the "
+                    "samples after the reset, as in always[1:inf](...), and give any number"
+                )
+
+    def step(self, step: ArrayStep) -> dict[str, Tensor]:
+        """An array with a number of each environment, for each signal."""
+        return {signal.name: self._read(signal, step) for signal in self._signals}
+
+    def reset(self, step: ArrayStep) -> dict[str, Tensor | float]:
+        """The same at a reset, where a signal may have a number of its own for all."""
+        return {
+            signal.name: self._read(signal, step) if signal.default is None else signal.default
+            for signal in self._signals
+        }
+
+    def _read(self, signal: ParsedSignal, step: ArrayStep) -> Tensor:
+        if callable(signal.reads):
+            return self._vectorize(signal.reads)(step)
+        value = getattr(step, str(signal.source))
+        for part in signal.path:
+            value = _part(signal, value, part)
+        return value
+
+
+def _part(signal: ParsedSignal, value: Any, part: int | str) -> Any:  # noqa: ANN401
+    """An element along the axis after that of the lanes, or what a dictionary has of a key.
+
+    An array would take the last element for one that is out of range, so the shape is looked at.
+    """
+    if isinstance(value, Mapping):
+        if part in value:
+            return value[part]
+        keys = ", ".join(sorted(map(str, value))) or "none"
+        raise InputError(
+            f"signal {signal.name!r}: {signal} has no {part!r}; the keys are {keys}"
+            f"{nearest(str(part), [str(key) for key in value])}"
+        )
+    shape = tuple(getattr(value, "shape", ()))[1:]
+    if not shape or isinstance(part, str) or not -shape[0] <= part < shape[0]:
+        raise InputError(
+            f"signal {signal.name!r}: {signal} does not fit what one environment gives, "
+            f"an array of shape {shape}"
+        )
+    return value[:, part]

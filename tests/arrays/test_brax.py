@@ -1,0 +1,253 @@
+"""Wrapped environments of Brax and Playground are judged as recorded signals are."""
+
+from __future__ import annotations
+
+import doctest
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from brax.envs.base import Env, State
+from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
+
+from rtamt import InputError, VectorEpisodeMonitor
+from rtamt_arrays.jax import brax as wrappers
+from rtamt_arrays.jax.brax import StlWrapper, training_wrapper
+
+LANES = 5
+
+
+@pytest.fixture(autouse=True, scope="module")
+def doubles() -> Iterator[None]:
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+class Drift(Env):  # type: ignore[misc]  # Brax is untyped
+    """A point that actions push; an episode ends beyond 2."""
+
+    dt = np.float32(0.1)
+    observation_size = 2
+    action_size = 1
+    backend = "none"
+
+    def reset(self, rng: Any) -> State:  # noqa: ANN401
+        obs = jax.random.uniform(rng, (2,), minval=-1.0, maxval=1.0)
+        return State(obs, obs, jnp.zeros(()), jnp.zeros(()), {"far": jnp.zeros(())}, {})
+
+    def step(self, state: State, action: Any) -> State:  # noqa: ANN401
+        obs = state.pipeline_state + jnp.array([1.0, -0.5]) * action
+        done = (jnp.abs(obs[0]) > 2.0).astype(obs.dtype)
+        metrics = {**state.metrics, "far": jnp.abs(obs[1])}
+        return state.replace(pipeline_state=obs, obs=obs, reward=obs[1], done=done, metrics=metrics)
+
+
+def wrapped(specs: Any, signals: Any, length: int = 7, repeat: int = 1, **options: Any) -> Any:  # noqa: ANN401
+    counted = EpisodeWrapper(VmapWrapper(Drift()), length, repeat)
+    return AutoResetWrapper(StlWrapper(counted, specs, signals, **options))
+
+
+def rollout(env: Any, steps: int = 40) -> tuple[Any, Any, Any]:  # noqa: ANN401
+    """The state of the reset, and the states and actions of a scanned rollout, under one jit."""
+    actions = jax.random.normal(jax.random.PRNGKey(1), (steps, LANES, 1)) * 0.7
+    keys = jax.random.split(jax.random.PRNGKey(0), LANES)
+
+    def run(actions: Any) -> Any:  # noqa: ANN401
+        def step(state: Any, action: Any) -> Any:  # noqa: ANN401
+            after = env.step(state, action)
+            return after, after
+
+        first = env.reset(keys)
+        return first, jax.lax.scan(step, first, actions)[1]
+
+    first, states = jax.jit(run)(actions)
+    return first, states, actions
+
+
+SPEC = "always((x > -1) implies eventually[0:0.2](x + y < 1.2))"
+SIGNALS = {"x": "obs[0]", "y": "obs[1]"}
+
+
+@pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
+def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violation: str) -> None:
+    signals = {**SIGNALS, "u": ("action[0]", 0.5)}
+    spec = f"{SPEC} and always(u < 1.8)"
+    env = wrapped(spec, signals, period="100ms", on_violation=on_violation, at_truncation="open")
+    first, states, actions = rollout(env)
+    info, done = states.info, np.asarray(states.done) > 0
+    # What a bare environment does with these actions from each reset on, by hand.
+    where = np.asarray(first.obs)
+    monitor = VectorEpisodeMonitor(spec, LANES, period="100ms")
+    beginning = np.ones(LANES, bool)
+    steps, ended = np.zeros(LANES), 0
+    start = where.copy()
+    for t, action in enumerate(np.asarray(actions)):
+        if beginning.any():
+            monitor.reset(beginning)
+            where[beginning], steps[beginning] = start[beginning], 0
+            monitor.update(_table(monitor, where, np.full(LANES, 0.5)), beginning)
+        where = where + np.array([1.0, -0.5]) * action
+        steps += 1
+        monitor.update(_table(monitor, where, action[:, 0]))
+        terminated = np.abs(where[:, 0]) > 2.0
+        truncated = (steps >= 7) & ~terminated
+        violated = np.signbit(monitor.upper)
+        expected = terminated | truncated | (violated & (on_violation != "report"))
+        np.testing.assert_array_equal(done[t], expected)
+        cut = truncated | (violated & ~terminated & (on_violation == "truncate"))
+        np.testing.assert_array_equal(np.asarray(info["truncation"])[t] > 0, cut)
+        monitor_robustness = monitor.robustness
+        np.testing.assert_array_equal(info["robustness"][t], monitor_robustness)
+        closed = terminated
+        for key, bound in (("stl_lower", monitor.lower), ("stl_upper", monitor.upper)):
+            np.testing.assert_array_equal(info[key][t], np.where(closed, monitor_robustness, bound))
+            np.testing.assert_array_equal(
+                np.signbit(info[key][t]), np.signbit(np.where(closed, monitor_robustness, bound))
+            )
+        success = np.where(closed, ~np.signbit(monitor_robustness), monitor.verdict > 0)
+        np.testing.assert_array_equal(info["is_success"][t], success & expected)
+        beginning = expected
+        ended += expected.sum()
+    assert ended > LANES  # resets in the middle
+
+
+def _table(monitor: VectorEpisodeMonitor, obs: Any, action: Any) -> Any:  # noqa: ANN401
+    columns = {"x": obs[:, 0], "y": obs[:, 1], "u": action}
+    return np.stack([columns[name] for name in monitor.variables], axis=1)
+
+
+def test_a_float32_monitor_reads_the_rounded_signals() -> None:
+    env = wrapped(SPEC, SIGNALS, dtype=jnp.float32, at_truncation="open", on_violation="report")
+    _, states, _ = rollout(env)
+    exact = wrapped(SPEC, SIGNALS, at_truncation="open", on_violation="report")
+    _, expected, _ = rollout(exact)
+    assert states.info["robustness"].dtype == jnp.float32
+    np.testing.assert_allclose(
+        states.info["robustness"], expected.info["robustness"], rtol=0, atol=4e-7
+    )
+
+
+def test_metrics_and_sums_are_of_episodes_as_they_end_here() -> None:
+    env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, mode="add", weight=2.0)
+    _, states, _ = rollout(env)
+    done = np.asarray(states.done) > 0
+    assert not np.asarray(states.metrics["robustness"])[~done].any()
+    np.testing.assert_array_equal(
+        np.asarray(states.metrics["is_success"]) > 0, states.info["stl_success"]
+    )
+    total = np.zeros(LANES)
+    sums = np.asarray(states.info["episode_metrics"]["sum_reward"])
+    for t in range(len(done)):
+        total += np.asarray(states.reward)[t]
+        np.testing.assert_allclose(sums[t], total, atol=1e-12)
+        total[done[t]] = 0.0
+    paid = np.asarray(states.info["reward"]) + 2.0 * np.clip(states.info["robustness"], -1, 1)
+    np.testing.assert_allclose(states.reward, paid, atol=1e-12)
+
+
+def test_the_state_is_appended_to_observations_and_not_seen_by_the_environment() -> None:
+    env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, observe="state")
+    first, states, _ = rollout(env)
+    assert env.observation_size == 7
+    assert states.obs.shape == (40, LANES, 7)
+    plain, bare, _ = rollout(wrapped("always(x < 0.8)", {"x": "obs[0]"}))
+    np.testing.assert_array_equal(states.obs[..., :2], bare.obs)
+    robustness = 0.8 - np.asarray(plain.obs)[:, 0]
+    np.testing.assert_allclose(first.obs[:, 2], np.clip(robustness, -1, 1), atol=1e-7)
+
+
+def test_one_sample_is_taken_for_an_action_that_is_repeated() -> None:
+    env = wrapped("always(y > -9)", {"y": "obs[1]"}, length=8, repeat=2, on_violation="report")
+    _, states, _ = rollout(env, steps=3)
+    assert np.asarray(states.info["stl_state"].samples).max() <= 4
+
+
+def test_functions_are_of_one_environment_and_metrics_are_signals() -> None:
+    signals = {"x": lambda step: step.state.pipeline_state[0], "far": "metrics['far']"}
+    env = wrapped("always(x < 0.5 and far < 3)", signals, on_violation="report")
+    _, states, _ = rollout(env)
+    plain = wrapped(
+        "always(x < 0.5 and abs(y) < 3)", SIGNALS | {"y": "obs[1]"}, on_violation="report"
+    )
+    # The metric of a reset is 0, and all else is that of the observation.
+    _, expected, _ = rollout(plain)
+    np.testing.assert_array_equal(states.info["stl_violated"], expected.info["stl_violated"])
+
+
+@pytest.mark.parametrize(
+    ("signals", "message"),
+    [
+        (
+            {"x": "obs[2]"},
+            "signal 'x': obs[2] does not fit what one environment gives, an array of shape (2,)",
+        ),
+        (
+            {"x": "metrics['fat']"},
+            "signal 'x': metrics['fat'] has no 'fat'; the keys are far; did you mean 'far'?",
+        ),
+        (
+            {"x": "obs"},
+            "expected shape (5,) of 'x', got (5, 2); the lanes are those of init()",
+        ),
+    ],
+)
+def test_what_does_not_fit_raises_while_jax_traces(signals: Any, message: str) -> None:  # noqa: ANN401
+    with pytest.raises(InputError) as error:
+        rollout(wrapped("always(x < 1)", signals))
+    assert str(error.value) == message
+
+
+def test_what_is_wrong_raises_when_the_wrapper_is_made() -> None:
+    with pytest.raises(InputError) as error:
+        wrapped("always(x < 1)", {"x": "action[0]"})
+    assert "has no value at reset" in str(error.value)
+    with pytest.raises(InputError) as error:
+        wrapped(SPEC, SIGNALS)
+    assert str(error.value) == (
+        "specification 'spec': at_truncation='cut' would leave open what a window after the end "
+        "has not seen, which monitors on arrays do not follow; pass at_truncation='complete', for "
+        "which it has seen all there is, or at_truncation='open'"
+    )
+    with pytest.raises(InputError) as error:
+        StlWrapper(Drift(), "always(x < 1)", {"x": "obs[0]"}).reset(jax.random.PRNGKey(0))
+    assert str(error.value) == (
+        "expected an environment in VmapWrapper and then EpisodeWrapper, which count the steps of "
+        "many; training_wrapper(specs, signals) makes the order that Brax trains with"
+    )
+
+
+@pytest.mark.parametrize("full_reset", [False, True])
+def test_resets_of_playground_begin_episodes_whether_they_reset_infos_or_not(
+    full_reset: bool,  # noqa: FBT001 - a case
+) -> None:
+    import mujoco_playground
+
+    jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - Playground mixes kinds else
+    env = mujoco_playground.registry.load("CartpoleBalance")
+    wrap = training_wrapper("always(upright > 0.9)", {"upright": "obs[1]"}, on_violation="report")
+    env = wrap(env, episode_length=3, full_reset=full_reset)
+    state = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), 2))
+    step = jax.jit(env.step)
+    samples, seen = [], []
+    for _ in range(7):
+        state = step(state, jnp.ones((2, 1)))
+        samples.append(np.asarray(state.info["stl_state"].samples).tolist())
+        seen.append((np.asarray(state.done) > 0).tolist())
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
+    assert seen == [[False] * 2, [False] * 2, [True] * 2] * 2 + [[False] * 2]
+    expected = [1, 4][full_reset]  # what a reset in the step leaves: sample 0, or the whole episode
+    del expected
+    assert [each for each, over in zip(samples, seen, strict=True) if not over[0]] == [
+        [2, 2], [3, 3], [2, 2], [3, 3], [2, 2]
+    ]  # fmt: skip
+
+
+def test_the_examples_of_docstrings_show_what_happens() -> None:
+    done = doctest.testmod(wrappers)
+    assert done.attempted
+    assert not done.failed

@@ -1,0 +1,146 @@
+"""Wrapped environments of gymnax, and functional ones of Gymnasium, are judged as signals are."""
+
+from __future__ import annotations
+
+import doctest
+from collections.abc import Iterator
+from typing import Any
+
+import gymnax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from gymnasium.envs.functional_jax_env import FunctionalJaxEnv
+from gymnasium.envs.phys2d.cartpole import CartPoleFunctional
+
+from rtamt import InputError, VectorEpisodeMonitor
+from rtamt_arrays.jax import functional
+from rtamt_arrays.jax import gymnax as wrappers
+from rtamt_arrays.jax.functional import StlFuncEnv
+from rtamt_arrays.jax.gymnax import StlEnvironment
+
+LANES = 6
+SPEC = "always(abs(theta) < 0.15 and (x > -0.04 or eventually[0:0.2](v > -0.5)))"
+SIGNALS = {"x": "obs[0]", "v": "obs[1]", "theta": "obs[2]"}
+OPEN: dict[str, Any] = {"at_truncation": "complete", "dtype": jnp.float64}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def doubles() -> Iterator[None]:
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+@pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
+def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violation: str) -> None:
+    bare, params = gymnax.make("CartPole-v1")
+    params = params.replace(max_steps_in_episode=12)
+    options: Any = {**OPEN, "on_violation": on_violation}
+    env = StlEnvironment(bare, SPEC, SIGNALS, **options)
+    steps = 60
+
+    def run(key: Any) -> Any:  # noqa: ANN401
+        keys = jax.random.split(key, LANES)
+        obs, state = jax.vmap(env.reset, in_axes=(0, None))(keys, params)
+
+        def step(carried: Any, key: Any) -> Any:  # noqa: ANN401
+            keys = jax.random.split(key, LANES)
+            actions = jax.random.randint(key, (LANES,), 0, 2)
+            result = jax.vmap(env.step, in_axes=(0, 0, 0, None))(keys, carried, actions, params)
+            return result[1], (result[0], *result[2:])
+
+        return obs, jax.lax.scan(step, state, jax.random.split(key, steps))[1]
+
+    first, (obs, reward, terminated, truncated, info) = jax.jit(run)(jax.random.key(3))
+    monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.02)
+    monitor.update(_table(monitor, first))
+    count, ends = np.zeros(LANES), 0
+    for t in range(steps):
+        last = np.asarray(info["final_observation"][t])
+        monitor.update(_table(monitor, last))
+        count += 1
+        fallen = (np.abs(last[:, 2]) > 12 * np.pi / 180) | (np.abs(last[:, 0]) > 2.4)
+        limit = (count >= 12) & ~fallen
+        closed = fallen | limit
+        violated = np.signbit(np.where(closed, monitor.robustness, monitor.upper))
+        early = violated & ~closed & (on_violation != "report")
+        np.testing.assert_array_equal(info["robustness"][t], monitor.robustness)
+        for key, bound in (("stl_lower", monitor.lower), ("stl_upper", monitor.upper)):
+            np.testing.assert_array_equal(info[key][t], np.where(closed, monitor.robustness, bound))
+        np.testing.assert_array_equal(info["stl_violated"][t], violated)
+        np.testing.assert_array_equal(terminated[t], fallen | (early & (on_violation[1] == "e")))
+        over = np.asarray(terminated[t] | truncated[t])
+        np.testing.assert_array_equal(over, closed | early | (count >= 12))
+        np.testing.assert_array_equal(
+            info["is_success"][t], over & ~violated & (closed | (monitor.verdict > 0))
+        )
+        if over.any():
+            monitor.reset(over)
+            monitor.update(_table(monitor, np.asarray(obs[t])), over)
+            count[over] = 0
+            ends += over.sum()
+    assert ends > LANES
+
+
+def _table(monitor: VectorEpisodeMonitor, obs: Any) -> Any:  # noqa: ANN401
+    columns = {name: np.asarray(obs, np.float64)[:, i] for name, i in _PLACES.items()}
+    return np.stack([columns[name] for name in monitor.variables], axis=1)
+
+
+_PLACES = {"x": 0, "v": 1, "theta": 2}
+
+
+def test_spaces_and_observations_have_the_state() -> None:
+    bare, params = gymnax.make("CartPole-v1")
+    env = StlEnvironment(bare, "always(abs(theta) < 0.1)", {"theta": "obs[2]"}, observe="state")
+    obs, state = env.reset(jax.random.key(0), params)
+    assert env.observation_space(params).shape == obs.shape == (9,)
+    np.testing.assert_allclose(obs[4], 0.1 - abs(obs[2]), atol=1e-7)
+    after = env.step(jax.random.key(1), state, 1, params)
+    assert after[0].shape == after[-1]["final_observation"].shape == (9,)
+
+
+def test_functional_environments_are_judged_under_scan_and_in_a_loop() -> None:
+    jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
+    env = StlFuncEnv(CartPoleFunctional(), "always(abs(theta) < 0.05)", {"theta": "obs[2]"})
+
+    def step(state: Any, key: Any) -> Any:  # noqa: ANN401
+        after = env.transition(state, 1, key)
+        info = env.transition_info(state, 1, after)
+        return after, (env.observation(after, key), env.terminal(after, key), info)
+
+    state = env.initial(jax.random.key(0))
+    first = env.observation(state, jax.random.key(0))
+    keys = jax.random.split(jax.random.key(1), 8)
+    _, (obs, over, info) = jax.jit(lambda s: jax.lax.scan(step, s, keys))(state)
+    theta = np.concatenate([[first[2]], obs[:, 2]]).astype(np.float64)
+    robustness = np.minimum.accumulate(0.05 - np.abs(theta))
+    np.testing.assert_allclose(info["robustness"], robustness[1:], rtol=0, atol=1e-7)
+    np.testing.assert_array_equal(over, robustness[1:] < 0)
+    assert over.any()
+    alone = FunctionalJaxEnv(env)
+    alone.reset(seed=0)
+    told = [alone.step(1) for _ in range(8)]
+    assert any(terminated for _, _, terminated, _, _ in told)
+    assert told[0][4].keys() == info.keys()
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
+
+
+def test_bounds_without_a_period_are_refused() -> None:
+    bare, _ = gymnax.make("Catch-bsuite")
+    with pytest.raises(InputError) as error:
+        StlEnvironment(bare, "always[0:3](x > 0)", {"x": "reward"})
+    assert str(error.value) == (
+        "specification 'spec' has bounds, and the environment does not say how long a step takes; "
+        "pass period=0.02 in seconds, or period=1 for bounds in steps"
+    )
+
+
+def test_the_examples_of_docstrings_show_what_happens() -> None:
+    for module in (wrappers, functional):
+        done = doctest.testmod(module)
+        assert done.attempted
+        assert not done.failed
