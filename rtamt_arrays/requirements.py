@@ -26,7 +26,14 @@ from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, Shaping, clip, least, outcome, settle
 from rtamt_gym.wrappers.features import StateFeatures
 
-__all__ = ["Judged", "OnViolation", "RequirementOptions", "RequirementState", "Requirements"]
+__all__ = [
+    "Judged",
+    "OnViolation",
+    "RequirementOptions",
+    "RequirementState",
+    "Requirements",
+    "Taken",
+]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
@@ -74,6 +81,13 @@ class RequirementState(NamedTuple):
     outcome: Tensor
     violated_at: Tensor
     samples: Tensor
+
+
+class Taken(NamedTuple):
+    """A sample that was taken in: the states after it and the readings of each specification."""
+
+    monitors: tuple[EpisodeState, ...]
+    readings: list[BoundsReading]
 
 
 class Judged(NamedTuple):
@@ -254,8 +268,26 @@ class Requirements:
             terminated: Where the environment has terminated the episode, as booleans.
             truncated: Where a limit of time has; a termination counts before it.
         """
-        o = self._o
-        monitors, readings = self._update(state.monitors, sample)
+        return self.conclude(state, self.take(state, sample), reward, terminated, truncated)
+
+    def take(self, state: RequirementState, sample: Mapping[str, Tensor]) -> Taken:
+        """Take in a sample in every lane: the part of `step` that asks for no ends."""
+        return Taken(*self._update(state.monitors, sample))
+
+    def violated(self, taken: Taken) -> Tensor:
+        """Where a specification is certainly violated, however the episode goes on."""
+        return self._o.signbit(least([reading.upper for reading in taken.readings]))
+
+    def conclude(
+        self,
+        state: RequirementState,
+        taken: Taken,
+        reward: Tensor,
+        terminated: Tensor,
+        truncated: Tensor,
+    ) -> tuple[RequirementState, Judged]:
+        """The rest of `step`, after `take` of the same state; the arguments are those of `step`."""
+        o, (monitors, readings) = self._o, taken
         ended = terminated | truncated
         found = [self._at_end(each, terminated, ended) for each in readings]
         values = _values(found, state.samples + 1)

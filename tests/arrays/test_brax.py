@@ -81,7 +81,7 @@ def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violat
     first, states, actions = rollout(env)
     info, done = states.info, np.asarray(states.done) > 0
     # What a bare environment does with these actions from each reset on, by hand.
-    where = np.asarray(first.obs)
+    where = np.array(first.obs)
     monitor = VectorEpisodeMonitor(spec, LANES, period="100ms")
     beginning = np.ones(LANES, bool)
     steps, ended = np.zeros(LANES), 0

@@ -1,0 +1,234 @@
+"""A pole that is to visit a place, learned on the device: simulator, monitor and PPO in one jit.
+
+The cart of gymnax's CartPole is to reach x > 0.3 once and to stay within 0.8. A violation ends the
+episode, the observation has the state of the monitors, which knows whether the place was visited,
+and the reward pays what robustness gains. Afterwards the policy plays in Gymnasium's CartPole under
+`rtamt_gym.evaluate_policy`, with the same specifications.
+
+Run: pip install '.[gym,gymnax]' && python examples/train_on_device.py --seeds 5
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import gymnax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rtamt_gym
+from rtamt_arrays.jax.gymnax import StlEnvironment
+
+SPECS = {"visit": "eventually(x > 0.3)", "inside": "always(abs(x) < 0.8)"}
+SIGNALS = {"x": "obs[0]"}
+GAMMA = 0.99
+LANES, STEPS, UPDATES, EPOCHS, BATCHES = 64, 64, 150, 4, 4
+HIDDEN = 64
+FIRST_SEED, EPISODES = 40_000, 200  # of the evaluation, fixed before the first run
+
+Parameters = Any
+"""Weights and biases of each layer of the actor and of the critic."""
+
+
+class Transition(NamedTuple):
+    """A step of all lanes."""
+
+    obs: jax.Array
+    action: jax.Array
+    log_probability: jax.Array
+    value: jax.Array
+    reward: jax.Array
+    over: jax.Array
+    success: jax.Array
+
+
+def made() -> tuple[Any, Any]:
+    """The environment under its requirements, and its parameters."""
+    env, params = gymnax.make("CartPole-v1")
+    return StlEnvironment(
+        env,
+        SPECS,
+        SIGNALS,
+        on_violation="terminate",
+        at_termination="failure",
+        observe="state",
+        mode="progress",
+        gamma=GAMMA,
+        bonus=5.0,
+    ), params
+
+
+def layers(key: jax.Array, sizes: tuple[int, ...], last: float) -> Parameters:
+    """Orthogonal weights and no bias, those of the last layer scaled."""
+    keys = jax.random.split(key, len(sizes) - 1)
+    scales = [2.0**0.5] * (len(sizes) - 2) + [last]
+    return [
+        (jax.nn.initializers.orthogonal(scale)(k, (n, m)), jnp.zeros(m))
+        for k, scale, n, m in zip(keys, scales, sizes[:-1], sizes[1:], strict=True)
+    ]
+
+
+def applied(parameters: Parameters, x: jax.Array) -> jax.Array:
+    """The output of layers."""
+    for weight, bias in parameters[:-1]:
+        x = jnp.tanh(x @ weight + bias)
+    weight, bias = parameters[-1]
+    return x @ weight + bias
+
+
+def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
+    """Trains from nothing; the share of satisfied episodes of each update beside the parameters."""
+    env, params = made()
+    size = env.observation_space(params).shape[0]
+    key, first, actor, critic = jax.random.split(key, 4)
+    policy = {
+        "actor": layers(actor, (size, HIDDEN, HIDDEN, env.num_actions), 0.01),
+        "critic": layers(critic, (size, HIDDEN, HIDDEN, 1), 1.0),
+    }
+    zero = jax.tree.map(jnp.zeros_like, policy)
+    obs, state = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(first, LANES), params)
+
+    def play(carried: Any, key: jax.Array) -> tuple[Any, Transition]:  # noqa: ANN401
+        policy, obs, state = carried
+        choice, steps = jax.random.split(key)
+        logits = applied(policy["actor"], obs)
+        action = jax.random.categorical(choice, logits)
+        following, state, reward, terminated, truncated, info = jax.vmap(
+            env.step, in_axes=(0, 0, 0, None)
+        )(jax.random.split(steps, LANES), state, action, params)
+        value = applied(policy["critic"], obs)[:, 0]
+        # A limit of time ends no task: the value of the last state stands for what would come.
+        beyond = applied(policy["critic"], info["final_observation"])[:, 0]
+        reward = reward + GAMMA * beyond * (truncated & ~terminated)
+        made = Transition(
+            obs,
+            action,
+            log_probability(logits, action),
+            value,
+            reward,
+            terminated | truncated,
+            info["is_success"],
+        )
+        return (policy, following, state), made
+
+    def update(carried: Any, key: jax.Array) -> tuple[Any, jax.Array]:  # noqa: ANN401
+        policy, moments, count, obs, state = carried
+        playing, shuffling = jax.random.split(key)
+        (_, obs, state), steps = jax.lax.scan(
+            play, (policy, obs, state), jax.random.split(playing, STEPS)
+        )
+        advantage = advantages(steps, applied(policy["critic"], obs)[:, 0])
+        data = (steps.obs, steps.action, steps.log_probability, advantage, advantage + steps.value)
+        flat = jax.tree.map(lambda x: x.reshape(LANES * STEPS, *x.shape[2:]), data)
+
+        def learn(carried: Any, rows: jax.Array) -> tuple[Any, None]:  # noqa: ANN401
+            policy, moments, count = carried
+            gradient = jax.grad(loss)(policy, *jax.tree.map(lambda x: x[rows], flat))
+            return adam(policy, moments, count, gradient), None
+
+        orders = [
+            jax.random.permutation(k, LANES * STEPS).reshape(BATCHES, -1)
+            for k in jax.random.split(shuffling, EPOCHS)
+        ]
+        (policy, moments, count), _ = jax.lax.scan(
+            learn, (policy, moments, count), jnp.concatenate(orders)
+        )
+        rate = steps.success.sum() / jnp.maximum(steps.over.sum(), 1)
+        return (policy, moments, count, obs, state), rate
+
+    start = (policy, (zero, zero), jnp.zeros(()), obs, state)
+    (policy, *_), rates = jax.lax.scan(update, start, jax.random.split(key, UPDATES))
+    return policy, rates
+
+
+def log_probability(logits: jax.Array, action: jax.Array) -> jax.Array:
+    """Of the actions chosen."""
+    every = jax.nn.log_softmax(logits)
+    return jnp.take_along_axis(every, action[..., None], axis=-1)[..., 0]
+
+
+def advantages(steps: Transition, last: jax.Array) -> jax.Array:
+    """Generalized advantages, with a factor 0.95."""
+
+    def back(carried: Any, step: Transition) -> tuple[Any, jax.Array]:  # noqa: ANN401
+        advantage, following = carried
+        goes_on = 1.0 - step.over
+        error = step.reward + GAMMA * following * goes_on - step.value
+        advantage = error + GAMMA * 0.95 * goes_on * advantage
+        return (advantage, step.value), advantage
+
+    return jax.lax.scan(back, (jnp.zeros_like(last), last), steps, reverse=True)[1]
+
+
+def loss(
+    policy: Parameters,
+    obs: jax.Array,
+    action: jax.Array,
+    before: jax.Array,
+    advantage: jax.Array,
+    target: jax.Array,
+) -> jax.Array:
+    """The clipped loss of PPO, with that of the critic and a bonus for entropy."""
+    logits = applied(policy["actor"], obs)
+    ratio = jnp.exp(log_probability(logits, action) - before)
+    scaled = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    gain = jnp.minimum(ratio * scaled, jnp.clip(ratio, 0.8, 1.2) * scaled).mean()
+    error = jnp.square(applied(policy["critic"], obs)[:, 0] - target).mean()
+    chances = jax.nn.softmax(logits)
+    entropy = -(chances * jax.nn.log_softmax(logits)).sum(axis=-1).mean()
+    return -gain + 0.5 * error - 0.01 * entropy
+
+
+def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameters) -> Any:  # noqa: ANN401
+    """A step of Adam with a rate that falls to 0, on gradients of norm 0.5 at most."""
+    norm = jnp.sqrt(sum(jnp.square(g).sum() for g in jax.tree.leaves(gradient)))
+    gradient = jax.tree.map(lambda g: g * jnp.minimum(1.0, 0.5 / (norm + 1e-8)), gradient)
+    count = count + 1.0
+    mean = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, moments[0], gradient)
+    square = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, moments[1], gradient)
+    rate = 1e-3 * (1.0 - count / (UPDATES * EPOCHS * BATCHES + 1))
+
+    def moved(p: jax.Array, m: jax.Array, v: jax.Array) -> jax.Array:
+        return p - rate * (m / (1 - 0.9**count)) / (jnp.sqrt(v / (1 - 0.999**count)) + 1e-8)
+
+    return jax.tree.map(moved, policy, mean, square), (mean, square), count
+
+
+def evaluated(policy: Parameters) -> rtamt_gym.Evaluation:
+    """Plays the most likely actions in Gymnasium's CartPole, judged by the monitors of C++."""
+    actor = jax.tree.map(np.asarray, policy["actor"])
+
+    def act(obs: Any) -> int:  # noqa: ANN401
+        x = np.asarray(obs, np.float32)
+        for weight, bias in actor[:-1]:
+            x = np.tanh(x @ weight + bias)
+        weight, bias = actor[-1]
+        return int(np.argmax(x @ weight + bias))
+
+    env: gym.Env[Any, Any] = gym.make("CartPole-v1")
+    env = rtamt_gym.StlMonitor(
+        env, SPECS, SIGNALS, on_violation="terminate", at_termination="failure", observe="state"
+    )
+    return rtamt_gym.evaluate_policy(act, env, episodes=EPISODES, seed=FIRST_SEED)
+
+
+def main() -> None:
+    """Trains and evaluates each seed, and prints every one of them."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seeds", type=int, default=5, help="train with the seeds 0 to this")
+    learn: Callable[[jax.Array], Any] = jax.jit(train)
+    for seed in range(parser.parse_args().seeds):
+        begin = time.perf_counter()
+        policy, rates = jax.block_until_ready(learn(jax.random.key(seed)))
+        seconds = time.perf_counter() - begin
+        print(f"seed {seed}: {seconds:.0f} s, in training {float(rates[-10:].mean()):.0%}")
+        print(evaluated(policy))
+
+
+if __name__ == "__main__":
+    main()

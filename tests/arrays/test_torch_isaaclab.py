@@ -1,0 +1,83 @@
+"""Terms of Isaac Lab judge the steps of a stand-in as recorded signals are judged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from isaaclab.managers import StandInEnv, TermCfg
+
+from rtamt import InputError, VectorEpisodeMonitor
+from rtamt_arrays.torch.isaaclab import Violated, monitor_state, shaped_reward
+
+LANES = 7
+SPEC = "always(x > -1.2 and (abs(u) < 1.4 or eventually[0:0.2](x > 0)))"
+
+
+def made(device: str = "cpu", **options: Any) -> StandInEnv:  # noqa: ANN401
+    chosen = {"at_truncation": "open", "period": "100ms", "mode": "add", **options}
+    signals = {"x": lambda env: env.x, "u": (lambda env: env.action, 0.0)}
+    params = {"specs": SPEC, "signals": signals, "options": chosen}
+    return StandInEnv(LANES, TermCfg(Violated, params), shaped_reward, monitor_state, device)
+
+
+def test_terms_equal_a_monitor_of_recorded_signals_over_resets() -> None:
+    torch.set_default_dtype(torch.float64)
+    env = made()
+    env.reset()
+    monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.1)
+    monitor.update(_table(monitor, env.x * 0, env.x * 0))
+    generator, ends, x = torch.Generator().manual_seed(0), 0, env.x
+    for _ in range(60):
+        action = torch.randn(LANES, generator=generator)
+        obs, reward, over = env.step(action)
+        x = x + action
+        monitor.update(_table(monitor, x, action))
+        violated, fallen = np.signbit(monitor.upper), env.fallen.numpy()
+        info = env.extras["stl"]
+        np.testing.assert_array_equal(env.violated, violated)
+        np.testing.assert_array_equal(info["robustness"], monitor.robustness)
+        closed = fallen & ~violated
+        np.testing.assert_array_equal(
+            info["stl_upper"], np.where(closed, monitor.robustness, monitor.upper)
+        )
+        np.testing.assert_array_equal(reward, np.clip(monitor.robustness, -1.0, 1.0))
+        mask = over.numpy()
+        if mask.any():
+            ends += mask.sum()
+            x = torch.where(over, 0.1, x)
+            monitor.reset(mask)
+            monitor.update(_table(monitor, x, x * 0), mask)
+        np.testing.assert_allclose(obs[:, 0], np.clip(monitor.robustness, -1, 1), atol=1e-12)
+    assert ends > LANES
+    torch.set_default_dtype(torch.float32)
+
+
+def _table(monitor: VectorEpisodeMonitor, x: Any, u: Any) -> Any:  # noqa: ANN401
+    columns = {"x": np.array(x), "u": np.array(u)}
+    return np.stack([columns[name] for name in monitor.variables], axis=1)
+
+
+def test_no_step_asks_a_tensor_for_a_number() -> None:
+    with torch.device("meta"):
+        env = made("meta")
+        env.reset()
+        obs, reward, _ = env.step(torch.zeros(LANES))
+        env.term.reset(torch.zeros(2, dtype=torch.int64))
+    assert obs.shape == (LANES, 5)
+    assert reward.shape == (LANES,)
+
+
+def test_what_is_missing_is_said() -> None:
+    with pytest.raises(InputError) as error:
+        made_without = TermCfg(Violated, {"specs": SPEC, "signals": {"x": lambda env: env.x}})
+        StandInEnv(LANES, made_without, shaped_reward, monitor_state)
+    assert str(error.value) == "variable 'u' has no signal; the signals are x"
+    with pytest.raises(InputError) as error:
+        shaped_reward(StandInEnv(2, TermCfg(lambda *_: None), shaped_reward, monitor_state))
+    assert str(error.value) == (
+        "expected a termination term with func=Violated, which judges the episodes, got none; "
+        "its params say the specifications and their signals"
+    )
