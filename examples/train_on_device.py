@@ -27,9 +27,9 @@ from rtamt_arrays.jax.gymnax import StlEnvironment
 SPECS = {"visit": "eventually(x > 0.3)", "inside": "always(abs(x) < 0.8)"}
 SIGNALS = {"x": "obs[0]"}
 GAMMA = 0.99
-LANES, STEPS, UPDATES, EPOCHS, BATCHES = 64, 64, 150, 4, 4
+LANES, STEPS, UPDATES, EPOCHS, BATCHES = 64, 64, 500, 4, 4
 HIDDEN = 64
-FIRST_SEED, EPISODES = 40_000, 200  # of the evaluation, fixed before the first run
+FIRST_RUN, FIRST_EPISODE, EPISODES = 10, 41_000, 200  # seeds, fixed before the first run
 
 Parameters = Any
 """Weights and biases of each layer of the actor and of the critic."""
@@ -214,15 +214,17 @@ def evaluated(policy: Parameters) -> rtamt_gym.Evaluation:
     env = rtamt_gym.StlMonitor(
         env, SPECS, SIGNALS, on_violation="terminate", at_termination="failure", observe="state"
     )
-    return rtamt_gym.evaluate_policy(act, env, episodes=EPISODES, seed=FIRST_SEED)
+    return rtamt_gym.evaluate_policy(act, env, episodes=EPISODES, seed=FIRST_EPISODE)
 
 
 def main() -> None:
     """Trains and evaluates each seed, and prints every one of them."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=5, help="train with the seeds 0 to this")
+    parser.add_argument(
+        "--seeds", type=int, default=5, help="how many runs, each with a seed of its own"
+    )
     learn: Callable[[jax.Array], Any] = jax.jit(train)
-    for seed in range(parser.parse_args().seeds):
+    for seed in range(FIRST_RUN, FIRST_RUN + parser.parse_args().seeds):
         begin = time.perf_counter()
         policy, rates = jax.block_until_ready(learn(jax.random.key(seed)))
         seconds = time.perf_counter() - begin

@@ -64,13 +64,13 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         >>> from brax import envs
         >>> from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
         >>> env = EpisodeWrapper(VmapWrapper(envs.get_environment("fast")), 100, action_repeat=1)
-        >>> env = StlWrapper(env, "always(x < 3)", {"x": "obs[0]"}, on_violation="report")
+        >>> env = StlWrapper(env, "always(x > -1)", {"x": "obs[0]"}, on_violation="report")
         >>> env = AutoResetWrapper(env)
         >>> state = env.reset(jax.random.split(jax.random.PRNGKey(0), 2))
         >>> for _ in range(4):
         ...     state = env.step(state, jax.numpy.zeros((2, 1)))
         >>> state.info["robustness"].tolist(), state.info["stl_violated_at"].tolist()
-        ([-1.0, -1.0], [3, 3])
+        ([1.0, 1.0], [-1, -1])
     """
 
     def __init__(

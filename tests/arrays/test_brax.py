@@ -240,8 +240,6 @@ def test_resets_of_playground_begin_episodes_whether_they_reset_infos_or_not(
         seen.append((np.asarray(state.done) > 0).tolist())
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
     assert seen == [[False] * 2, [False] * 2, [True] * 2] * 2 + [[False] * 2]
-    expected = [1, 4][full_reset]  # what a reset in the step leaves: sample 0, or the whole episode
-    del expected
     assert [each for each, over in zip(samples, seen, strict=True) if not over[0]] == [
         [2, 2], [3, 3], [2, 2], [3, 3], [2, 2]
     ]  # fmt: skip

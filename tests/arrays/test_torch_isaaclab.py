@@ -36,27 +36,29 @@ def test_terms_equal_a_monitor_of_recorded_signals_over_resets() -> None:
         x = x + action
         monitor.update(_table(monitor, x, action))
         violated, fallen = np.signbit(monitor.upper), env.fallen.numpy()
-        info = env.extras["stl"]
-        np.testing.assert_array_equal(env.violated, violated)
+        info = {key: value.numpy() for key, value in env.extras["stl"].items()}
+        np.testing.assert_array_equal(env.violated.numpy(), violated)
         np.testing.assert_array_equal(info["robustness"], monitor.robustness)
         closed = fallen & ~violated
         np.testing.assert_array_equal(
             info["stl_upper"], np.where(closed, monitor.robustness, monitor.upper)
         )
-        np.testing.assert_array_equal(reward, np.clip(monitor.robustness, -1.0, 1.0))
+        np.testing.assert_array_equal(reward.numpy(), np.clip(monitor.robustness, -1.0, 1.0))
         mask = over.numpy()
         if mask.any():
             ends += mask.sum()
             x = torch.where(over, 0.1, x)
             monitor.reset(mask)
             monitor.update(_table(monitor, x, x * 0), mask)
-        np.testing.assert_allclose(obs[:, 0], np.clip(monitor.robustness, -1, 1), atol=1e-12)
+        np.testing.assert_allclose(
+            obs[:, 0].numpy(), np.clip(monitor.robustness, -1, 1), atol=1e-12
+        )
     assert ends > LANES
     torch.set_default_dtype(torch.float32)
 
 
 def _table(monitor: VectorEpisodeMonitor, x: Any, u: Any) -> Any:  # noqa: ANN401
-    columns = {"x": np.array(x), "u": np.array(u)}
+    columns = {"x": x.numpy(), "u": u.numpy()}
     return np.stack([columns[name] for name in monitor.variables], axis=1)
 
 
@@ -72,8 +74,8 @@ def test_no_step_asks_a_tensor_for_a_number() -> None:
 
 def test_what_is_missing_is_said() -> None:
     with pytest.raises(InputError) as error:
-        made_without = TermCfg(Violated, {"specs": SPEC, "signals": {"x": lambda env: env.x}})
-        StandInEnv(LANES, made_without, shaped_reward, monitor_state)
+        params = {"specs": "always(x < u)", "signals": {"x": lambda env: env.x}}
+        StandInEnv(LANES, TermCfg(Violated, params), shaped_reward, monitor_state)
     assert str(error.value) == "variable 'u' has no signal; the signals are x"
     with pytest.raises(InputError) as error:
         shaped_reward(StandInEnv(2, TermCfg(lambda *_: None), shaped_reward, monitor_state))

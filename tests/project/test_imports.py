@@ -57,6 +57,7 @@ FLOORS = {
         ("functions",),
         ("terms", "worlds"),
         ("offline", "online", "episode", "smooth"),
+        ("requirements", "selectors"),
         ("jax", "torch"),
         ("__init__",),
     ),

@@ -1,0 +1,81 @@
+"""What a monitor costs of a step of MJX and of gymnax, both under one jit.
+
+Run: python tests/bench/arrays/simulators.py
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnax
+import jax
+from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
+
+from brax import envs
+from rtamt_arrays.jax.brax import StlWrapper
+from rtamt_arrays.jax.gymnax import StlEnvironment
+
+STEPS, RUNS = 50, 5
+
+
+def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
+    """A rollout of inverted_pendulum in MJX."""
+    env: Any = envs.get_environment("inverted_pendulum", backend="mjx")
+    env = EpisodeWrapper(VmapWrapper(env), 200, 1)
+    if spec is not None:
+        env = StlWrapper(env, spec, {"angle": "obs[1]"}, on_violation="report", **READ)
+    env = AutoResetWrapper(env)
+    action = jax.numpy.zeros((lanes, 1))
+    state = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), lanes))
+
+    def step(state: Any, _: None) -> tuple[Any, None]:
+        return env.step(state, action), None
+
+    return jax.jit(lambda: jax.lax.scan(step, state, None, STEPS)[0].reward)
+
+
+def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
+    """A rollout of CartPole in gymnax."""
+    env, params = gymnax.make("CartPole-v1")
+    if spec is not None:
+        env = StlEnvironment(env, spec, {"angle": "obs[2]"}, on_violation="report", **READ)
+    keys = jax.random.split(jax.random.key(0), lanes)
+    _, state = jax.vmap(env.reset, in_axes=(0, None))(keys, params)
+
+    def step(state: Any, key: Any) -> tuple[Any, Any]:
+        made = jax.vmap(env.step, in_axes=(0, 0, None, None))(
+            jax.random.split(key, lanes), state, 1, params
+        )
+        return made[1], made[2].sum()
+
+    keys = jax.random.split(jax.random.key(1), STEPS)
+    return jax.jit(lambda: jax.lax.scan(step, state, keys))
+
+
+READ: dict[str, Any] = {"period": 1, "at_truncation": "complete"}
+SPECS = {
+    "none": None,
+    "always": "always(abs(angle) < 0.2)",
+    "response": "always((angle > 0.1) implies eventually[0:5](angle < 0.1))",
+}
+
+
+def main() -> None:
+    """Prints nanoseconds a lane and step, the least of some runs."""
+    for name, made, many in (("mjx", brax_steps, (256,)), ("gymnax", gymnax_steps, (1024, 4096))):
+        for lanes in many:
+            for label, spec in SPECS.items():
+                run = made(lanes, spec)
+                jax.block_until_ready(run())
+                found = []
+                for _ in range(RUNS):
+                    begin = time.perf_counter()
+                    jax.block_until_ready(run())
+                    found.append(time.perf_counter() - begin)
+                print(name, lanes, label, round(min(found) / lanes / STEPS * 1e9), flush=True)
+
+
+if __name__ == "__main__":
+    main()
