@@ -93,7 +93,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
     zero = jax.tree.map(jnp.zeros_like, policy)
     obs, state = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(first, LANES), params)
 
-    def play(carried: Any, key: jax.Array) -> tuple[Any, Transition]:  # noqa: ANN401
+    def play(carried: Any, key: jax.Array) -> tuple[Any, Transition]:
         policy, obs, state = carried
         choice, steps = jax.random.split(key)
         logits = applied(policy["actor"], obs)
@@ -116,7 +116,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         )
         return (policy, following, state), made
 
-    def update(carried: Any, key: jax.Array) -> tuple[Any, jax.Array]:  # noqa: ANN401
+    def update(carried: Any, key: jax.Array) -> tuple[Any, jax.Array]:
         policy, moments, count, obs, state = carried
         playing, shuffling = jax.random.split(key)
         (_, obs, state), steps = jax.lax.scan(
@@ -126,7 +126,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         data = (steps.obs, steps.action, steps.log_probability, advantage, advantage + steps.value)
         flat = jax.tree.map(lambda x: x.reshape(LANES * STEPS, *x.shape[2:]), data)
 
-        def learn(carried: Any, rows: jax.Array) -> tuple[Any, None]:  # noqa: ANN401
+        def learn(carried: Any, rows: jax.Array) -> tuple[Any, None]:
             policy, moments, count = carried
             gradient = jax.grad(loss)(policy, *jax.tree.map(lambda x: x[rows], flat))
             return adam(policy, moments, count, gradient), None
@@ -155,7 +155,7 @@ def log_probability(logits: jax.Array, action: jax.Array) -> jax.Array:
 def advantages(steps: Transition, last: jax.Array) -> jax.Array:
     """Generalized advantages, with a factor 0.95."""
 
-    def back(carried: Any, step: Transition) -> tuple[Any, jax.Array]:  # noqa: ANN401
+    def back(carried: Any, step: Transition) -> tuple[Any, jax.Array]:
         advantage, following = carried
         goes_on = 1.0 - step.over
         error = step.reward + GAMMA * following * goes_on - step.value
@@ -184,7 +184,7 @@ def loss(
     return -gain + 0.5 * error - 0.01 * entropy
 
 
-def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameters) -> Any:  # noqa: ANN401
+def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameters) -> Any:
     """A step of Adam with a rate that falls to 0, on gradients of norm 0.5 at most."""
     norm = jnp.sqrt(sum(jnp.square(g).sum() for g in jax.tree.leaves(gradient)))
     gradient = jax.tree.map(lambda g: g * jnp.minimum(1.0, 0.5 / (norm + 1e-8)), gradient)
@@ -203,7 +203,7 @@ def evaluated(policy: Parameters) -> rtamt_gym.Evaluation:
     """Plays the most likely actions in Gymnasium's CartPole, judged by the monitors of C++."""
     actor = jax.tree.map(np.asarray, policy["actor"])
 
-    def act(obs: Any) -> int:  # noqa: ANN401
+    def act(obs: Any) -> int:
         x = np.asarray(obs, np.float32)
         for weight, bias in actor[:-1]:
             x = np.tanh(x @ weight + bias)

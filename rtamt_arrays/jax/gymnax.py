@@ -17,7 +17,7 @@ from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
 
-__all__ = ["StlEnvironment", "StlEnvState"]
+__all__ = ["StlEnvState", "StlEnvironment"]
 
 
 class StlEnvState(NamedTuple):

@@ -54,7 +54,7 @@ def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violat
 
         return obs, jax.lax.scan(step, state, jax.random.split(key, steps))[1]
 
-    first, (obs, reward, terminated, truncated, info) = jax.jit(run)(jax.random.key(3))
+    first, (obs, _reward, terminated, truncated, info) = jax.jit(run)(jax.random.key(3))
     monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.02)
     monitor.update(_table(monitor, first))
     count, ends = np.zeros(LANES), 0

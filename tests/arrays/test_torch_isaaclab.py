@@ -73,12 +73,13 @@ def test_no_step_asks_a_tensor_for_a_number() -> None:
 
 
 def test_what_is_missing_is_said() -> None:
+    params = {"specs": "always(x < u)", "signals": {"x": lambda env: env.x}}
     with pytest.raises(InputError) as error:
-        params = {"specs": "always(x < u)", "signals": {"x": lambda env: env.x}}
         StandInEnv(LANES, TermCfg(Violated, params), shaped_reward, monitor_state)
     assert str(error.value) == "variable 'u' has no signal; the signals are x"
+    bare = StandInEnv(2, TermCfg(lambda *_: None), shaped_reward, monitor_state)
     with pytest.raises(InputError) as error:
-        shaped_reward(StandInEnv(2, TermCfg(lambda *_: None), shaped_reward, monitor_state))
+        shaped_reward(bare)
     assert str(error.value) == (
         "expected a termination term with func=Violated, which judges the episodes, got none; "
         "its params say the specifications and their signals"

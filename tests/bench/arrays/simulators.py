@@ -11,9 +11,9 @@ from typing import Any
 
 import gymnax
 import jax
+from brax import envs
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
 
-from brax import envs
 from rtamt_arrays.jax.brax import StlWrapper
 from rtamt_arrays.jax.gymnax import StlEnvironment
 
