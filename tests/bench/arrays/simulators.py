@@ -33,7 +33,8 @@ def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
     def step(state: Any, _: None) -> tuple[Any, None]:
         return env.step(state, action), None
 
-    return jax.jit(lambda: jax.lax.scan(step, state, None, STEPS)[0].reward)
+    run = jax.jit(lambda state: jax.lax.scan(step, state, None, STEPS)[0].reward)
+    return lambda: run(state)  # as an argument, for constants are computed while XLA compiles
 
 
 def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
@@ -51,7 +52,8 @@ def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
         return made[1], made[2].sum()
 
     keys = jax.random.split(jax.random.key(1), STEPS)
-    return jax.jit(lambda: jax.lax.scan(step, state, keys))
+    run = jax.jit(lambda state, keys: jax.lax.scan(step, state, keys))
+    return lambda: run(state, keys)
 
 
 READ: dict[str, Any] = {"period": 1, "at_truncation": "complete"}
