@@ -33,7 +33,11 @@ def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
     def step(state: Any, _: None) -> tuple[Any, None]:
         return env.step(state, action), None
 
-    run = jax.jit(lambda state: jax.lax.scan(step, state, None, STEPS)[0].reward)
+    def rolled(state: Any) -> Any:  # noqa: ANN401 - what XLA would leave out if nobody asked
+        last = jax.lax.scan(step, state, None, STEPS)[0]
+        return last.obs, last.info.get("robustness")
+
+    run = jax.jit(rolled)
     return lambda: run(state)  # as an argument, for constants are computed while XLA compiles
 
 
@@ -49,7 +53,7 @@ def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
         made = jax.vmap(env.step, in_axes=(0, 0, None, None))(
             jax.random.split(key, lanes), state, 1, params
         )
-        return made[1], made[2].sum()
+        return made[1], made[5].get("robustness", made[2]).sum()
 
     keys = jax.random.split(jax.random.key(1), STEPS)
     run = jax.jit(lambda state, keys: jax.lax.scan(step, state, keys))
