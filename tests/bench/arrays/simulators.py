@@ -33,7 +33,7 @@ def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
     def step(state: Any, _: None) -> tuple[Any, None]:
         return env.step(state, action), None
 
-    def rolled(state: Any) -> Any:  # noqa: ANN401 - what XLA would leave out if nobody asked
+    def rolled(state: Any) -> Any:
         last = jax.lax.scan(step, state, None, STEPS)[0]
         return last.obs, last.info.get("robustness")
 
