@@ -56,6 +56,7 @@ FLOORS = {
         ("operations", "compiling"),
         ("functions",),
         ("terms", "worlds"),
+        ("layout",),
         ("offline", "online", "episode", "smooth"),
         ("requirements", "selectors"),
         ("jax", "torch"),
