@@ -17,7 +17,7 @@ from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWr
 from rtamt_arrays.jax.brax import StlWrapper
 from rtamt_arrays.jax.gymnax import StlEnvironment
 
-STEPS, RUNS = 50, 5
+STEPS, RUNS = 10, 5
 
 
 def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
