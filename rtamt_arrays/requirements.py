@@ -143,7 +143,7 @@ class Requirements:
         operations: Operations,
         options: RequirementOptions,
     ) -> None:
-        given = dict(options)
+        given: dict[str, Any] = {**options}
         period, align = given.pop("period", None), given.pop("align", None)
         loaded = load_specs(specs, constants=given.pop("constants", None))
         for name, spec in loaded.items():
@@ -179,7 +179,7 @@ class Requirements:
         self._shapes = given.get("mode") is not None
         self._optional = {"stl": self._details, "reward": self._shapes}
         shown = given if self._shapes else {**given, "mode": "add"}
-        self._shaping = Shaping.of(list(loaded), **shown)  # type: ignore[arg-type]  # what is left
+        self._shaping = Shaping.of(list(loaded), **shown)
         self.features = StateFeatures(
             self._shaping.weights,
             self._shaping.clip,

@@ -108,7 +108,8 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
 
     def is_truncated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
         """Whether a limit of time or a violation has truncated the episode."""
-        return state.truncated | self._env.is_truncated(state.env, params)
+        truncated: jax.Array = state.truncated | self._env.is_truncated(state.env, params)
+        return truncated
 
     def is_terminated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
         """Whether the environment itself terminates there."""

@@ -17,7 +17,13 @@ import torch
 from isaaclab.managers import ManagerTermBase
 
 from rtamt import InputError
-from rtamt_arrays.requirements import RequirementOptions, Requirements
+from rtamt_arrays.requirements import (
+    Judged,
+    RequirementOptions,
+    Requirements,
+    RequirementState,
+    Taken,
+)
 from rtamt_arrays.torch import episode
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.judging.specs import SpecsLike
@@ -28,7 +34,7 @@ EnvSignal = Callable[[Any], torch.Tensor] | tuple[Callable[[Any], torch.Tensor],
 """A function of the environment with a number of each, and where wanted its value at a reset."""
 
 
-class Violated(ManagerTermBase):  # type: ignore[misc]  # Isaac Lab has no types here
+class Violated(ManagerTermBase):
     """A termination term: where a requirement is certainly violated.
 
     Signals are functions ``(env) -> tensor[num_envs]``, as terms are; ``(function, 0.0)`` gives a
@@ -65,7 +71,8 @@ class Violated(ManagerTermBase):  # type: ignore[misc]  # Isaac Lab has no types
     def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of Isaac Lab
         super().__init__(cfg, env)
         params = cfg.params
-        options: RequirementOptions = {"period": env.step_dt, **params.get("options", {})}
+        options = RequirementOptions(period=env.step_dt)
+        options.update(params.get("options", {}))
         self.requirements = Requirements(
             params["specs"],
             partial(episode, device=env.device),
@@ -80,7 +87,7 @@ class Violated(ManagerTermBase):  # type: ignore[misc]  # Isaac Lab has no types
         self._state = self.requirements.init(env.num_envs)
         self._never = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
         self._nothing = torch.zeros(env.num_envs, device=env.device)
-        self._before = self._taken = None
+        self._last: tuple[RequirementState, Taken] | None = None  # of before the step, and of it
         self.features = self._nothing[:, None].expand(-1, self.requirements.features.box.shape[0])
         _TERMS[env] = self
 
@@ -110,24 +117,31 @@ class Violated(ManagerTermBase):  # type: ignore[misc]  # Isaac Lab has no types
         for name in self.requirements.variables:
             signal = self._signals[name]
             sample[name] = signal[0](env) if isinstance(signal, tuple) else signal(env)
-        self._before, self._taken = self._state, self.requirements.take(self._state, sample)
-        self._conclude(self._never, self._never)
-        violated: torch.Tensor = self.requirements.violated(self._taken)
+        taken = self.requirements.take(self._state, sample)
+        self._last = self._state, taken
+        self._conclude(self._state, taken, self._never, self._never)
+        violated: torch.Tensor = self.requirements.violated(taken)
         return violated
 
     def concluded(self, terminated: torch.Tensor, truncated: torch.Tensor) -> torch.Tensor:
         """What the step pays, once it is known which episodes it ends."""
-        if self._taken is None:  # the reward manager asks for a shape before the first step
+        if self._last is None:  # the reward manager asks for a shape before the first step
             return self._nothing
-        own = ~self.requirements.violated(self._taken)
-        judged = self._conclude(terminated & own, truncated & own)
+        own = ~self.requirements.violated(self._last[1])
+        judged = self._conclude(*self._last, terminated & own, truncated & own)
         self._env.extras["stl"] = judged.info
         reward: torch.Tensor = judged.reward
         return reward
 
-    def _conclude(self, terminated: torch.Tensor, truncated: torch.Tensor) -> Any:  # noqa: ANN401
+    def _conclude(
+        self,
+        before: RequirementState,
+        taken: Taken,
+        terminated: torch.Tensor,
+        truncated: torch.Tensor,
+    ) -> Judged:
         self._state, judged = self.requirements.conclude(
-            self._before, self._taken, self._nothing, terminated, truncated
+            before, taken, self._nothing, terminated, truncated
         )
         self.features = judged.features
         return judged
