@@ -96,3 +96,11 @@ def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
                 assert len(row["chosen_by"]) == len(row["steps"])
     for task in study.TASKS.values():
         assert f"{task.steps:,}".replace(",", " ") in PAGE
+
+
+def test_what_the_page_says_of_trials_is_what_their_rows_say() -> None:
+    trials = script("study").rows_of(EXAMPLES / "results" / "study_trials.jsonl")
+    ours = [row for row in trials if row["method"] == "ours"]
+    assert all(1000 <= row["seed"] < 2000 for row in trials)
+    assert min(row["satisfied"] for row in ours) == 99
+    assert f"have {len(ours)} runs of ours" in PAGE
