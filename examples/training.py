@@ -19,12 +19,16 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from rtamt_gym import MethodComparison, compare_methods, evaluate_policy
+from rtamt_gym import MethodComparison, StlMonitor, compare_methods, evaluate_policy
 from rtamt_gym.evaluation.method_scores import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
 """A row says how many of the episodes satisfied the requirement after so many steps of training,
 their mean return by the environment's own reward, and how long training took until then."""
+
+OBSERVED = "observed"
+"""One more field where sub-steps judge: how many of the same episodes satisfied the requirement by
+the samples at the ends of the environment's steps alone."""
 
 FIRST_JUDGED = 1_000_000
 """The seed of the first episode that judges."""
@@ -67,6 +71,7 @@ class Task:
         steps: Steps of the environment that every run trains.
         points: How often a run is judged, at equal distances.
         episodes: How many episodes judge.
+        substeps: Whether every step of the physics inside of a step judges.
     """
 
     name: str
@@ -82,6 +87,12 @@ class Task:
     steps: int
     points: int
     episodes: int
+    substeps: bool = False
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The fields of a row."""
+        return (*FIELDS, OBSERVED) if self.substeps else FIELDS
 
 
 def train(task: Task, variant: str, seed: int, steps: int) -> list[Row]:
@@ -95,21 +106,30 @@ def train(task: Task, variant: str, seed: int, steps: int) -> list[Row]:
         begin = process_time()
         learner.learn(steps // task.points, reset_num_timesteps=False)
         seconds += process_time() - begin
-        satisfied, returned = judged(task, learner, variant)
+        satisfied, returned = judged(task, learner, variant, substeps=task.substeps)
         found = (variant, seed, learner.num_timesteps, task.episodes, satisfied)
         texts = [*map(str, found), f"{returned:.6g}", f"{seconds:.1f}"]
-        rows.append(dict(zip(FIELDS, texts, strict=True)))
+        if task.substeps:
+            texts.append(str(judged(task, learner, variant, substeps=False)[0]))
+        rows.append(dict(zip(task.fields, texts, strict=True)))
     return rows
 
 
-def judged(task: Task, learner: Any, variant: str) -> tuple[int, float]:
+def judged(task: Task, learner: Any, variant: str, *, substeps: bool) -> tuple[int, float]:
     """How many episodes satisfy all requirements, and the mean return."""
+
+    def seen() -> gym.Env[Any, Any]:
+        env = task.seen(variant)
+        if not substeps:
+            return env
+        return StlMonitor(env, task.required, task.signals, substeps=True, on_violation="report")
+
     found = evaluate_policy(
         learner,
-        lambda: task.seen(variant),
-        task.required,
-        task.signals,
-        period=task.period,
+        seen,
+        None if substeps else task.required,
+        None if substeps else task.signals,
+        period=None if substeps else task.period,
         episodes=task.episodes,
         seed=FIRST_JUDGED,
         n_envs=task.episodes,
@@ -125,12 +145,14 @@ class Curves:
     Attributes:
         steps: Steps of training at each point.
         rates: The shares of the episodes that satisfied the requirement.
+        observed: The shares by the ends of steps alone; the same where no sub-steps judge.
         returns: The mean returns.
         seconds: Seconds of training.
     """
 
     steps: NDArray[np.float64]
     rates: NDArray[np.float64]
+    observed: NDArray[np.float64]
     returns: NDArray[np.float64]
     seconds: NDArray[np.float64]
 
@@ -140,8 +162,9 @@ def read_curves(path: Path) -> dict[str, Curves]:
     runs: dict[str, dict[str, list[list[float]]]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            rate = int(row["satisfied"]) / int(row["episodes"])
-            point = [float(row["steps"]), rate, float(row["return"]), float(row["seconds"])]
+            counts = [int(row["satisfied"]), int(row.get(OBSERVED, row["satisfied"]))]
+            rates = [count / int(row["episodes"]) for count in counts]
+            point = [float(row["steps"]), *rates, float(row["return"]), float(row["seconds"])]
             runs.setdefault(row["variant"], {}).setdefault(row["seed"], []).append(point)
     return {
         variant: Curves(*np.moveaxis(np.array(list(of_seed.values())), 2, 0))
@@ -171,17 +194,23 @@ def interval(found: Estimate, runs: int) -> str:
 def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
     """The cells of the table of results: a header, and a row for every variant that has runs."""
     paid = any(found.returns.any() for found in curves.values())
-    rows = [["variant", "seeds", "satisfied, %", *["return"] * paid, "90 % at", "p", "s a seed"]]
+    twice = ["least, %", "at observations, %", "least, %"] * task.substeps
+    tail = [*twice, *["return"] * paid, "90 % at", "p", "s a seed"]
+    rows = [["variant", "seeds", "satisfied, %", *tail]]
     if not curves:
         return rows
     rated = compared(task, curves, lambda found: 100 * found.rates).methods
     returned = compared(task, curves, lambda found: found.returns).methods
+    observed = compared(task, curves, lambda found: 100 * found.observed).methods
     for variant in task.variants:
         if variant not in curves:
             continue
         found, rates = curves[variant], rated[variant]
         reached = found.steps[0][found.rates.mean(axis=0) >= 0.9] / 1000
         row = [variant, str(rates.runs), interval(rates.mean, rates.runs)]
+        if task.substeps:
+            least = [f"{100 * of[:, -1].min():.0f}" for of in (found.rates, found.observed)]
+            row += [least[0], interval(observed[variant].mean, rates.runs), least[1]]
         row += [interval(returned[variant].mean, rates.runs)] * paid
         row += [f"{reached[0]:.0f}k" if reached.size else "never"]
         several = task.ours in rated and min(rates.runs, rated[task.ours].runs) > 1
@@ -237,7 +266,7 @@ def main(task: Task, about: str, argv: list[str] | None = None) -> None:
     output = arguments.output
     if not output.exists():
         output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(",".join(FIELDS) + "\n", encoding="utf-8")
+        output.write_text(",".join(task.fields) + "\n", encoding="utf-8")
     with output.open(encoding="utf-8", newline="") as file:
         finished = {(row["variant"], int(row["seed"])) for row in csv.DictReader(file)}
     runs = [
@@ -249,7 +278,7 @@ def main(task: Task, about: str, argv: list[str] | None = None) -> None:
     calls = (delayed(train)(task, variant, seed, arguments.steps) for variant, seed in runs)
     for rows in Parallel(arguments.jobs, return_as="generator_unordered")(calls):
         with output.open("a", encoding="utf-8", newline="") as file:
-            csv.DictWriter(file, FIELDS, lineterminator="\n").writerows(rows)
+            csv.DictWriter(file, task.fields, lineterminator="\n").writerows(rows)
         last = rows[-1]
         rate = f"{last['satisfied']} of {last['episodes']}"
         print(f"{last['variant']}, seed {last['seed']}: {rate} in {last['seconds']} s", flush=True)

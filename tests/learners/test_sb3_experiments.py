@@ -16,6 +16,7 @@ RUNS = [
     ("train_corridor", ["progress-state", "dqn-progress-state", "progress-lstm"], 1024),
     ("train_speed_limit", ["naive", "terminate"], 2048),
     ("train_patrol", ["step-obligations", "penalty-obligations"], 2048),
+    ("train_contact", ["plain", "observed", "substeps"], 210),
 ]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from paths import EXAMPLES
 
-SCRIPTS = ("train_corridor", "train_speed_limit", "train_patrol")
+SCRIPTS = ("train_corridor", "train_speed_limit", "train_patrol", "train_contact")
 
 
 def script(name: str) -> Any:  # noqa: ANN401 - a module that no path of the tests knows

@@ -1,0 +1,115 @@
+"""A contact between two observations: a finger is to press a plate, and never with 50 N or more.
+
+An observation comes every 0.1 s, and the peak of a hard contact lasts a tenth of that. Does an end
+at the violation keep the limit where a monitor sees the observations, and where it sees every step
+of the physics?
+
+Run: python examples/train_contact.py --seeds 10 --output contact.csv
+"""
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.envs.mujoco import MujocoEnv
+from gymnasium.spaces import Box
+from gymnasium.wrappers import TimeLimit
+from numpy.typing import NDArray
+from training import Task, main
+
+from rtamt_gym import StlMonitor
+
+MODEL = Path(__file__).with_name("models") / "finger.xml"
+STEPS = 15
+GENTLE, THERE = "always(force < 50)", "eventually[0:1.5](x > -0.01)"
+REQUIRED = {"gentle": GENTLE, "there": THERE}
+FORCE = {"force": "contact:tip,plate.force"}
+SIGNALS = {**FORCE, "x": "joint:slide.qpos"}
+
+
+class Finger(MujocoEnv):
+    """A finger of 1 kg on a rail, driven with up to 2 N, before a plate that it touches at x = 0.
+
+    It starts about 0.55 m before the plate, sees its place and its speed every 0.1 s, and is paid
+    for being near the plate, at most 1 a step.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": ["human", "rgb_array", "depth_array", "rgbd_tuple"],
+        "render_fps": 10,
+    }
+
+    def __init__(self) -> None:
+        """Loads the model; a step of the environment has 50 of its physics."""
+        space = Box(-np.inf, np.inf, (2,), np.float64)
+        super().__init__(str(MODEL), frame_skip=50, observation_space=space)
+
+    def reset_model(self) -> NDArray[np.float64]:
+        """Stands still somewhere within 4 cm."""
+        self.set_state(self.np_random.uniform(-0.57, -0.53, 1), np.zeros(1))
+        return self._seen()
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+        """Pushes with one force for 0.1 s."""
+        self.do_simulation(action, self.frame_skip)
+        reward = 1.0 - abs(float(self.data.qpos[0])) / 0.6
+        return self._seen(), reward, False, False, {}
+
+    def _seen(self) -> NDArray[np.float64]:
+        return np.concatenate([self.data.qpos, self.data.qvel])
+
+
+def made() -> gym.Env[Any, Any]:
+    """The environment without a monitor: 1.5 s."""
+    return TimeLimit(Finger(), STEPS)
+
+
+def trained(variant: str) -> gym.Env[Any, Any]:
+    """What a variant learns in: an end at the violation that its monitor sees, or no monitor."""
+    if variant == "plain":
+        return made()
+    return StlMonitor(
+        made(), GENTLE, FORCE, on_violation="terminate", substeps=variant == "substeps"
+    )
+
+
+def learner(variant: str, seed: int) -> Any:
+    """SAC, the same for all."""
+    from stable_baselines3 import SAC
+
+    return SAC(
+        "MlpPolicy",
+        trained(variant),
+        learning_rate=2e-3,
+        buffer_size=10_000,
+        learning_starts=200,
+        batch_size=64,
+        gamma=0.95,
+        policy_kwargs={"net_arch": [64, 64]},
+        seed=seed,
+        device="cpu",
+    )
+
+
+TASK = Task(
+    name="contact",
+    required=REQUIRED,
+    signals=SIGNALS,
+    period=None,
+    seen=lambda _: made(),
+    learner=learner,
+    variants=("plain", "observed", "substeps"),
+    ours="substeps",
+    drawn=("plain", "observed", "substeps"),
+    first_seed=50_000,
+    steps=2400,
+    points=3,
+    episodes=100,
+    substeps=True,
+)
+
+if __name__ == "__main__":
+    main(TASK, __doc__)
