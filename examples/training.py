@@ -194,9 +194,11 @@ def interval(found: Estimate, runs: int) -> str:
 def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
     """The cells of the table of results: a header, and a row for every variant that has runs."""
     paid = any(found.returns.any() for found in curves.values())
-    twice = ["least, %", "at observations, %", "least, %"] * task.substeps
-    tail = [*twice, *["return"] * paid, "90 % at", "p", "s a seed"]
-    rows = [["variant", "seeds", "satisfied, %", *tail]]
+    head = ["variant", "seeds", "satisfied, %"]
+    head += ["least", "observed, %", "least"] if task.substeps else []
+    head += ["return"] * paid
+    head += ["p"] if task.substeps else ["90 % at", "p", "s a seed"]  # 80 columns hold no more
+    rows = [head]
     if not curves:
         return rows
     rated = compared(task, curves, lambda found: 100 * found.rates).methods
@@ -212,10 +214,11 @@ def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
             least = [f"{100 * of[:, -1].min():.0f}" for of in (found.rates, found.observed)]
             row += [least[0], interval(observed[variant].mean, rates.runs), least[1]]
         row += [interval(returned[variant].mean, rates.runs)] * paid
-        row += [f"{reached[0]:.0f}k" if reached.size else "never"]
         several = task.ours in rated and min(rates.runs, rated[task.ours].runs) > 1
-        row += [f"{rates.p:.1g}" if several and rates.p is not None else ""]
-        rows.append([*row, f"{found.seconds[:, -1].mean():.0f}"])
+        p = f"{rates.p:.1g}" if several and rates.p is not None else ""
+        at = f"{reached[0]:.0f}k" if reached.size else "never"
+        row += [p] if task.substeps else [at, p, f"{found.seconds[:, -1].mean():.0f}"]
+        rows.append(row)
     return rows
 
 
@@ -229,7 +232,10 @@ def printed(rows: Sequence[Sequence[str]]) -> str:
 
 
 def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
-    """Draws the rates over the steps of training, with the intervals of their means."""
+    """Draws the rates over the steps of training, with the intervals of their means.
+
+    Where sub-steps judge, dots show the mean rates by the ends of steps alone.
+    """
     rated = compared(task, curves, lambda found: 100 * found.rates).methods
     with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
         figure, axes = plt.subplots(figsize=(4.6, 2.6))
@@ -245,6 +251,9 @@ def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
                     axes.fill_between(
                         steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0
                     )
+                if task.substeps:
+                    observed = 100 * curves[variant].observed.mean(axis=0)
+                    axes.plot(steps, observed, ":", color=line.get_color())
         axes.set(ylim=(-3, 103), xlim=(0, None))
         axes.set(xlabel="steps of training, in thousands", ylabel="satisfied, %")
         figure.legend(loc="outside right upper")

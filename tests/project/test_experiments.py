@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 from experiments import script
@@ -110,6 +111,75 @@ def test_variants_of_the_speed_limit_pay_as_they_say() -> None:
                 assert all(mine > theirs for mine, theirs in zip(rewards, plain, strict=True))
             case _:  # never beyond the limit
                 assert rewards == plain
+
+
+def test_a_finger_is_an_environment_as_gymnasium_wants_it() -> None:
+    check_env(script("train_contact").Finger(), skip_render_check=True)
+
+
+def hard(obs: Any) -> Any:  # noqa: ANN401
+    """Pushes all the way."""
+    return np.ones((*obs.shape[:-1], 1), np.float32)
+
+
+def soft(obs: Any) -> Any:  # noqa: ANN401
+    """Brakes before the plate: the nearer it is, the slower the finger is to be."""
+    x, v = obs[..., :1], obs[..., 1:]
+    return np.clip((0.25 + 1.6 * np.maximum(-0.1 - x, 0.0) - v) / 0.2, -1.0, 1.0).astype(np.float32)
+
+
+def forces(policy: Any, seed: int) -> tuple[list[float], list[float]]:  # noqa: ANN401
+    """Forces on the plate after each step of the environment, and after each of its physics.
+
+    The physics is stepped here, and a force is a sum over the contacts that there are.
+    """
+    env = script("train_contact").made()
+    obs, _ = env.reset(seed=seed)
+    model, data = env.unwrapped.model, env.unwrapped.data
+    inside, force = [], np.zeros(6)
+    for _ in range(15):
+        data.ctrl[:] = policy(obs)
+        for _ in range(50):
+            mujoco.mj_step(model, data)
+            inside.append(0.0)
+            for contact in range(data.ncon):
+                mujoco.mj_contactForce(model, data, contact, force)
+                inside[-1] += float(force[0])
+        obs = np.concatenate([data.qpos, data.qvel])
+    assert obs[0] > -0.01
+    return inside[49::50], inside
+
+
+def test_a_hard_contact_is_over_before_the_next_observation_and_a_soft_one_keeps_the_limit() -> (
+    None
+):
+    for seed in range(20):
+        ends, inside = forces(hard, seed)
+        assert max(ends) < 50 < max(inside)
+        ends, inside = forces(soft, seed)
+        assert 1 < max(inside) < 50
+
+
+def test_sub_steps_judge_what_happens_between_two_observations() -> None:
+    training, task = script("training"), script("train_contact").TASK
+    task = dataclasses.replace(task, episodes=4)
+    counts = {
+        (policy, substeps): training.judged(task, policy, "plain", substeps=substeps)[0]
+        for policy in (hard, soft)
+        for substeps in (True, False)
+    }
+    assert counts == {(hard, True): 0, (hard, False): 4, (soft, True): 4, (soft, False): 4}
+
+
+@pytest.mark.parametrize(("variant", "steps"), [("plain", 15), ("observed", 15), ("substeps", 8)])
+def test_an_end_comes_at_what_the_monitor_sees(variant: str, steps: int) -> None:
+    env = script("train_contact").trained(variant)
+    obs, _ = env.reset(seed=3)
+    count, terminated, truncated = 0, False, False
+    while not (terminated or truncated):
+        obs, _, terminated, truncated, _ = env.step(hard(obs))
+        count += 1
+    assert (count, terminated) == (steps, variant == "substeps")
 
 
 def test_many_corridors_do_what_each_does() -> None:
