@@ -8,7 +8,7 @@ Run: python examples/train_contact.py --seeds 10 --output contact.csv
 """
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -35,7 +35,7 @@ class Finger(MujocoEnv):
     for being near the plate, at most 1 a step.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata = {  # noqa: RUF012 - as Gymnasium declares it
         "render_modes": ["human", "rgb_array", "depth_array", "rgbd_tuple"],
         "render_fps": 10,
     }
@@ -47,15 +47,16 @@ class Finger(MujocoEnv):
 
     def reset_model(self) -> NDArray[np.float64]:
         """Stands still somewhere within 4 cm."""
-        self.set_state(self.np_random.uniform(-0.57, -0.53, 1), np.zeros(1))
+        place = self.np_random.uniform(-0.57, -0.53, 1)
+        self.set_state(place, np.zeros(1))  # type: ignore[no-untyped-call]
         return self._seen()
 
     def step(
         self, action: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+    ) -> tuple[NDArray[np.float64], np.float64, bool, bool, dict[str, np.float64]]:
         """Pushes with one force for 0.1 s."""
         self.do_simulation(action, self.frame_skip)
-        reward = 1.0 - abs(float(self.data.qpos[0])) / 0.6
+        reward = np.float64(1.0 - abs(self.data.qpos[0]) / 0.6)
         return self._seen(), reward, False, False, {}
 
     def _seen(self) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 from experiments import script
