@@ -1,7 +1,7 @@
 """Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=nightly``."""
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 import rtamt
 
@@ -29,6 +29,10 @@ settings.register_profile(
 )
 # Sanitizers look at memory: a tenth of the time, and each path of the machines still comes.
 settings.register_profile("sanitized", settings.get_profile("repeatable"), max_examples=15)
+# A mutant is killed by the first example that fails, however long the example is.
+settings.register_profile(
+    "mutation", settings.get_profile("repeatable"), phases=[Phase.explicit, Phase.generate]
+)
 settings.load_profile("repeatable")
 
 # Without a compiler there is one back-end to test; CI requires both.

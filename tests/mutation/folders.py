@@ -1,0 +1,121 @@
+"""What is mutated, and the tests that cover it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Covering:
+    """Tests that are collected once for several folders.
+
+    Attributes:
+        tests: Files and folders for pytest.
+        left_out: What of them is not run: it builds programs of its own, which have no mutants.
+    """
+
+    tests: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Sources that one sample is drawn from.
+
+    Attributes:
+        sources: Files, and folders with all that is in them.
+        own: The tests that are tried where an import is changed, which every test reaches.
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    covering: Covering
+    own: tuple[str, ...]
+
+    def paths(self, root: Path) -> Iterator[str]:
+        """The files, from the root, in the order of their names; what ANTLR writes is left out."""
+        for source in self.sources:
+            found = root / source
+            for path in sorted(found.rglob("*")) if found.is_dir() else [found]:
+                if path.suffix in {".py", ".cpp", ".hpp"} and "generated" not in path.parts:
+                    yield path.relative_to(root).as_posix()
+
+    @property
+    def native(self) -> bool:
+        """Whether the sources are C++."""
+        return self.name.startswith("rtamt/native/")
+
+
+_MACHINES: Final = Covering(
+    (
+        *(f"tests/rtamt/{room}" for room in ("language", "program", "machines", "monitors")),
+        *(f"tests/rtamt/{room}" for room in ("native", "inputs", "patterns")),
+        *(f"rtamt/{room}" for room in ("language", "program", "machines", "monitors")),
+    ),
+    (
+        "tests/rtamt/machines/test_costs.py",
+        "tests/rtamt/native/test_native_memory.py",
+        *(
+            f"tests/rtamt/native/test_fmu_{of}.py"
+            for of in ("calls", "program_file", "refusals", "states", "values")
+        ),
+    ),
+)
+_JUDGING: Final = Covering(
+    (
+        *(f"tests/rtamt_gym/{room}" for room in ("judging", "wrappers", "success")),
+        "rtamt_gym/judging",
+        "rtamt_gym/shaping.py",
+    )
+)
+_STATISTICS: Final = Covering(
+    (
+        "tests/rtamt_gym/results",
+        "tests/rtamt_gym/evaluation",
+        "rtamt_gym/results",
+        "rtamt_gym/evaluation",
+    )
+)
+
+FOLDERS: Final = {
+    folder.name: folder
+    for folder in (
+        *(
+            Folder(f"rtamt/{room}", (f"rtamt/{room}",), _MACHINES, (f"tests/rtamt/{own}",))
+            for room, own in (
+                ("language", "language"),
+                ("program", "program"),
+                ("machines", "monitors"),
+                ("monitors", "monitors"),
+            )
+        ),
+        *(
+            Folder(f"rtamt/native/{room}", (f"rtamt/native/{room}",), _MACHINES, ())
+            for room in ("core", "discrete", "episode", "lockstep", "dense")
+        ),
+        Folder(
+            "rtamt_gym/judging", ("rtamt_gym/judging",), _JUDGING, ("tests/rtamt_gym/judging",)
+        ),
+        Folder(
+            "rtamt_gym/shaping",
+            ("rtamt_gym/shaping.py",),
+            _JUDGING,
+            ("tests/rtamt_gym/wrappers", "rtamt_gym/shaping.py"),
+        ),
+        Folder(
+            "rtamt_gym/statistics",
+            (
+                *(f"rtamt_gym/results/{name}.py" for name in ("statistics", "intervals", "seeds")),
+                *(
+                    f"rtamt_gym/evaluation/{name}.py"
+                    for name in ("compared", "method_scores", "methods", "paired", "sequential")
+                ),
+            ),
+            _STATISTICS,
+            ("tests/rtamt_gym/results", "tests/rtamt_gym/evaluation"),
+        ),
+    )
+}

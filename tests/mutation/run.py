@@ -1,0 +1,194 @@
+"""Tests the tests: changes one operator, constant, condition or statement, and asks which test fails.
+
+``python tests/mutation/run.py [FOLDER ...] [--seed N]`` draws a sample of mutants of each folder of
+`folders.py`, puts all of them into one build of the native module and one import of the Python
+modules, each off until its number is on, and tries one after the other (`trials.py`). It prints, for
+each folder, how many were killed with the 95 % interval of Clopper and Pearson, and each survivor.
+``equivalent.toml`` names the survivors that no test can tell from the original, each with the reason:
+they are counted beside the others, and a line of it that a sample finds killed is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import native_code
+import python_code
+from changes import Mutant, Site
+from folders import FOLDERS, Covering, Folder
+
+from rtamt_gym.results.intervals import clopper_pearson
+
+ROOT: Final = Path(__file__).parents[2]
+WORK: Final = ROOT / "build" / "mutation"
+SAMPLE: Final = 100
+SEED: Final = 32
+_SPARE: Final = 30  # some mutants of C++ do not compile
+_TRIALS: Final = Path(__file__).with_name("trials.py")
+
+
+def drawn(folder: Folder, root: Path, seed: int) -> list[Mutant]:
+    """A sample of the folder's mutants, in the order in which they are drawn; numbers are -1."""
+    code = native_code if folder.native else python_code
+    found = []
+    for path in folder.paths(root):
+        source = (root / path).read_text(encoding="utf-8")
+        lines = source.splitlines()
+        found += [
+            Mutant(-1, folder.name, path, site, lines[site.line - 1].strip())
+            for site in code.sites(source)
+        ]
+    size = SAMPLE + (_SPARE if folder.native else 0)
+    return random.Random(f"{folder.name} {seed}").sample(found, min(size, len(found)))
+
+
+def numbered(samples: Iterable[Sequence[Mutant]]) -> list[Mutant]:
+    """All samples in one list, each mutant with its place as its number."""
+    mutants = [mutant for sample in samples for mutant in sample]
+    return [
+        Mutant(number, mutant.folder, mutant.path, mutant.site, mutant.text)
+        for number, mutant in enumerate(mutants)
+    ]
+
+
+def compiled(mutants: Sequence[Mutant]) -> tuple[Path | None, set[int]]:
+    """The library with the mutants of C++, if there are any, and those that do not compile."""
+    native = [mutant for mutant in mutants if FOLDERS[mutant.folder].native]
+    refused: set[int] = set()
+    library = None
+    while native and library is None:
+        numbers: dict[str, dict[Site, int]] = {}
+        for mutant in native:
+            if mutant.number not in refused:
+                numbers.setdefault(mutant.path, {})[mutant.site] = mutant.number
+        sources = WORK / "sources"
+        native_code.write(ROOT / "rtamt" / "native", sources, numbers, ROOT)
+        library, more = native_code.build(sources, WORK / "native", len(mutants))
+        refused |= more
+    return library, refused
+
+
+def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, count: int) -> Any:  # noqa: ANN401 - JSON
+    """What `trials.py` says of these mutants, with those that change an import tried alone."""
+    task: dict[str, Any] = {
+        "root": str(ROOT),
+        "mutants": [
+            (m.number, m.path, (s.line, s.column, s.end_line, s.end_column, s.change))
+            for m in mutants
+            for s in (m.site,)
+        ],
+        "native": str(library) if library else None,
+        "count": count,
+        "tests": covering.tests,
+        "left_out": covering.left_out,
+        "only": None,
+        "costs": {},
+    }
+    said = _asked(task)
+    for mutant in mutants:
+        found = said["trials"][str(mutant.number)]
+        if found["killed_by"] is None and found["early"]:
+            own = FOLDERS[mutant.folder].own
+            costs: dict[str, float] = {}
+            for test, seconds in sorted(said["costs"].items(), key=lambda item: item[1]):
+                if test.startswith(own) and sum(costs.values()) + seconds < 30:
+                    costs[test] = seconds
+            alone = _asked(task | {"only": mutant.number, "tests": own, "costs": costs})
+            found |= {"tried": found["tried"] + len(costs), "killed_by": alone["killed_by"]}
+    return said
+
+
+def _asked(task: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
+    path = WORK / ("task.json" if task["only"] is None else f"task_{task['only']}.json")
+    path.with_suffix(".out").unlink(missing_ok=True)
+    path.write_text(json.dumps(task), encoding="utf-8")
+    with path.with_suffix(".log").open("w", encoding="utf-8") as log:
+        subprocess.run([sys.executable, str(_TRIALS), str(path)], stdout=log, check=False)
+    return json.loads(path.with_suffix(".out").read_text(encoding="utf-8"))
+
+
+def equivalents() -> dict[tuple[str, str, str], str]:
+    """The reason of each mutant that is known to be equivalent, by path, line and change."""
+    known = tomllib.loads(_TRIALS.with_name("equivalent.toml").read_text(encoding="utf-8"))
+    return {(row["path"], row["line"], row["change"]): row["reason"] for row in known["mutant"]}
+
+
+def main() -> None:
+    """Try samples and print what came of them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", nargs="*", metavar="FOLDER", help=", ".join(FOLDERS))
+    parser.add_argument("--seed", type=int, default=SEED)
+    asked = parser.parse_args()
+    if unknown := set(asked.folders) - set(FOLDERS):
+        parser.error(f"expected folders of {', '.join(FOLDERS)}, got {', '.join(sorted(unknown))}")
+    names = asked.folders or list(FOLDERS)
+    WORK.mkdir(parents=True, exist_ok=True)
+    mutants = numbered(drawn(FOLDERS[name], ROOT, asked.seed) for name in names)
+    library, refused = compiled(mutants)
+    trials: dict[int, Any] = {}
+    samples = {
+        name: [m for m in mutants if m.folder == name and m.number not in refused][:SAMPLE]
+        for name in names
+    }
+    for covering in dict.fromkeys(FOLDERS[name].covering for name in names):
+        these = [m for name in names if FOLDERS[name].covering == covering for m in samples[name]]
+        said = tried(these, covering, library, len(mutants))
+        trials |= {int(number): found for number, found in said["trials"].items()}
+        for test in said["failed"]:
+            print(f"fails without a mutant, and is left out: {test}")
+    known = equivalents()
+    wrong = False
+    for name, sample in samples.items():
+        last = sample[-1].number
+        left_out = sum(m.number in refused and m.number < last for m in mutants if m.folder == name)
+        wrong |= report(name, sample, trials, known, left_out)
+    sys.exit(1 if wrong else 0)
+
+
+def report(
+    name: str,
+    sample: Sequence[Mutant],
+    trials: Mapping[int, Any],
+    known: Mapping[tuple[str, str, str], str],
+    left_out: int,
+) -> bool:
+    """Print what came of a folder's sample; whether `equivalent.toml` is wrong about a mutant."""
+    killed, equivalent, survivors, wrong = 0, [], [], []
+    for mutant in sample:
+        reason = known.get((mutant.path, mutant.text, mutant.site.change))
+        if trials[mutant.number]["killed_by"] is not None:
+            killed += 1
+            wrong += [mutant] if reason else []
+        elif reason:
+            equivalent.append((mutant, reason))
+        else:
+            survivors.append(mutant)
+    total = len(sample) - len(equivalent)
+    low, high = clopper_pearson(killed, total)
+    print(
+        f"\n{name}: {len(sample)} mutants, {killed} killed, {len(equivalent)} equivalent, "
+        f"{len(survivors)} survive; {killed / total:.1%} of those that a test can tell "
+        f"({low:.1%} to {high:.1%})" + (f"; {left_out} did not compile" if left_out else "")
+    )
+    for mutant in survivors:
+        found = trials[mutant.number]
+        print(f"  survives {found['tried']} of {found['reaching']} tests: {mutant}")
+    for mutant, reason in equivalent:
+        print(f"  equivalent, {reason}: {mutant}")
+    for mutant in wrong:
+        print(f"  equivalent.toml is wrong, {trials[mutant.number]['killed_by']} fails: {mutant}")
+    return bool(wrong)
+
+
+if __name__ == "__main__":
+    main()
