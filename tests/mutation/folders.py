@@ -96,9 +96,7 @@ FOLDERS: Final = {
             Folder(f"rtamt/native/{room}", (f"rtamt/native/{room}",), _MACHINES, ())
             for room in ("core", "discrete", "episode", "lockstep", "dense")
         ),
-        Folder(
-            "rtamt_gym/judging", ("rtamt_gym/judging",), _JUDGING, ("tests/rtamt_gym/judging",)
-        ),
+        Folder("rtamt_gym/judging", ("rtamt_gym/judging",), _JUDGING, ("tests/rtamt_gym/judging",)),
         Folder(
             "rtamt_gym/shaping",
             ("rtamt_gym/shaping.py",),

@@ -1,7 +1,7 @@
 """Mutants of C++, all in one build: ``(mutant(17) ? (mutated) : (original))``.
 
-A place where only a constant may stand has none. What does not compile is found by the compiler, and
-left out of the next build.
+A place where only a constant may stand has none. What does not compile is found by the compiler,
+and left out of the next build.
 """
 
 from __future__ import annotations
@@ -201,7 +201,9 @@ def write(sources: Path, into: Path, numbers: Mapping[str, Mapping[Site, int]], 
     shutil.copytree(sources, into, dirs_exist_ok=True)
     for path, found in numbers.items():
         target = into / (of / path).relative_to(sources)
-        target.write_text(rewritten((of / path).read_text(encoding="utf-8"), found), encoding="utf-8")
+        target.write_text(
+            rewritten((of / path).read_text(encoding="utf-8"), found), encoding="utf-8"
+        )
 
 
 def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int]]:
@@ -209,7 +211,7 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
     options = {
         "CMAKE_BUILD_TYPE": "Debug",
         "CMAKE_CXX_FLAGS": (
-            f"-O1 -g0 -w -Wno-narrowing -fmax-errors=0 -include {HEADER} -DMUTANTS={count}"
+            f"-O0 -g0 -w -Wno-narrowing -fmax-errors=0 -include {HEADER} -DMUTANTS={count}"
         ),
         "Python_EXECUTABLE": sys.executable,
         "nanobind_DIR": nanobind.cmake_dir(),
@@ -223,8 +225,9 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
         check=True,
         stdout=subprocess.DEVNULL,
     )
+    make = ["cmake", "--build", str(folder), "--target", "_native", "--", "-k", "0"]
     done = subprocess.run(
-        ["cmake", "--build", str(folder), "--target", "_native", "--", "-k", "0"],
+        make,
         env=environment,
         check=False,
         capture_output=True,

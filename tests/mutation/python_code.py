@@ -109,13 +109,13 @@ class _Rewriter(ast.NodeTransformer):
             setattr(node, name, value)
         return node
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802 - of ast
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         return self._visit_fields(node, "decorator_list", "returns")
 
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802 - of ast
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
         return self._visit_fields(node, "decorator_list", "bases", "keywords")
 
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:  # noqa: N802 - of ast
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
         return self._visit_fields(node, "annotation", "target")
 
     def visit_arg(self, node: ast.arg) -> ast.AST:
@@ -124,12 +124,12 @@ class _Rewriter(ast.NodeTransformer):
     def visit_match_case(self, node: ast.match_case) -> ast.AST:
         return self._visit_fields(node, "pattern")
 
-    def visit_If(self, node: ast.If) -> ast.AST:  # noqa: N802 - of ast
+    def visit_If(self, node: ast.If) -> ast.AST:
         if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             return node
         return self.generic_visit(node)
 
-    def visit_Call(self, node: ast.Call) -> ast.AST:  # noqa: N802 - of ast
+    def visit_Call(self, node: ast.Call) -> ast.AST:
         if isinstance(node.func, ast.Name) and node.func.id in {"isinstance", "TypeVar", "cast"}:
             return node  # their arguments are types
         return self.generic_visit(node)
@@ -200,17 +200,11 @@ def _can_go(node: ast.AST) -> bool:
 
 
 def _of_types(node: ast.AST) -> bool:
-    """Whether `int | None` may be meant, or text is repeated."""
-    return isinstance(node, ast.BinOp) and (
-        any(isinstance(side, ast.Constant) and side.value is None for side in (node.left, node.right))
-        or any(isinstance(side, ast.Constant | ast.JoinedStr) and _is_text(side)
-               for side in (node.left, node.right))
-    )
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.JoinedStr) or (
-        isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
+    """Whether `int | None` is meant, or text is joined or repeated."""
+    return isinstance(node, ast.BinOp) and any(
+        isinstance(side, ast.JoinedStr)
+        or (isinstance(side, ast.Constant) and isinstance(side.value, str | bytes | None))
+        for side in (node.left, node.right)
     )
 
 

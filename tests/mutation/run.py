@@ -1,11 +1,11 @@
-"""Tests the tests: changes one operator, constant, condition or statement, and asks which test fails.
+"""Tests the tests: changes one operator, constant, condition or statement; which test fails?
 
 ``python tests/mutation/run.py [FOLDER ...] [--seed N]`` draws a sample of mutants of each folder of
 `folders.py`, puts all of them into one build of the native module and one import of the Python
-modules, each off until its number is on, and tries one after the other (`trials.py`). It prints, for
-each folder, how many were killed with the 95 % interval of Clopper and Pearson, and each survivor.
-``equivalent.toml`` names the survivors that no test can tell from the original, each with the reason:
-they are counted beside the others, and a line of it that a sample finds killed is an error.
+modules, each off until its number is on, and tries one after the other (`trials.py`). It prints,
+for each folder, how many were killed with the 95 % interval of Clopper and Pearson, and each
+survivor. ``equivalent.toml`` names the survivors that no test can tell from the original, each with
+the reason: they are counted beside the others, and one that a test kills is an error.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any, Final
 
@@ -76,15 +77,16 @@ def compiled(mutants: Sequence[Mutant]) -> tuple[Path | None, set[int]]:
     return library, refused
 
 
+def plain(mutant: Mutant) -> tuple[object, ...]:
+    """A mutant in a task of `trials.py`."""
+    return mutant.number, mutant.path, astuple(mutant.site)
+
+
 def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, count: int) -> Any:  # noqa: ANN401 - JSON
     """What `trials.py` says of these mutants, with those that change an import tried alone."""
     task: dict[str, Any] = {
         "root": str(ROOT),
-        "mutants": [
-            (m.number, m.path, (s.line, s.column, s.end_line, s.end_column, s.change))
-            for m in mutants
-            for s in (m.site,)
-        ],
+        "mutants": [plain(mutant) for mutant in mutants],
         "native": str(library) if library else None,
         "count": count,
         "tests": covering.tests,

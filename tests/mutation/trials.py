@@ -2,8 +2,8 @@
 
 ``python trials.py task.json`` is run by `run.py`. A first copy runs every test, and notes what each
 costs and which mutants it reaches. A mutant's copy runs the tests that reach it, first those that
-found others in its file, then the cheapest, until one fails. Costs are seconds of the processor, and
-so are limits: an endless loop ends by the one of its test.
+found others in its file, then the cheapest, until one fails. Costs are seconds of the processor,
+and so are limits: an endless loop ends by the one of its test.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class Trials:
         return not self._failed
 
     def _first(self, items: Sequence[pytest.Item]) -> Tests:
-        """Costs and reached mutants of each test; the ones that fail without a mutant are left out."""
+        """Costs and reached mutants of each test that passes without a mutant."""
         reader, writer = os.pipe()
         child = os.fork()
         if child == 0:
@@ -221,7 +221,14 @@ def main(task: Path) -> None:
         places.append(Reached(native, given["count"]))
     trials = Trials(files, places, only=given["only"], costs=given["costs"])
     os.chdir(root)
-    options = ["-q", "-n0", "-x", "-pno:cacheprovider", "--tb=native", "--hypothesis-profile=mutation"]
+    options = [
+        "-q",
+        "-n0",
+        "-x",
+        "-pno:cacheprovider",
+        "--tb=native",
+        "--hypothesis-profile=mutation",
+    ]
     code = pytest.main(
         [*options, *(f"--ignore={path}" for path in given["left_out"]), *given["tests"]], [trials]
     )
