@@ -29,9 +29,13 @@ settings.register_profile(
 )
 # Sanitizers look at memory: a tenth of the time, and each path of the machines still comes.
 settings.register_profile("sanitized", settings.get_profile("repeatable"), max_examples=15)
-# A mutant is killed by the first example that fails, however long the example is.
+# A mutant is killed by the first example that fails, however long the example is; hundreds of
+# mutants are tried.
 settings.register_profile(
-    "mutation", settings.get_profile("repeatable"), phases=[Phase.explicit, Phase.generate]
+    "mutation",
+    settings.get_profile("repeatable"),
+    max_examples=20,
+    phases=[Phase.explicit, Phase.generate],
 )
 settings.load_profile("repeatable")
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import os
 import re
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -198,12 +197,15 @@ def _mutated(node: Node) -> Iterator[tuple[Node, str, str]]:
 
 def write(sources: Path, into: Path, numbers: Mapping[str, Mapping[Site, int]], of: Path) -> None:
     """Write the sources with these mutants; `numbers` has paths from the folder `of`."""
-    shutil.copytree(sources, into, dirs_exist_ok=True)
-    for path, found in numbers.items():
-        target = into / (of / path).relative_to(sources)
-        target.write_text(
-            rewritten((of / path).read_text(encoding="utf-8"), found), encoding="utf-8"
-        )
+    for path in sources.rglob("*"):
+        target = into / path.relative_to(sources)
+        if path.is_dir():
+            continue
+        text = path.read_text(encoding="utf-8")
+        text = rewritten(text, numbers.get(path.relative_to(of).as_posix(), {}))
+        if not target.exists() or target.read_text(encoding="utf-8") != text:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
 
 
 def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int]]:
@@ -217,7 +219,7 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
         "nanobind_DIR": nanobind.cmake_dir(),
     }
     search = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": search, "CCACHE_DISABLE": "1"}
+    environment = {**os.environ, "PATH": search}
     configure = ["cmake", "-S", str(sources), "-B", str(folder), "-G", "Ninja"]
     subprocess.run(
         [*configure, *(f"-D{name}={value}" for name, value in options.items())],

@@ -101,9 +101,10 @@ def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, c
             own = FOLDERS[mutant.folder].own
             costs: dict[str, float] = {}
             for test, seconds in sorted(said["costs"].items(), key=lambda item: item[1]):
-                if test.startswith(own) and sum(costs.values()) + seconds < 30:
+                if test.startswith(own) and sum(costs.values()) + seconds < 10:
                     costs[test] = seconds
-            alone = _asked(task | {"only": mutant.number, "tests": own, "costs": costs})
+            files = sorted({test.partition("::")[0] for test in costs})
+            alone = _asked(task | {"only": mutant.number, "tests": files, "costs": costs})
             found |= {"tried": found["tried"] + len(costs), "killed_by": alone["killed_by"]}
     return said
 

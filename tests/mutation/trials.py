@@ -25,7 +25,7 @@ from changes import Site
 from native_code import Reached
 from python_code import Choices, Finder
 
-BUDGET: Final = 10.0  # seconds of tests for one mutant
+BUDGET: Final = 6.0  # seconds of tests for one mutant
 _SLOW: Final = 10.0  # a test with a mutant may take so many times its own seconds, and 5 more
 _MEMORY: Final = 4 << 30  # more than the tests have taken before
 _BLOCKED: Final = 600  # seconds of a clock, for a mutant that waits for ever
@@ -101,6 +101,7 @@ class Trials:
             killed = self._copied(items, tried, tests.seconds, number) if tried else None
             if isinstance(killed, int):
                 found[path, killed] += 1
+            print(number, killed, file=sys.__stderr__)
             trials[number] = {
                 "reaching": len(reaching),
                 "tried": len(tried),
