@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.results.intervals import (
     bootstrap,
     check_confidence,
@@ -112,11 +111,8 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
     """The greatest difference that the score test does not refuse."""
     if only_b == pairs:
         return 1.0
-    try:
-        from scipy.optimize import brentq
-    except ModuleNotFoundError as error:
-        raise naming_extra(error, "tango", "search") from error
     z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)
+    from scipy.optimize import brentq
 
     def score(gap: float) -> float:
         """Changes its sign where the test statistic is -z; free of its division by 0."""

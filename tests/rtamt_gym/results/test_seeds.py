@@ -96,6 +96,18 @@ def test_a_bootstrap_draws_the_runs_of_each_task_apart() -> None:
     assert (low, high) == tuple(np.percentile(mean(found), [2.5, 97.5]))
 
 
+@pytest.mark.parametrize("options", [{}, {"resamples": 1}, {"resamples": 7}])
+def test_as_many_resamples_are_drawn_as_are_asked_for(options: dict[str, int]) -> None:
+    drawn: list[int] = []
+
+    def kept(resamples: np.ndarray) -> np.ndarray:
+        drawn.append(len(resamples))
+        return np.asarray(mean(resamples))
+
+    stratified_bootstrap([np.ones((3, 2))], kept, **options)
+    assert sum(drawn) == options.get("resamples", 10_000)
+
+
 def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
     rng = np.random.default_rng(5)
     covered = 0
@@ -140,3 +152,5 @@ def test_splits_that_are_too_many_are_drawn() -> None:
     two = np.concatenate([ours, theirs - 0.5], axis=1)
     other = np.concatenate([theirs, ours - 0.5], axis=1)
     assert permutation_p(two, other) == 1.0  # what one task gives, the other takes
+    nothing = np.zeros((15, 1))
+    assert permutation_p(nothing, nothing) == 1.0  # all ways are as far apart, which is 0

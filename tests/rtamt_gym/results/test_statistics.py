@@ -11,7 +11,7 @@ from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtamt_gym.results.statistics import STATISTICS, expected_shortfall
+from rtamt_gym.results.statistics import STATISTICS, expected_shortfall, mean_progress
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=90)
 SHARES = st.sampled_from([0.05, 0.25, 0.5, 1.0])
@@ -63,6 +63,17 @@ def test_an_infinite_robustness_counts_where_it_is_among_the_worst(
     assert expected_shortfall(values, share) == expected
 
 
+@given(st.lists(st.sampled_from([0.0, 0.25, 0.5, 1.0]), min_size=1, max_size=20))
+def test_progress_is_a_mean_that_is_1_only_if_all_are(values: list[float]) -> None:
+    found = mean_progress(values)
+    assert found == pytest.approx(sum(map(Fraction, values)) / len(values))
+    assert (found == 1) == (set(values) == {1.0})
+
+
+def test_no_trial_has_no_progress() -> None:
+    assert mean_progress([]) is None
+
+
 def test_every_statistic_is_a_column_of_the_data_frame() -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)] + [FAILED]})
     frame = evaluation.statistics()
@@ -85,7 +96,7 @@ def test_every_statistic_is_in_the_files_of_a_record(tmp_path: Path) -> None:
 
 
 def test_twenty_episodes_have_the_column_on_the_terminal() -> None:
-    few, many = (evaluation_of({"near": [1.0, *range(1, n)]}) for n in (19, 40))
+    few, many = (evaluation_of({"near": [1.0, *range(1, n)]}) for n in (19, 20))
     assert "CVaR 5%" not in str(few)
     assert "least  CVaR 5%  median" in str(many)
     assert "least, CVaR 5%, median: of the robustness" in str(many).splitlines()
