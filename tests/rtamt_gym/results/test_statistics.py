@@ -11,7 +11,11 @@ from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtamt_gym.results.statistics import STATISTICS, expected_shortfall, mean_progress
+from rtamt import Asked, Verdict
+from rtamt_gym import Case
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.statistics import STATISTICS, expected_shortfall, mean_progress, result_of
+from rtamt_gym.results.trial import RunEnd, Trial
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=90)
 SHARES = st.sampled_from([0.05, 0.25, 0.5, 1.0])
@@ -72,6 +76,34 @@ def test_progress_is_a_mean_that_is_1_only_if_all_are(values: list[float]) -> No
 
 def test_no_trial_has_no_progress() -> None:
     assert mean_progress([]) is None
+
+
+@pytest.mark.parametrize(
+    ("ended", "decided", "limit", "saved"),
+    [
+        ("violation", 5.0, 12.0, 7.0),
+        ("violation", 2.5, 12.0, 0.0),  # another requirement stopped it
+        ("decided", 5.0, 12.0, 7.0),
+        ("known", 2.5, 12.0, 7.0),
+        ("truncated", 5.0, 12.0, 0.0),
+        ("violation", 5.0, None, 0.0),
+    ],
+)
+def test_what_an_early_stop_saves_is_the_time_to_the_limit(
+    ended: RunEnd, decided: float, limit: float | None, saved: float
+) -> None:
+    outcome = Outcome(-1.0, -1.0, -1.0, Verdict.VIOLATED, Moment(50, decided))
+    trial = Trial(Case({}), 0, {"near": outcome}, ended, 5.0, 0.0)
+    assert result_of("near", "always(x > 0)", [trial], [outcome], limit).saved == saved
+
+
+def test_trials_that_ask_are_told_among_those_that_were_judged() -> None:
+    (asked,) = (each for each in STATISTICS if each.key == "asked")
+    never = Asked("req > 0 implies gnt > 0", 50, 0, None, vacuous=True)
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, Moment(50, 5.0), asked=(never,))
+    trials = [Trial(Case({}), seed, {}, "truncated", 5.0, 0.0) for seed in range(3)]
+    found = result_of("near", "req > 0 implies gnt > 0", trials, [outcome, outcome, None])
+    assert asked.cell(found) == "0 of 2"
 
 
 def test_every_statistic_is_a_column_of_the_data_frame() -> None:
