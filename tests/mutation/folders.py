@@ -49,11 +49,14 @@ class Folder:
         return self.name.startswith("rtamt/native/")
 
 
+_TEXTS: Final = Covering(
+    ("tests/rtamt/language", "tests/rtamt/program", "tests/rtamt/patterns", "rtamt/language")
+)
 _MACHINES: Final = Covering(
     (
         *(f"tests/rtamt/{room}" for room in ("language", "program", "machines", "monitors")),
         *(f"tests/rtamt/{room}" for room in ("native", "inputs", "patterns")),
-        *(f"rtamt/{room}" for room in ("language", "program", "machines", "monitors")),
+        *(f"rtamt/{room}" for room in ("program", "machines", "monitors")),
     ),
     (
         "tests/rtamt/machines/test_costs.py",
@@ -83,10 +86,10 @@ _STATISTICS: Final = Covering(
 FOLDERS: Final = {
     folder.name: folder
     for folder in (
+        Folder("rtamt/language", ("rtamt/language",), _TEXTS, ("tests/rtamt/language",)),
         *(
             Folder(f"rtamt/{room}", (f"rtamt/{room}",), _MACHINES, (f"tests/rtamt/{own}",))
             for room, own in (
-                ("language", "language"),
                 ("program", "program"),
                 ("machines", "monitors"),
                 ("monitors", "monitors"),

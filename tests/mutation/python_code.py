@@ -81,7 +81,8 @@ def sites(source: str) -> list[Site]:
 
 def rewritten(source: str, numbers: Mapping[Site, int]) -> ast.Module:
     """The module with these mutants in it, each turned on by its number."""
-    tree: ast.Module = _Rewriter(numbers).visit(ast.parse(source))
+    tree = ast.parse(source)
+    _Rewriter(numbers).visit(tree)
     return ast.fix_missing_locations(tree)
 
 
@@ -178,10 +179,10 @@ def _mutated(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
                 )
         case ast.UnaryOp(op=ast.Not() | ast.USub()):
             yield ("not removed" if isinstance(node.op, ast.Not) else "- removed"), node.operand
-        case ast.Constant(value=bool()):
-            yield f"{node.value} to {not node.value}", _with(node, value=not node.value)
-        case ast.Constant(value=int() | float()):
-            yield f"{node.value} to {node.value + 1}", _with(node, value=node.value + 1)
+        case ast.Constant(value=bool(truth)):
+            yield f"{truth} to {not truth}", _with(node, value=not truth)
+        case ast.Constant(value=int(value) | float(value)):
+            yield f"{value} to {value + 1}", _with(node, value=value + 1)
         case ast.If() | ast.IfExp() if not isinstance(node.test, ast.Compare | ast.UnaryOp):
             negated = ast.copy_location(ast.UnaryOp(ast.Not(), node.test), node.test)
             yield "condition negated", _with(node, test=negated)

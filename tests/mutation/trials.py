@@ -92,7 +92,8 @@ class Trials:
                 tests.reaching.get(number, ()),
                 key=lambda test: (-found[path, test], tests.seconds[test]),
             )
-            tried, total = [], 0.0
+            tried: list[int] = []
+            total = 0.0
             for test in reaching:
                 total += tests.seconds[test]
                 if tried and total > BUDGET:
