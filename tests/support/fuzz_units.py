@@ -1,19 +1,16 @@
-"""Writes the units that fuzzers call, `programs/NAME/program.rtamt`, as they are exported today.
+"""Units that fuzzers call, `tests/fuzz/programs/NAME/program.rtamt`, as they are exported today.
 
-Run after a change of the format: python tests/fuzz/programs.py
+Run after a change of the format: python tests/support/fuzz_units.py
 """
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+from fmu_calls import dense, sampled, write
+from paths import ROOT
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "support"))
+from rtamt.export.programs import Programs
 
-from fmu_calls import dense, sampled, write  # noqa: E402 - it lies in tests/support
-
-from rtamt.export.programs import Programs  # noqa: E402
+FOLDER = ROOT / "tests" / "fuzz" / "programs"
 
 TEXTS = {
     "samples": """
@@ -45,6 +42,6 @@ def programs(name: str) -> Programs:
 
 if __name__ == "__main__":
     for name in TEXTS:
-        folder = HERE / "programs" / name
+        folder = FOLDER / name
         folder.mkdir(parents=True, exist_ok=True)
         write(folder, programs(name))
