@@ -4,7 +4,7 @@ Targets in C++ are linked with libFuzzer by Clang; those in Python are run by at
 native module built so that the fuzzer sees its branches too. Each begins from its folder in
 `corpus`. An input that breaks a target is kept in `build/fuzz/found/TARGET` and fails the run.
 
-Run: python tests/fuzz/run.py [--seconds N] [TARGET ...]
+Run: python tests/fuzz/fuzzing.py [--seconds N] [TARGET ...]
 """
 
 from __future__ import annotations
