@@ -1,6 +1,6 @@
 """Episodes of many environments under requirements, as pure functions of arrays.
 
-`Requirements` knows no simulator: it takes the signals, the rewards and the ends of a step, and
+`StepJudge` knows no simulator: it takes the signals, the rewards and the ends of a step, and
 gives what a wrapper adds to it: the keys of infos, the shaped reward, the ends, and numbers for the
 observation. Every one of these is that of `rtamt_gym`, by the same functions.
 """
@@ -27,11 +27,11 @@ from rtamt_gym.shaping import Mode, Priority, Shaping, clip, least, outcome, set
 from rtamt_gym.wrappers.features import StateFeatures
 
 __all__ = [
-    "Judged",
+    "JudgedStep",
     "OnViolation",
     "RequirementOptions",
     "RequirementState",
-    "Requirements",
+    "StepJudge",
     "Taken",
 ]
 
@@ -90,7 +90,7 @@ class Taken(NamedTuple):
     readings: list[BoundsReading]
 
 
-class Judged(NamedTuple):
+class JudgedStep(NamedTuple):
     """What a step of the environments is with the requirements.
 
     Attributes:
@@ -117,7 +117,7 @@ class MakesEpisodes(Protocol):
         """The monitor of a specification."""
 
 
-class Requirements:
+class StepJudge:
     """The requirements of an environment.
 
     Args:
@@ -210,7 +210,7 @@ class Requirements:
 
     def begin(
         self, state: RequirementState, sample: Mapping[str, Tensor | float], mask: Tensor
-    ) -> tuple[RequirementState, Judged]:
+    ) -> tuple[RequirementState, JudgedStep]:
         """Begins episodes: the lanes of the mask forget theirs and take their first sample.
 
         Args:
@@ -241,7 +241,7 @@ class Requirements:
             samples,
         )
         never = mask & ~mask
-        judged = Judged(
+        judged = JudgedStep(
             zero,
             never,
             never,
@@ -257,7 +257,7 @@ class Requirements:
         reward: Tensor,
         terminated: Tensor,
         truncated: Tensor,
-    ) -> tuple[RequirementState, Judged]:
+    ) -> tuple[RequirementState, JudgedStep]:
         """Judges a step in every lane.
 
         Args:
@@ -285,7 +285,7 @@ class Requirements:
         reward: Tensor,
         terminated: Tensor,
         truncated: Tensor,
-    ) -> tuple[RequirementState, Judged]:
+    ) -> tuple[RequirementState, JudgedStep]:
         """The rest of `step`, after `take` of the same state; the arguments are those of `step`."""
         o, (monitors, readings) = self._o, taken
         ended = terminated | truncated
@@ -315,7 +315,7 @@ class Requirements:
             )
             if shaping.settles:
                 shaped = shaped + settle(state.outcome, settled, shaping.bonus, shaping.penalty)
-        return following, Judged(
+        return following, JudgedStep(
             shaped,
             terminated,
             truncated,
@@ -323,7 +323,7 @@ class Requirements:
             self._shown(values),
         )
 
-    def metrics(self, judged: Judged) -> dict[str, Tensor]:
+    def metrics(self, judged: JudgedStep) -> dict[str, Tensor]:
         """Numbers that are summed over an episode: those of its last step, and 0 before it."""
         o, over = self._o, judged.terminated | judged.truncated
         robustness = clip(judged.info["robustness"], self._shaping.clip)

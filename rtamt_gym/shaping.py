@@ -44,7 +44,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, assert_never, get_args
+from typing import Any, Literal, TypeVar, assert_never, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +135,7 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
     """
     first = values[0]
     if not isinstance(first, float | int):
-        return _least_of_lanes(values, temperature)
+        return cast("Numeric", _least_of_lanes(values, temperature))
     low = min(values)
     if low == 0.0:  # min gives the first zero
         low = min(values, key=lambda value: math.copysign(1.0, value) if value == 0.0 else 2.0)

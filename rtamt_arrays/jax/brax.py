@@ -16,7 +16,7 @@ from brax.envs.wrappers import training
 
 from rtamt import InputError
 from rtamt_arrays.jax.wrapping import JaxRequirements, as_period
-from rtamt_arrays.requirements import Judged, RequirementOptions
+from rtamt_arrays.requirements import JudgedStep, RequirementOptions
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -124,7 +124,7 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         shown = self._judge.requirements.features.box.shape[0]
         return {**size, KEY: (shown,)} if isinstance(size, Mapping) else size + shown
 
-    def _ended(self, state: Any, judged: Judged) -> Any:  # noqa: ANN401 - a state
+    def _ended(self, state: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - a state
         """Ends the episodes that a violation ends, also in the sums over episodes."""
         kind = state.done.dtype
         over = (judged.terminated | judged.truncated).astype(kind)
@@ -137,7 +137,7 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
             info["episode_metrics"] = {**sums, "sum_reward": paid}
         return state.replace(done=over, reward=judged.reward, info=info)
 
-    def _with(self, state: Any, known: Any, judged: Judged) -> Any:  # noqa: ANN401 - states
+    def _with(self, state: Any, known: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - states
         obs = self._judge.shown(state.obs, judged.features)
         info = {**state.info, **judged.info, _STATE: known}
         metrics = {**state.metrics, **self._judge.requirements.metrics(judged)}

@@ -14,7 +14,7 @@ from rtamt import InputError
 from rtamt_arrays.jax import episode
 from rtamt_arrays.jax.operations import JaxOperations
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.requirements import RequirementOptions, Requirements, RequirementState
+from rtamt_arrays.requirements import RequirementOptions, RequirementState, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -43,19 +43,17 @@ class JaxRequirements:
         options: RequirementOptions,
     ) -> None:
         said = options if options.get("period") is not None else {**options, "period": period}
-        self.requirements = Requirements(
-            specs, partial(episode, dtype=dtype), JaxOperations(), said
-        )
+        self.requirements = StepJudge(specs, partial(episode, dtype=dtype), JaxOperations(), said)
         self._signals = ArraySignals(signals, self.requirements.variables, jax.vmap)
 
     def begin(self, state: RequirementState, step: ArrayStep, mask: Tensor) -> Any:  # noqa: ANN401 - a state and what is judged
-        """See `Requirements.begin`."""
+        """See `StepJudge.begin`."""
         return self.requirements.begin(state, self._signals.reset(step), mask)
 
     def step(
         self, state: RequirementState, step: ArrayStep, terminated: Tensor, truncated: Tensor
     ) -> Any:  # noqa: ANN401 - a state and what is judged
-        """See `Requirements.step`; the reward is paid in the kind of the environment's own."""
+        """See `StepJudge.step`; the reward is paid in the kind of the environment's own."""
         reward = jnp.asarray(step.reward, state.potential.dtype)
         sample = self._signals.step(step)
         following, judged = self.requirements.step(state, sample, reward, terminated, truncated)

@@ -18,10 +18,10 @@ from isaaclab.managers import ManagerTermBase
 
 from rtamt import InputError
 from rtamt_arrays.requirements import (
-    Judged,
+    JudgedStep,
     RequirementOptions,
-    Requirements,
     RequirementState,
+    StepJudge,
     Taken,
 )
 from rtamt_arrays.torch import episode
@@ -73,7 +73,7 @@ class Violated(ManagerTermBase):
         params = cfg.params
         options = RequirementOptions(period=env.step_dt)
         options.update(params.get("options", {}))
-        self.requirements = Requirements(
+        self.requirements = StepJudge(
             params["specs"],
             partial(episode, device=env.device),
             TorchOperations(torch.device(env.device)),
@@ -139,7 +139,7 @@ class Violated(ManagerTermBase):
         taken: Taken,
         terminated: torch.Tensor,
         truncated: torch.Tensor,
-    ) -> Judged:
+    ) -> JudgedStep:
         self._state, judged = self.requirements.conclude(
             before, taken, self._nothing, terminated, truncated
         )

@@ -121,7 +121,7 @@ def test_functional_environments_are_judged_under_scan_and_in_a_loop() -> None:
     np.testing.assert_allclose(info["robustness"], robustness[1:], rtol=0, atol=1e-7)
     np.testing.assert_array_equal(over, robustness[1:] < 0)
     assert over.any()
-    alone = FunctionalJaxEnv(env)
+    alone: Any = FunctionalJaxEnv(env)
     alone.reset(seed=0)
     told = [alone.step(1) for _ in range(8)]
     assert any(terminated for _, _, terminated, _, _ in told)

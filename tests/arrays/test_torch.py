@@ -246,7 +246,7 @@ def test_no_step_looks_at_a_number_nor_has_a_shape_that_depends_on_one(case: cas
             assert smooth.is_meta
 
 
-class NothingAsked(TorchDispatchMode):
+class NothingAsked(TorchDispatchMode):  # type: ignore[misc] # torch has no types here
     """Refuses the operations that wait for a device, or whose shapes depend on numbers."""
 
     REFUSED = ("_local_scalar_dense", "nonzero", "masked_select", "unique", "equal")

@@ -136,7 +136,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "fmi",
     }
     assert installed_by(distribution, "all") == {"all", *promised}
-    promised |= {"all", "jax", "torch", "taliro", "site", "pytest", "test", "dev"}
+    promised |= {"all", "jax", "brax", "gymnax", "torch", "taliro", "site", "pytest", "test", "dev"}
     assert set(extras) == promised
 
 
