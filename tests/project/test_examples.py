@@ -86,7 +86,7 @@ def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
 
 def test_no_example_is_left_out() -> None:
     learning = {*SCRIPTS, "training", "corridor", "study", "vec_env"}  # tests/learners run them
-    arrays = {"unicycle"}  # tests/arrays runs it
+    arrays = {"unicycle", "train_on_device"}  # tests/arrays runs them
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {*ARGUMENTS, *learning, *arrays}
 
 
