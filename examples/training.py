@@ -258,6 +258,7 @@ def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
         axes.set(xlabel="steps of training, in thousands", ylabel="satisfied, %")
         figure.legend(loc="outside right upper")
         figure.savefig(path)
+        plt.close(figure)
 
 
 def main(task: Task, about: str, argv: list[str] | None = None) -> None:

@@ -28,6 +28,7 @@ Output = dict[str, Any]
 def play(path: Path) -> Iterator[tuple[dict[str, Any], list[Output]]]:
     """Runs a notebook; yields each of its cells of code with what it shows now."""
     names: dict[str, Any] = {"__name__": "__main__"}
+    plt.close("all")  # a notebook begins with no picture, whatever ran before in this process
     for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] == "code":
             where = f"{path.name}, cell {number}"
