@@ -90,8 +90,9 @@ class Filter {
     place();
   }
 
-  // The address follows the reader, unless what it names is still in view.
+  // The address follows the reader, unless what it names is held, or still in view.
   track() {
+    if (this.held && !this.held.signal.aborted) return;
     const named = this.state.at && document.getElementById(this.state.at);
     const inView = (box) => box.bottom > 0 && box.top < innerHeight;
     if (named && named.getClientRects().length && inView(named.getBoundingClientRect())) return;
