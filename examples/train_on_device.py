@@ -147,7 +147,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
 
 
 def log_probability(logits: jax.Array, action: jax.Array) -> jax.Array:
-    """Of the actions chosen."""
+    """The log-probabilities of the actions that were chosen."""
     every = jax.nn.log_softmax(logits)
     return jnp.take_along_axis(every, action[..., None], axis=-1)[..., 0]
 

@@ -38,10 +38,10 @@ class Operations(Protocol):
         """Whether the sign bit is set."""
 
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
-        """The lesser number, -0.0 below 0.0; at a tie the gradient is that of one of them."""
+        """The lesser number, -0.0 below 0.0; at a tie one of them gets the gradient."""
 
     def greater(self, x: Tensor, y: Tensor) -> Tensor:
-        """The greater number, -0.0 below 0.0; at a tie the gradient is that of one of them."""
+        """The greater number, -0.0 below 0.0; at a tie one of them gets the gradient."""
 
     def isnan(self, x: Tensor) -> Tensor:
         """Whether a value is nan."""

@@ -8,7 +8,7 @@ observation. Every one of these is that of `rtamt_gym`, by the same functions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, Protocol, TypedDict, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 from rtamt import Align, End, InputError, Period, Specification
 from rtamt.errors import Argument
@@ -23,7 +23,7 @@ from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import end_info, spec_state, step_info
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.judging.values import MonitorValues
-from rtamt_gym.shaping import Mode, Priority, Shaping, clip, least, outcome, settle
+from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
 from rtamt_gym.wrappers.features import StateFeatures
 
 __all__ = [
@@ -39,7 +39,7 @@ OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
 
 
-class RequirementOptions(TypedDict, total=False):
+class RequirementOptions(ShapingNumbers, total=False):
     """The keyword arguments of every wrapper; each means what it means in `rtamt_gym.StlReward`.
 
     ``mode`` is None by default: the reward stays. ``details`` adds ``info["stl"]``, where verdicts
@@ -55,14 +55,6 @@ class RequirementOptions(TypedDict, total=False):
     details: bool
     observe: Literal["state"] | None
     mode: Mode | None
-    weight: float
-    clip: float
-    gamma: float
-    temperature: float | None
-    weights: Mapping[str, float] | None
-    priorities: Mapping[str, Priority] | None
-    bonus: float
-    penalty: float
 
 
 class RequirementState(NamedTuple):

@@ -44,7 +44,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, assert_never, cast, get_args
+from typing import Any, Literal, TypedDict, TypeVar, assert_never, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ __all__ = [
     "Mode",
     "Priority",
     "Shaping",
+    "ShapingNumbers",
     "add",
     "clip",
     "hierarchical",
@@ -292,6 +293,19 @@ def settle(before: Numeric, after: Numeric, bonus: float, penalty: float) -> Num
     """
     change = after - before
     return bonus * (change > 0.0) - penalty * (change < 0.0)
+
+
+class ShapingNumbers(TypedDict, total=False):
+    """The keyword arguments of `Shaping.of` but for the mode."""
+
+    weight: float
+    clip: float
+    gamma: float
+    temperature: float | None
+    weights: Mapping[str, float] | None
+    priorities: Mapping[str, Priority] | None
+    bonus: float
+    penalty: float
 
 
 @dataclass(frozen=True, slots=True)

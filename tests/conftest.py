@@ -1,5 +1,7 @@
 """Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=nightly``."""
 
+from collections.abc import Iterator
+
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
@@ -91,3 +93,14 @@ def _backend_of(item: pytest.Item) -> str | None:
 def backend(request: pytest.FixtureRequest) -> str:
     """Every back-end that is built."""
     return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def doubles() -> Iterator[None]:
+    """JAX with float64, which it has on demand; it is installed for its own tests alone."""
+    import jax
+
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
+    yield
+    jax.config.update("jax_enable_x64", before)

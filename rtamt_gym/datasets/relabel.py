@@ -25,7 +25,7 @@ from rtamt_gym.judging.specs import (
     why_no_period,
 )
 from rtamt_gym.judging.unknown import with_unknown_start
-from rtamt_gym.shaping import Mode, Priority
+from rtamt_gym.shaping import Mode, ShapingNumbers
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import STEP
@@ -45,19 +45,11 @@ SAMPLES, BYTES = 1 << 18, 1 << 28
 """So many samples, or bytes of observations and actions, are held at once."""
 
 
-class RelabelOptions(RecordedReading, total=False):
+class RelabelOptions(RecordedReading, ShapingNumbers, total=False):
     """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
 
     details: bool
     cost: Cost | None
-    weight: float
-    clip: float
-    gamma: float
-    temperature: float | None
-    weights: Mapping[str, float] | None
-    priorities: Mapping[str, Priority] | None
-    bonus: float
-    penalty: float
 
 
 @overload

@@ -6,7 +6,7 @@ import warnings
 from collections import deque
 from collections.abc import Mapping
 from itertools import compress
-from typing import Any, Required, TypedDict, TypeVar
+from typing import Any, Required, TypeVar
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.wrappers.clipping import ClipWatch
@@ -33,18 +33,10 @@ __all__ = ["Rewarding", "ShapingOptions", "find_or_make"]
 _M = TypeVar("_M")
 
 
-class ShapingOptions(TypedDict, total=False):
+class ShapingOptions(ShapingNumbers):
     """The keyword arguments of `rtamt_gym.shaping.Shaping.of`."""
 
     mode: Required[Mode]
-    weight: float
-    clip: float
-    gamma: float
-    temperature: float | None
-    weights: Mapping[str, float] | None
-    priorities: Mapping[str, Priority] | None
-    bonus: float
-    penalty: float
 
 
 class Rewarding(Observing):

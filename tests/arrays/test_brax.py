@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -20,12 +19,7 @@ from rtamt_arrays.jax.brax import StlWrapper, training_wrapper
 LANES = 5
 
 
-@pytest.fixture(autouse=True, scope="module")
-def doubles() -> Iterator[None]:
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
-    yield
-    jax.config.update("jax_enable_x64", before)
+pytestmark = pytest.mark.usefixtures("doubles")
 
 
 class Drift(Env):  # type: ignore[misc]  # Brax is untyped

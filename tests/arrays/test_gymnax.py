@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-from collections.abc import Iterator
 from typing import Any
 
 import gymnax
@@ -26,12 +25,7 @@ SIGNALS = {"x": "obs[0]", "v": "obs[1]", "theta": "obs[2]"}
 OPEN: dict[str, Any] = {"at_truncation": "complete", "dtype": jnp.float64}
 
 
-@pytest.fixture(autouse=True, scope="module")
-def doubles() -> Iterator[None]:
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
-    yield
-    jax.config.update("jax_enable_x64", before)
+pytestmark = pytest.mark.usefixtures("doubles")
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])

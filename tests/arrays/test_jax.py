@@ -7,7 +7,7 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -22,13 +22,7 @@ from rtamt.program.algebra import FUNCTIONS
 from rtamt_arrays import functions, smooth
 from rtamt_arrays.operations import Tensor
 
-
-@pytest.fixture(autouse=True, scope="module")
-def doubles() -> Iterator[None]:
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - its only form
-    yield
-    jax.config.update("jax_enable_x64", before)
+pytestmark = pytest.mark.usefixtures("doubles")
 
 
 class Jax:

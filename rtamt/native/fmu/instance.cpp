@@ -68,6 +68,7 @@ double Instance::other_real(Reference reference) const {
 }
 
 double& Instance::other_settable(Reference reference, double value) {
+    if (now_.phase == Phase::lost) refuse_lost();
     if (reference < kFirst)
         throw Refusal("expected the value reference of an input or a parameter, got " +
                       std::to_string(reference));

@@ -37,6 +37,9 @@ namespace {
 
 using fuzz::Unit;
 
+constexpr const char* kLost =
+    "memory ran out in a step: reset the instance, or restore a state of before";
+
 void require(bool holds, const std::string& what, long at) {
     if (holds) return;
     std::fprintf(stderr, "allocation %ld: expected %s\n", at, what.c_str());
@@ -133,9 +136,12 @@ private:
     void recover(const std::string& before) {
         double output = 0.0;
         if (unit_->get(fuzz::kOutputs, &output, 1) == fuzz::kOk) return;
+        require(std::string(fuzz::said).find(kLost) != std::string::npos, kLost, at_);
         int verdict = 0;
         void* state = nullptr;
         require(unit_->verdict(&verdict) == fuzz::kError, "no verdict of a lost unit", at_);
+        require(unit_->set(&fuzz::kFirst, &output, 1) == fuzz::kError, "no input of a lost unit", at_);
+        require(std::string(fuzz::said).find(kLost) != std::string::npos, kLost, at_);
         require(unit_->take(&state) == fuzz::kError, "no state of a lost unit", at_);
         require(unit_->step(0.0, 1.0) == fuzz::kError, "no step of a lost unit", at_);
         require(unit_->read(before.data(), before.size(), &state) == fuzz::kOk, "a state", at_);

@@ -7,39 +7,13 @@ import re
 from pathlib import Path
 
 import pytest
-from fmu_calls import ERROR, FIRST, LOWER, OK, ROBUSTNESS, TOKEN, UPPER, Unit, dense, sampled, unit
+from fmu_calls import ERROR, FIRST, LOWER, OK, ROBUSTNESS, TOKEN, UPPER, Unit, unit
 from fmu_calls import write as written
-
-from rtamt.export.programs import Programs
+from fuzz_units import TEXTS, programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
-TEXTS = {
-    "samples": """
-        const float limit = 3
-        near = historically[1:4](x < 2 * limit) and prev(y > 0)
-        done = eventually always(y > 2)
-        done and always(x > limit implies eventually[0:4] always[1:3](y > sqrt(limit)))
-    """,
-    "neutral": """
-        input float x
-        output float y
-        always[2:6]((y > 0) until[0:3] (x > 0)) or eventually once[0:3](y < -1)
-    """,
-    "dense": """
-        const float limit = 3
-        near = once[0:3](x > -limit)
-        done = eventually always(y > 2)
-        always((x < 1) since[0:3] (y > limit)) or done
-    """,
-}
 kinds = pytest.mark.parametrize("kind", TEXTS)
-
-
-def programs(kind: str) -> Programs:
-    if kind == "dense":
-        return dense(TEXTS[kind])
-    return sampled(TEXTS[kind], semantics="output-vacuity" if kind == "neutral" else "standard")
 
 
 def lines_of(kind: str, folder: Path) -> list[str]:
