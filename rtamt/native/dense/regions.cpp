@@ -66,7 +66,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
         require(reg < registers);
         if (reg < terms || rows[reg - terms].kind == "MAP") continue;
         const RegionRow& row = rows[reg - terms];
-        require(made_[row.a] && made_[row.b]);
+        require(!folds_[reg] && made_[row.a] && made_[row.b]);
         folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms],
                                                 *made_[row.a], *made_[row.b]);
         order_of_folds_.push_back(folds_[reg].get());

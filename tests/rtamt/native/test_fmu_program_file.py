@@ -117,6 +117,13 @@ def test_the_place_of_a_fault_is_said(tmp_path: Path) -> None:
     assert said("episodes", "episodes 3") == "expected a token and programs"
 
 
+def test_a_fold_that_is_listed_twice_is_refused(tmp_path: Path) -> None:
+    lines = lines_of("dense", tmp_path)
+    at = lines.index("initial 9 12 13")
+    twice = [*lines[:at], "initial 9 12 12", *lines[at + 1 :]]
+    assert refused(write(tmp_path, twice)) == "expected a program over regions"
+
+
 @kinds
 def test_forged_files_are_refused_or_harmless(kind: str, tmp_path: Path) -> None:
     rng = random.Random(kind)
