@@ -1,7 +1,8 @@
 """Looks for inputs that break what they are given to, with guidance by coverage.
 
 Targets in C++ are linked with libFuzzer by Clang; those in Python are run by atheris, with the
-native module built so that the fuzzer sees its branches too. Each begins from its folder in
+native module built so that the fuzzer sees its branches too; that takes an installation which is
+not editable. Each begins from its folder in
 `corpus`. An input that breaks a target is kept in `build/fuzz/found/TARGET` and fails the run.
 
 Run: python tests/fuzz/fuzzing.py [--seconds N] [TARGET ...]

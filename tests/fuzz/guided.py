@@ -35,6 +35,13 @@ def main() -> None:
     guide_native()
     with atheris.instrument_imports(include=["rtamt", "rtamt_gym", "fuzz_targets"]):
         from fuzz_targets import TARGETS
+
+        for path in (HERE / "corpus" / name).iterdir():  # what is imported when it is needed
+            TARGETS[name](path.read_bytes())
+    import rtamt
+
+    if "_trace_branch" not in rtamt.parse.__code__.co_names:
+        sys.exit("expected modules that atheris instruments: install rtamt, but not editable")
     atheris.Setup(sys.argv, TARGETS[name], internal_libfuzzer=True)
     atheris.Fuzz()
 

@@ -148,7 +148,10 @@ def equality(data: bytes) -> None:
     for backend in ("python", "native"):
         found = rtamt.evaluate(formula, signals, n=n, backend=backend)
         assert _bits(found) == expected, (str(formula), signals, backend)
-    monitors = [rtamt.EpisodeMonitor(formula, backend=b) for b in ("python", "native")]
+    monitors = [_episode(formula, backend) for backend in ("python", "native")]
+    assert (monitors[0] is None) == (monitors[1] is None)
+    if None in monitors:
+        return
     for i in range(n):
         for monitor in monitors:
             monitor.update({name: signals[name][i] for name in monitor.variables})
@@ -157,6 +160,14 @@ def equality(data: bytes) -> None:
         assert _bits(one) == _bits(other), (str(formula), seen)
         assert _bits(one[:1]) == _bits(oracle.robustness(formula, seen, i + 1)[:1])
         assert one[1] <= one[0] <= one[2]
+
+
+def _episode(formula: Formula, backend: str) -> Any:  # noqa: ANN401 - a monitor, or None
+    """The monitor of an episode; None where operators without an end are nested too deep."""
+    try:
+        return rtamt.EpisodeMonitor(formula, backend=cast("Any", backend))
+    except rtamt.errors.SpecificationError:
+        return None
 
 
 def _bits(values: Any) -> list[int]:  # noqa: ANN401 - anything that NumPy takes
