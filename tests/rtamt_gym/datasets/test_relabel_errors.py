@@ -148,8 +148,8 @@ def test_options_that_are_not_about_records_are_refused() -> None:
         assert str(error.value) == (
             f"relabel() has no option {name!r}; the options are 'semantics', 'inputs', "
             "'outputs', 'period', 'nan', 'align', 'view', 'at_termination', 'at_truncation', "
-            "'stages', 'details', 'cost', 'weight', 'clip', 'gamma', 'temperature', 'weights', "
-            f"'priorities', 'bonus', 'penalty'{nearest}"
+            "'stages', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities', "
+            f"'bonus', 'penalty', 'details', 'cost'{nearest}"
         )
     assert message([episode()], weight=2.0) == (
         'weight= is about shaped rewards, which mode= asks for; give one, such as mode="add"'
