@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
@@ -46,9 +47,9 @@ def run(options: argparse.Namespace) -> int:
     saved = SavedCase.load(options.case)
     with noted_ends():
         made = saved.replay()
-    print(*_lines(saved, made), sep="\n")
+    print(*map(shown_lines, _lines(saved, made)), sep="\n")
     if options.explain:
-        print("", made.explain(), sep="\n")
+        print("", shown_lines(str(made.explain())), sep="\n")
     if options.save:
         made.save(options.save)
         print("", f"run: {options.save}", sep="\n")
@@ -71,7 +72,7 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
     from rtamt_gym.search.runs.report import case_lines
 
     course = made.courses[saved.name]
-    yield f"{saved.name} of {made.system}"
+    yield shown(f"{saved.name} of {made.system}")
     yield from _wrapped(str(saved.requirement.formula))
     yield "input:"
     yield from case_lines(saved.case)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rtamt import InputError, RtamtError
+from rtamt.errors import shown
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
@@ -114,7 +115,8 @@ def _tell_imports(paths: Sequence[str]) -> None:
         with suppress(RtamtError, OSError, ValueError):  # said where the result is read
             if Path(path).suffix.lower() == ".json" and read(path)["kind"] == "case":
                 code = ", ".join(SavedCase.load(path).imports) or "nothing"
-                print(f"playing {path}, which imports {code}", file=sys.stderr, flush=True)
+                said = shown(f"playing {path}, which imports {code}")
+                print(said, file=sys.stderr, flush=True)
 
 
 def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:

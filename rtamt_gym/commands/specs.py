@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.requirements import named_in, requirement_named
 
@@ -212,7 +212,7 @@ def _read_argument(
 def _name(argument: str, specs: Mapping[str, rtamt.Specification]) -> str:
     """Names a specification that has no name: after its file, or by its number."""
     if argument.endswith(".stl"):
-        return Path(argument).stem
+        return shown(Path(argument).stem)
     return f"spec{len(specs) + 1 if specs else ''}"
 
 

@@ -116,6 +116,65 @@ def test_a_file_may_have_any_name(
         capsys.readouterr()
 
 
+@pytest.mark.parametrize("stem", [EVIL, "::error::x"], ids=["controls", "command"])
+@pytest.mark.parametrize(
+    ("before", "behind"),
+    [
+        (["monitor"], ["--", "t.csv", "u.csv"]),
+        (["monitor", "--mutants"], ["t.csv"]),
+        (["check"], []),
+        (["examples"], []),
+        (["run", "CartPole-v1", "--policy", "zero", "--signal", "x=obs[0]", "--spec"], []),
+        (
+            ["falsify", "CartPole-v1", "--policy", "zero", "--signal", "x=obs[0]"]
+            + ["--vary", "env.gravity=5:9", "--budget", "1"],
+            [],
+        ),
+    ],
+    ids=["monitor", "mutants", "check", "examples", "run", "falsify"],
+)
+def test_a_requirement_is_called_after_its_file_as_that_is_shown(
+    before: list[str],
+    behind: list[str],
+    stem: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Output,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(f"{stem}.stl").write_text("always(x < 3 implies eventually[0:1](x > 4))")
+    for name in ("t.csv", "u.csv"):
+        Path(name).write_text("time,x\n0,1\n1,5\n2,1\n", encoding="utf-8")
+    assert main([*before, f"{stem}.stl", *behind]) in {0, 1, 3}
+    out, err = capsys.readouterr()
+    assert harmless(out + err)
+    assert shown(stem)[:12] in out
+
+
+def test_a_replay_shows_names_and_versions_of_its_case_escaped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vary = ["--vary", "height=2:8", "--vary", "limit=0:5"]
+    assert main(["falsify", "rtamt/RequestGrant-v0", "granted", *vary, "--save", "c.json"]) == 1
+    capsys.readouterr()
+    kept = json.loads(Path("c.json").read_text(encoding="utf-8"))
+    kept["requirement"]["name"] = EVIL
+    kept["versions"] = {"numpy": EVIL}
+    kept["expected"]["robustness"] = 7.0
+    Path("c.json").write_text(json.dumps(kept), encoding="utf-8")
+    assert main(["replay", "c.json", "--explain"]) == 0
+    out, err = capsys.readouterr()
+    assert harmless(out + err)
+    assert out.startswith(f"{shown(EVIL)} of rtamt/RequestGrant-v0\n")
+    kept["system"]["environment"] = EVIL
+    Path("c.json").write_text(json.dumps(kept), encoding="utf-8")
+    assert main(["report", "c.json", "--play", "-o", "page.html"]) == 3
+    out, err = capsys.readouterr()
+    assert harmless(out + err)
+    assert err.startswith("playing c.json, which imports a\\x1b[31m")
+
+
 def test_ids_of_environments_and_arguments_are_shown_escaped(capsys: Output) -> None:
     for words in (
         ["run", EVIL, "--policy", "zero"],
