@@ -87,10 +87,12 @@ def parts(
         InputError: If one is damaged, with the way out.
     """
     if (path / RECORD).exists():
+        _check_regular(path / RECORD, _OTHER)
         rows, also = _loaded(path / RECORD, load_file, _OTHER)
         yield list(range(len(rows))), rows, also
     for part in sorted(path.glob(PARTS)):
         checksum = _named(part)[2]
+        _check_regular(part, _REMOVE)
         if checksum is not None and file_hash(part)[:16] != checksum:
             raise InputError(
                 f"{part} is damaged: its content has not the checksum of its name; {_REMOVE}"
@@ -100,6 +102,12 @@ def parts(
         if not isinstance(tasks, list) or len(tasks) != len(rows):
             raise InputError(f"{part} is damaged: it does not number its runs; {_REMOVE}")
         yield tasks, rows, also
+
+
+def _check_regular(path: Path, way_out: str) -> None:
+    """Refuses a pipe, whose reader would wait for ever, and a device."""
+    if not path.is_file():
+        raise InputError(f"{path} is damaged: expected a regular file; {way_out}")
 
 
 def _loaded(
@@ -125,6 +133,8 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         InputError: If the folder holds none, or what it holds is damaged.
     """
+    if (path / CAMPAIGN).exists():
+        _check_regular(path / CAMPAIGN, _OTHER)
     try:
         kept: Any = json.loads((path / CAMPAIGN).read_text(encoding="utf-8"))
     except FileNotFoundError as error:

@@ -126,6 +126,25 @@ def test_a_damaged_record_is_named(folder: Path) -> None:
     assert said.endswith(OTHER)
 
 
+@pytest.mark.parametrize(
+    ("name", "way_out"),
+    [
+        ("campaign.json", OTHER),
+        ("record.parquet", OTHER),
+        ("part-000009-0123456789abcdef.parquet", REMOVE),
+    ],
+)
+def test_a_pipe_among_the_files_is_not_opened(folder: Path, name: str, way_out: str) -> None:
+    path = folder / name
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+    said = f"{path} is damaged: expected a regular file; {way_out}"
+    assert refusal(folder) == said
+    with pytest.raises(InputError) as caught:
+        Record.load(folder)
+    assert str(caught.value) == said
+
+
 @pytest.mark.parametrize("kind", ["link", "dangling", "pipe"])
 def test_the_lock_is_no_link_and_no_pipe(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "runs"
