@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     EPISODES,
-    add_environment,
     add_output,
     add_reading,
     add_require_asked,
     add_workers,
     check_outputs,
     positive,
-    read_options,
     read_reading,
     read_signals,
     whole,
@@ -32,6 +27,7 @@ from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import INTERRUPTED, Hollow, exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
+from rtamt_gym.commands.systems import add_policy, add_system, opened_system
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
@@ -56,12 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "has found so far, and 130."
     )
     parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
-    add_environment(
-        parser,
-        "SYSTEM",
-        "the id of an environment, such as rtamt/ChasingCars-v0, CartPole-v1 or module:Name-v0; "
-        "module:function, or the path of a .fmu file, which need --vary",
-    )
+    add_system(parser)
     parser.add_argument(
         "requirements",
         nargs="*",
@@ -106,12 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave the input as it was found; else up to 200 more simulations make it simpler",
     )
-    parser.add_argument(
-        "--policy",
-        metavar="POLICY",
-        help="how to act where no signal does: zero, baseline, sb3:FILE.zip or module:function "
-        "(default: the scenario's own)",
-    )
+    add_policy(parser)
     parser.add_argument(
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
     )
@@ -141,50 +127,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
-    from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.results.codec import check_name
     from rtamt_gym.search.falsification.falsify import IrreproducibleWarning, falsify
-    from rtamt_gym.search.runs.naming import named_system
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
-    from rtamt_gym.simulation.policies import policy_of
 
     check_outputs(options.save, options.record, picture=options.plot)
     if options.save:
         check_name(options.save)
-    if options.policy == "random":
-        raise InputError(
-            "--policy random: expected a policy that acts alike each time; vary what acts with "
-            "--vary NAME=LOW:HIGH,points=N"
-        )
     signals = read_signals(options.signal)
-    name = _named(options.env_id, read_options(options.env_kwarg))
-    system = named_system(name, Path())
-    with closing(system) if hasattr(system, "close") else nullcontext(), noted_ends() as notes:
-        of_env = "environment" in name
-        scenario = getattr(system.unwrapped, "scenario", None) if of_env else None
-        entries, numbers = read_varied(options.vary, options.set, scenario)
-        own = own_requirements(system) if of_env else {}
-        policy = None
-        if options.policy:
-            if not of_env:
-                raise InputError(f"--policy is for environments, got it for {options.env_id}")
-            policy = policy_of(options.policy, system)(options.seed)
+    with opened_system(options) as opened, noted_ends() as notes:
+        entries, numbers = read_varied(options.vary, options.set, opened.scenario)
+        named = requirements_of(options.requirements, opened.requirements, options.env_id)
         with warnings.catch_warnings():
             for each in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
                 warnings.simplefilter("ignore", each)
             try:
                 found = falsify(
-                    system,
-                    told_apart(
-                        requirements_of(options.requirements, own, options.env_id), options.apart
-                    ),
+                    opened.system,
+                    told_apart(named, options.apart),
                     entries,
                     fixed=numbers,
                     budget=options.budget,
                     seed=options.seed,
                     optimizer=options.optimizer,
                     signals=signals or None,
-                    policy=policy,
+                    policy=opened.policy,
                     duration=options.duration,
                     reduce=not options.no_reduce,
                     n_jobs=options.n_jobs,
@@ -199,7 +166,7 @@ def run(options: argparse.Namespace) -> int:
         found = replace(found, record=found.record.of_files(paths))
         # Files may take simulations, and a file may be refused: what was found is said before.
         print(found.to_json() if options.json else "\n".join(_lines(found, notes)), flush=True)
-        files = list(_write(found, options, name.get("object")))
+        files = list(_write(found, options, opened.path))
         if files and not options.json:
             print("", *files, sep="\n")
     hollow: list[Hollow] = []
@@ -223,24 +190,6 @@ def _so_far(pressed: KeyboardInterrupt) -> Falsification:
         print("interrupted before a simulation was over", file=sys.stderr)
         raise pressed
     return found
-
-
-def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
-    """The name of the system that an argument gives, as `named_system` takes it."""
-    if text.endswith(".py"):
-        raise InputError(
-            f"expected a system as module:function, got the name of a file; write "
-            f"{text.removesuffix('.py').replace('/', '.')}:FUNCTION"
-        )
-    if text.lower().endswith(".fmu"):
-        name: dict[str, Any] = {"fmus": {Path(text).stem: text}}
-    elif re.fullmatch(r"[\w.]+:[\w.]+", text):
-        name = {"object": text}
-    else:
-        return {"environment": text} | ({"arguments": arguments} if arguments else {})
-    if arguments:
-        raise InputError(f"--env-kwarg is for environments, got it for {text}; --set is for all")
-    return name
 
 
 def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:

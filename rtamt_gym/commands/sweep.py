@@ -6,21 +6,18 @@ import argparse
 import textwrap
 import warnings
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     EPISODES,
-    add_environment,
     add_output,
     add_reading,
     add_require_asked,
     add_workers,
     check_outputs,
-    read_options,
     read_reading,
     read_signals,
     whole,
@@ -30,6 +27,7 @@ from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.exit_codes import exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
+from rtamt_gym.commands.systems import add_policy, add_system, opened_system
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import counted, shorten
 
@@ -43,15 +41,15 @@ _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Runs a scenario, or another registered environment, on many points of a space; prints the "
-        "robustness and the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if "
-        "more simulations failed than --allow-failures lets pass, or if nothing has put a "
-        "requirement to the test and --require-asked is given."
+        "Runs a scenario, or another system, on many points of a space; prints the robustness and "
+        "the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if more "
+        "simulations failed than --allow-failures lets pass, or if nothing has put a requirement "
+        "to the test and --require-asked is given."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
     )
-    add_environment(parser)
+    add_system(parser)
     parser.add_argument(
         "--requirement",
         action="append",
@@ -91,12 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="seed of the points and of the first simulation, one more for each further one "
         "(default: 0)",
     )
-    parser.add_argument(
-        "--policy",
-        metavar="POLICY",
-        help="how to act where no signal does: random, zero, sb3:FILE.zip or module:function "
-        "(default: the scenario's own)",
-    )
+    add_policy(parser)
     add_reading(parser, *EPISODES)
     parser.add_argument(
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
@@ -127,35 +120,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs the sweep, prints what came of it and writes the files asked for; returns 0 or 3."""
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning, sweep
-    from rtamt_gym.simulation.environments import make
-    from rtamt_gym.simulation.policies import policy_of
 
     check_outputs(options.save, options.json, picture=options.heat_map)
     check_outputs(options.save, options.json, options.heat_map, picture=options.scatter)
     samples = _read_samples(options.samples)
     signals = read_signals(options.signal)
-    if options.policy == "random":
-        raise InputError(
-            "--policy random: expected a policy that acts alike each time; vary what acts with "
-            "--vary NAME=LOW:HIGH,points=N"
+    with opened_system(options) as opened, noted_ends() as notes:
+        entries, numbers = read_varied(options.vary, options.set, opened.scenario)
+        named = requirements_of(
+            options.requirement, opened.requirements, options.env_id, "--requirement"
         )
-    kwargs = read_options(options.env_kwarg)
-    with closing(make(options.env_id, None, kwargs)) as env, noted_ends() as notes:
-        simulation: Any = env.unwrapped
-        entries, numbers = read_varied(
-            options.vary, options.set, getattr(simulation, "scenario", None)
-        )
-        own = getattr(simulation, "requirements", {})
-        named = requirements_of(options.requirement, own, options.env_id, "--requirement")
         requirements = told_apart(named, options.apart)
-        inputs = getattr(getattr(simulation, "scenario", None), "inputs", ())
         if options.heat_map:
-            columns = [c for each in (entries or inputs) for c in each.columns]
+            columns = [c for each in (entries or opened.inputs) for c in each.columns]
             _check_map(columns, requirements, options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
             done = sweep(
-                env,
+                opened.system,
                 requirements,
                 entries,
                 fixed=numbers,
@@ -163,7 +145,7 @@ def run(options: argparse.Namespace) -> int:
                 sampler=options.sampler,
                 seed=options.seed,
                 signals=signals or None,
-                policy=policy_of(options.policy, env)(options.seed) if options.policy else None,
+                policy=opened.policy,
                 duration=options.duration,
                 **read_reading(options).options(),
                 stop=options.stop,

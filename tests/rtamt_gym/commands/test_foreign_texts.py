@@ -126,8 +126,7 @@ def test_a_file_may_have_any_name(
         (["examples"], []),
         (["run", "CartPole-v1", "--policy", "zero", "--signal", "x=obs[0]", "--spec"], []),
         (
-            ["falsify", "CartPole-v1", "--policy", "zero", "--signal", "x=obs[0]"]
-            + ["--vary", "env.gravity=5:9", "--budget", "1"],
+            ["falsify", "rtamt/RequestGrant-v0", "--signal", "x=obs[0]", "--budget", "1"],
             [],
         ),
     ],

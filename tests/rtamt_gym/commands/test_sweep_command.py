@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from fmus import library, write_fmu
+from named_systems import pump
 
-from rtamt_gym import Record, Sweep
+from rtamt_gym import Parameter, Record, Sweep, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.results.codec import trials_of
 from rtamt_gym.search.sweeps.samplers import Sampler
@@ -66,13 +68,13 @@ def test_files_are_written_and_hold_what_was_printed(capsys: Output) -> None:
         "heat map: a.png",
         "scatter: a.svg",
     ]
-    sweep = Sweep.load("a.parquet")
-    assert sweep.record == Record.load("a.parquet")
-    assert list(sweep.space.entries) == ["height", "delay"]
+    saved = Sweep.load("a.parquet")
+    assert saved.record == Record.load("a.parquet")
+    assert list(saved.space.entries) == ["height", "delay"]
     kept = json.loads(Path("a.json").read_text())
     assert (kept["system"], kept["sampler"], kept["seed"]) == (SYSTEM, "sobol", 7)
-    assert trials_of(kept) == list(sweep.record)
-    for place, row in enumerate(sweep.record):
+    assert trials_of(kept) == list(saved.record)
+    for place, row in enumerate(saved.record):
         assert row.case["limit"] == 4.0
         assert row.seed == 7 + place
     assert Path("a.png").stat().st_size > 1000
@@ -112,9 +114,47 @@ def test_signals_are_varied_over_time_and_other_environments_are_run(capsys: Out
     assert "env.gravity=5" in shown[-1]
 
 
+def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path) -> None:
+    low = ["--requirement", "low = always(x < 2)", "--period", "1", "--samples", "3"]
+    vary = ["--vary", "inflow=0.1:0.5", "--set", "leak=0.1"]
+    shown = lines(capsys, "named_systems:pump", *low, *vary, "--save", "a.parquet")
+    found = sweep(
+        pump,
+        {"low": "always(x < 2)"},
+        [Parameter("inflow", 0.1, 0.5)],
+        fixed={"leak": 0.1},
+        samples=3,
+        period=1,
+    )
+    kept = Record.load("a.parquet")
+    assert [row.case for row in kept] == [row.case for row in found.record]
+    assert [row.outcomes for row in kept] == [row.outcomes for row in found.record]
+    assert shown[0] == "low: always(x < 2)"
+    assert {row.outcomes["low"].verdict.name for row in kept} == {"SATISFIED", "VIOLATED"}
+    write_fmu(tmp_path / "tank.fmu", library(3, tmp_path), 3)
+    vary = ["--vary", "inflow=0:3,points=2", "--duration", "2"]
+    shown = lines(capsys, "tank.fmu", "--requirement", "always(level < 2)", *vary, "--samples", "2")
+    assert "2 simulations, 4 simulated seconds" in shown
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["named_systems:pump", "--requirement", "a > 1", "--samples", "1"],
+            "pump does not say what to vary; write --vary mass=1:2",
+        ),
+        (
+            ["named_systems:pump", "--samples", "1"],
+            (
+                "named_systems:pump has no requirements of its own; write "
+                "--requirement 'always(x < 1)'"
+            ),
+        ),
+        (
+            ["named_systems:pump", "--policy", "zero", "--samples", "1"],
+            "--policy is for environments, got it for named_systems:pump",
+        ),
         (
             [SYSTEM, "--samples", "many"],
             "--samples: expected a whole number above 0, or NAME=N,NAME=N, got 'many'",
