@@ -18,7 +18,7 @@ from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
-from rtamt import InputError, StateError
+from rtamt import InputError, RtamtError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.batches import Batched
 from rtamt_gym.signals.lanes import Apart, AtOnce, EachLane
@@ -148,6 +148,8 @@ def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> An
             return read(step, lanes)
         except AbsentError as error:
             raise signal.absent(error) from None
+        except RtamtError as error:
+            raise signal.at_reset(error) from error.__cause__
     column = np.full(len(lanes), signal.default)
     if signal.maybe_at_reset:
         there = _present(signal, step.info, lanes)

@@ -246,9 +246,11 @@ class ParsedSignal:
         The default of an info stands for what the info of the reset does not have.
         """
         default = self.default
-        if not self.maybe_at_reset:
-            return self.bind(env) if default is None else lambda *_: default
+        if default is not None and not self.maybe_at_reset:
+            return lambda *_: default
         read = self.bind(env)
+        if self.row is not None and not self.maybe_at_reset:
+            return read
 
         def read_or_default(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
             try:
@@ -257,12 +259,25 @@ class ParsedSignal:
                 if default is None:
                     raise self.absent(error) from None
                 return default
+            except RtamtError as error:
+                raise self.at_reset(error) from error.__cause__
 
         return read_or_default
 
     def absent(self, error: AbsentError) -> AbsentError:
         """The error of a reset that does not give the value: with what to write."""
         return AbsentError(*_to_give(self.name, str(self.reads), str(error), "at reset"))
+
+    def at_reset(self, error: RtamtError) -> RtamtError:
+        """The error of a function at a reset: with the way out if it has met a None there."""
+        said = str(error)
+        if self.row is not None or not ("NoneType" in said or f"from {self}, got None" in said):
+            return error
+        return type(error)(
+            f"{said}; at a reset there is no action and no reward: say what it is there, "
+            f'"{self.name}": (FUNCTION, VALUE), or "{self.name}": (FUNCTION, None) where that is '
+            "not known: then no always over it can be satisfied"
+        )
 
     def is_nan(self) -> InputError:
         """The error of a value that is nan beside one that is unknown at reset."""

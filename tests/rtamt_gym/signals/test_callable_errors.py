@@ -72,6 +72,38 @@ def test_an_error_at_reset_names_the_signal(
     assert type(caught.value.__cause__) is cause
 
 
+def acted(step: Step) -> float:
+    return float(step.action[0])
+
+
+def paid(step: Step) -> Any:  # noqa: ANN401
+    return step.reward
+
+
+@pytest.mark.parametrize("run", [scalar, vector, simulated])
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        (acted, "signal 'x': acted raised TypeError: 'NoneType' object is not subscriptable"),
+        (paid, "signal 'x': expected a number from paid, got None; a "),
+    ],
+)
+def test_a_function_of_what_no_reset_has_is_told_to_say_it(
+    run: Callable[[Any], None], read: Any, message: str
+) -> None:
+    with pytest.raises(rtamt.RtamtError) as caught:
+        run(read)
+    text = str(caught.value)
+    assert text.startswith(message)
+    assert text.endswith(
+        "; at a reset there is no action and no reward: say what it is there, "
+        '"x": (FUNCTION, VALUE), or "x": (FUNCTION, None) where that is not known: then no always '
+        "over it can be satisfied"
+    )
+    if read is paid:
+        run((read, 0.0))
+
+
 @pytest.mark.parametrize("run", [scalar, simulated])
 def test_an_error_at_a_step_names_the_signal(run: Callable[[Any], None]) -> None:
     with pytest.raises(InputError) as caught:
