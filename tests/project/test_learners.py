@@ -20,6 +20,12 @@ def test_every_program_of_the_page_is_run_by_a_test() -> None:
     assert set(run_by.values()) == {1}
 
 
+def test_pages_say_how_torch_comes_without_a_gpu() -> None:
+    command = "pip install torch --index-url https://download.pytorch.org/whl/cpu"
+    for page in ("learners", "installation"):
+        assert command in (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+
+
 def test_the_order_of_wrappers_counts_episodes_and_rewards_as_the_learner_gets_them(
     tmp_path: Path,
 ) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +131,22 @@ def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         ["copy.mcap", bag.name, "spec.stl", "twice.mcap"]
     )
+
+
+def test_a_copy_is_written_though_nobody_reads_what_is_printed(spec: Path, tmp_path: Path) -> None:
+    bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
+    command = ["monitor", str(spec), str(bag), "--period", "100ms", "--write-mcap", str(copy)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "rtamt_gym", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+    assert len(messages(copy)["/rtamt/slow"]) == N
 
 
 def test_what_every_reader_needs_is_in_the_copy(spec: Path, tmp_path: Path) -> None:

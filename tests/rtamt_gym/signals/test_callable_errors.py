@@ -89,7 +89,9 @@ def paid(step: Step) -> Any:  # noqa: ANN401
     ],
 )
 def test_a_function_of_what_no_reset_has_is_told_to_say_it(
-    run: Callable[[Any], None], read: Any, message: str
+    run: Callable[[Any], None],
+    read: Any,  # noqa: ANN401
+    message: str,
 ) -> None:
     with pytest.raises(rtamt.RtamtError) as caught:
         run(read)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from copy import deepcopy
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ NUMBERS = st.lists(st.sampled_from([-2.0, -1.0, 0.0, 0.5, 1.0, 3.0]), min_size=2
 SPECS = {"apart": "always(x - y > -1.5)", "goal": "eventually[0:4](x >= 3)"}
 SIGNALS = {"x": "lead: obs[0]", "y": "wing: obs[0]"}
 PRIORITIES = {"apart": "safety", "goal": "target"}
-MODES = ["add", "replace", "potential", "terminal", "progress", "hierarchical"]
+MODES = get_args(Mode)
 GIVEN: dict[str, Any] = {"period": 1, "nan": "hold", "at_termination": "complete"}
 pytestmark = pytest.mark.filterwarnings("ignore:.*clip:UserWarning")
 
