@@ -307,17 +307,18 @@ public:
         const dense::Sampler& sampler = object.machine.sampler();
         if (nb::len(given) != sampler.variables())
             throw nb::value_error("expected events of every variable");
+        Dating dating = Dating::numbers;
+        if (!count(given, object.clock)) {
+            const nb::object counted = object.reader.attr("counted")(
+                given, times_of(sampler, &dense::Sampler::last_time), nb::none());
+            take(counted[0]);
+            dating = dating_of(counted[1]);
+        }
+        require_idle(object);  // other threads run while the reader counts
         for (std::size_t v = 0; v < sampler.variables(); ++v)
             if (sampler.last_time(v) > dense::kBefore)
                 throw nb::value_error("expected a new machine");
-        if (count(given, object.clock)) {
-            object.machine.set_dating(Dating::numbers);
-            return;
-        }
-        const nb::object counted = object.reader.attr("counted")(
-            given, times_of(sampler, &dense::Sampler::last_time), nb::none());
-        take(counted[0]);
-        object.machine.set_dating(dating_of(counted[1]));
+        object.machine.set_dating(dating);
     }
 };
 

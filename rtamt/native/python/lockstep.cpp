@@ -134,6 +134,12 @@ nb::object update_discrete(Object<DiscreteBank>& object, nb::handle values, nb::
     return doubles(bank.results(), bank.num());
 }
 
+void require_open(const EpisodeObject& object, const std::uint8_t* mask) {
+    require(
+        object, mask, [&](std::size_t lane) { return !object.machine.finished()[lane]; },
+        "refuse_update");
+}
+
 nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle mask,
                            nb::handle upper) {
     UncertainBank& bank = object.machine;
@@ -142,9 +148,7 @@ nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle 
     if (!upper.is_none()) above = table_of(object, upper).array;
     const auto chosen = mask_of(object, mask);
     const auto table = table_of(object, plain);  // no code of the caller runs after this
-    require(
-        object, chosen.elements, [&](std::size_t lane) { return !bank.finished()[lane]; },
-        "refuse_update");
+    require_open(object, chosen.elements);
     if (above.is_none() && bank.take(table.elements, chosen.elements) == bank.num())
         return doubles(bank.results(), bank.num());
     const nb::object ends = object.reader.attr("ends")(
@@ -152,6 +156,7 @@ nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle 
         nb::make_tuple(inputs(object), inputs_of(bank, bank.upper_inputs())));
     const auto least = table_of(object, ends[0]);
     const auto greatest = table_of(object, ends[1]);
+    require_open(object, chosen.elements);  // other threads run while the reader reads
     const std::size_t lane = bank.take(least.elements, greatest.elements, chosen.elements);
     if (lane < bank.num()) {
         const std::vector<double> low = row_of(bank, least.elements, lane);
