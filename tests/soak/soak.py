@@ -1,0 +1,196 @@
+"""Runs monitors for long: memory stays flat, and sampled stretches equal the definition.
+
+Three parts, each with a number of its own: updates of a mixed set of native monitors (a sample of a
+signal, of a lane, or an event, is one), wrappers of Gymnasium made and dropped, and snapshots.
+Sampled stretches are run again by the Python machines, and compared bit by bit. The resident memory
+after a tenth of a part is compared with that at its end.
+
+Run: python tests/soak/soak.py [--updates N] [--wrappers N] [--snapshots N] [--seed N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import gc
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from bits import identical
+from gymnasium.envs.classic_control import CartPoleEnv
+
+import rtamt
+from rtamt_gym import StlMonitor
+
+TEXT = "always[0:5](x > 0 implies eventually[0:20](y > 1)) and once[3:40](x + y > 0)"
+LANES = 1_000
+BLOCK, LANE_SAMPLES, SAMPLES, EVENTS = 40_000, 100, 4_000, 1_000  # of a round
+WRAPPED = "always[0:9](abs(angle) < 0.2) and once[0:2](cart < 1)"
+ROUND = BLOCK + 2 * LANES * LANE_SAMPLES + 2 * SAMPLES + 2 * EVENTS
+CHECKS = 10  # sampled stretches of a part
+FLAT = 4 << 20  # bytes by which the allocator's pages may differ
+
+Backend = Literal["native", "python"]
+Found = list[Any]
+
+
+class Rounds:
+    """A mixed set of monitors that take in one round of samples after the other.
+
+    Args:
+        backend: What runs them.
+        seed: Of the samples.
+        lanes: The lanes that are run.
+        first: The first round.
+    """
+
+    def __init__(
+        self, backend: Backend, seed: int, lanes: Sequence[int] = range(LANES), first: int = 0
+    ) -> None:
+        self._next, self._seed, self._lanes, number = first, seed, lanes, len(lanes)
+        self._block = rtamt.Monitor(TEXT, backend=backend)
+        self._single = rtamt.Monitor(TEXT, backend=backend)
+        self._episode = rtamt.EpisodeMonitor(TEXT, backend=backend)
+        self._late = rtamt.VectorMonitor(TEXT, number, backend=backend)
+        self._episodes = rtamt.VectorEpisodeMonitor(TEXT, number, backend=backend)
+        self._dense = rtamt.DenseMonitor(TEXT, backend=backend)
+
+    def run(self) -> Found:
+        """What the monitors give in the next round."""
+        random = np.random.default_rng((self._seed, self._next))
+        block = random.normal(size=(BLOCK, 2))
+        lanes = random.normal(size=(LANE_SAMPLES, LANES, 2))[:, list(self._lanes)]
+        samples = random.normal(size=(SAMPLES, 2)).tolist()
+        events = random.normal(size=(EVENTS, 2)).tolist()
+        found: Found = [self._block.update_many(block)]
+        self._episode.reset()
+        found += [self._single.update(x, y) for x, y in samples]
+        found += [self._episode.update(x, y) for x, y in samples]
+        found += [self._episode.lower, self._episode.upper, self._episode.finish("cut")]
+        self._episodes.reset()
+        for values in lanes:
+            found += [self._late.update(values), self._episodes.update(values)]
+        for i, (x, y) in enumerate(events):
+            time = (self._next * EVENTS + i) * 0.5
+            found.append(self._dense.update({"x": [(time, x)], "y": [(time, y)]}))
+        self._next += 1
+        return found
+
+
+def updates(number: int, seed: int) -> None:
+    """Rounds of updates; a sampled one is run again by the definition, after the one before it."""
+    native = Rounds("native", seed)
+    some = [0, LANES // 2, LANES - 1]
+
+    def step(i: int, sampled: bool) -> None:  # noqa: FBT001 - called by position
+        found = native.run()
+        if sampled:
+            defined = Rounds("python", seed, some, max(i - 1, 0))
+            if i > 0:
+                defined.run()
+            thin = [each[some] if np.shape(each) == (LANES,) else each for each in found]
+            require_same(thin, defined.run(), f"of round {i}")
+
+    soak("updates", -(-number // ROUND), ROUND, step)
+
+
+def wrappers(number: int, seed: int) -> None:
+    """Environments that are wrapped, reset, stepped five times and dropped."""
+
+    def run(i: int, backend: Backend) -> Found:
+        signals = {"angle": "obs[2]", "cart": "obs[0]"}
+        env = StlMonitor(CartPoleEnv(), WRAPPED, signals, backend=backend)
+        env.reset(seed=seed + i)
+        infos = [env.step((i >> k) & 1)[4] for k in range(5)]
+        env.close()
+        return numbers(infos)
+
+    def step(i: int, sampled: bool) -> None:  # noqa: FBT001 - called by position
+        found = run(i, "native")
+        if sampled:
+            require_same(found, run(i, "python"), f"of wrapper {i}")
+
+    soak("wrappers", number, 1, step)
+
+
+def numbers(info: Any) -> Found:  # noqa: ANN401 - infos, and what is in them
+    """All numbers of an info."""
+    if isinstance(info, dict | list):
+        values = info.values() if isinstance(info, dict) else info
+        return [number for value in values for number in numbers(value)]
+    return [float(info)] if isinstance(info, int | float | np.number) else []
+
+
+def snapshots(number: int, seed: int) -> None:
+    """Monitors that go on as their copies, of two kinds in turn."""
+    random = np.random.default_rng(seed)
+    kinds = (rtamt.Monitor, rtamt.EpisodeMonitor)
+    native: list[Any] = [kind(TEXT, backend="native") for kind in kinds]
+    defined: list[Any] = [kind(TEXT, backend="python") for kind in kinds]
+
+    def step(i: int, _: bool) -> None:  # noqa: FBT001 - called by position
+        k, sample = i % len(kinds), random.normal(size=2).tolist()
+        native[k] = copy.copy(native[k])
+        found, expected = native[k].update(*sample), defined[k].update(*sample)
+        require_same([found], [expected], f"of snapshot {i}")
+
+    soak("snapshots", number, 1, step)
+
+
+def soak(name: str, steps: int, each: int, step: Callable[[int, bool], None]) -> None:
+    """Run so many steps, some of them sampled, and compare the memory at a tenth and at the end."""
+    begun = time.perf_counter()
+    sampled = {round(k) for k in np.linspace(0, steps - 1, min(CHECKS, steps))}
+    early = 0
+    for i in range(steps):
+        step(i, i in sampled)
+        if i == steps // 10:
+            early = resident()
+    grown = resident() - early
+    print(
+        f"{name:10} {steps * each:>13,} in {time.perf_counter() - begun:,.0f} s, "
+        f"{len(sampled)} stretches equal the definition, memory grew by {grown / 2**20:+.1f} MiB",
+        flush=True,
+    )
+    if grown > FLAT:
+        sys.exit(f"expected memory to grow by less than {FLAT >> 20} MiB after a tenth")
+
+
+def require_same(found: Found, expected: Found, of: str) -> None:
+    """Exit with what differs, if values differ in a bit."""
+    for i, (one, other) in enumerate(zip(found, expected, strict=True)):
+        if not identical(np.ravel(one), np.ravel(other)):
+            sys.exit(f"expected value {i} {of} to be {other!r}, got {one!r}")
+
+
+def resident() -> int:
+    """Bytes of this process that are in memory."""
+    gc.collect()
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * os.sysconf("SC_PAGESIZE")
+
+
+def main() -> None:
+    """Run the three parts."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--updates", type=int, default=10**9, help="default: 1e9")
+    parser.add_argument("--wrappers", type=int, default=10**5, help="default: 1e5")
+    parser.add_argument("--snapshots", type=int, default=10**6, help="default: 1e6")
+    parser.add_argument("--seed", type=int, default=0, help="of all samples (default: 0)")
+    args = parser.parse_args()
+    for part, number in (
+        (updates, args.updates),
+        (wrappers, args.wrappers),
+        (snapshots, args.snapshots),
+    ):
+        if number > 0:
+            part(number, args.seed)
+
+
+if __name__ == "__main__":
+    main()
