@@ -30,7 +30,7 @@ from rtamt_gym import StlMonitor
 TEXT = "always[0:5](x > 0 implies eventually[0:20](y > 1)) and once[3:40](x + y > 0)"
 LANES = 1_000
 BLOCK, LANE_SAMPLES, SAMPLES, EVENTS = 40_000, 100, 4_000, 1_000  # of a round
-WRAPPED = "always[0:9](abs(angle) < 0.2) and once[0:2](cart < 1)"
+WRAPPED = "always[0:100ms](abs(angle) < 0.2) and once[0:40ms](cart < 1)"
 ROUND = BLOCK + 2 * LANES * LANE_SAMPLES + 2 * SAMPLES + 2 * EVENTS
 CHECKS = 10  # sampled stretches of a part
 FLAT = 4 << 20  # bytes by which the allocator's pages may differ
@@ -102,28 +102,23 @@ def updates(number: int, seed: int) -> None:
 def wrappers(number: int, seed: int) -> None:
     """Environments that are wrapped, reset, stepped five times and dropped."""
 
-    def run(i: int, backend: Backend) -> Found:
-        signals = {"angle": "obs[2]", "cart": "obs[0]"}
-        env = StlMonitor(CartPoleEnv(), WRAPPED, signals, backend=backend)
-        env.reset(seed=seed + i)
-        infos = [env.step((i >> k) & 1)[4] for k in range(5)]
-        env.close()
-        return numbers(infos)
-
     def step(i: int, sampled: bool) -> None:  # noqa: FBT001 - called by position
-        found = run(i, "native")
+        env = StlMonitor(CartPoleEnv(), WRAPPED, {"angle": "obs[2]", "cart": "obs[0]"})
+        obs, info = env.reset(seed=seed + i)
+        shown = [(obs, info)]
+        for k in range(5):
+            obs, _, _, _, info = env.step((i >> k) & 1)
+            shown.append((obs, info))
+        env.close()
         if sampled:
-            require_same(found, run(i, "python"), f"of wrapper {i}")
+            defined = rtamt.EpisodeMonitor(WRAPPED, "20ms", backend="python")
+            for obs, info in shown:
+                defined.update(angle=float(obs[2]), cart=float(obs[0]))
+                found = [info["robustness"], info["stl_lower"], info["stl_upper"]]
+                expected = [defined.robustness, defined.lower, defined.upper]
+                require_same(found, expected, f"of wrapper {i}")
 
     soak("wrappers", number, 1, step)
-
-
-def numbers(info: Any) -> Found:  # noqa: ANN401 - infos, and what is in them
-    """All numbers of an info."""
-    if isinstance(info, dict | list):
-        values = info.values() if isinstance(info, dict) else info
-        return [number for value in values for number in numbers(value)]
-    return [float(info)] if isinstance(info, int | float | np.number) else []
 
 
 def snapshots(number: int, seed: int) -> None:
@@ -133,19 +128,21 @@ def snapshots(number: int, seed: int) -> None:
     native: list[Any] = [kind(TEXT, backend="native") for kind in kinds]
     defined: list[Any] = [kind(TEXT, backend="python") for kind in kinds]
 
-    def step(i: int, _: bool) -> None:  # noqa: FBT001 - called by position
+    def step(i: int, _: bool) -> None:  # noqa: FBT001 - all are compared
         k, sample = i % len(kinds), random.normal(size=2).tolist()
         native[k] = copy.copy(native[k])
         found, expected = native[k].update(*sample), defined[k].update(*sample)
         require_same([found], [expected], f"of snapshot {i}")
 
-    soak("snapshots", number, 1, step)
+    soak("snapshots", number, 1, step, number)
 
 
-def soak(name: str, steps: int, each: int, step: Callable[[int, bool], None]) -> None:
+def soak(
+    name: str, steps: int, each: int, step: Callable[[int, bool], None], checks: int = CHECKS
+) -> None:
     """Run so many steps, some of them sampled, and compare the memory at a tenth and at the end."""
     begun = time.perf_counter()
-    sampled = {round(k) for k in np.linspace(0, steps - 1, min(CHECKS, steps))}
+    sampled = {round(k) for k in np.linspace(0, steps - 1, min(checks, steps))}
     early = 0
     for i in range(steps):
         step(i, i in sampled)
