@@ -15,7 +15,6 @@ import copy
 import gc
 import os
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -141,7 +140,6 @@ def soak(
     name: str, steps: int, each: int, step: Callable[[int, bool], None], checks: int = CHECKS
 ) -> None:
     """Run so many steps, some of them sampled, and compare the memory at a tenth and at the end."""
-    begun = time.perf_counter()
     sampled = {round(k) for k in np.linspace(0, steps - 1, min(checks, steps))}
     early = 0
     for i in range(steps):
@@ -150,8 +148,7 @@ def soak(
             early = resident()
     grown = resident() - early
     print(
-        f"{name:10} {steps * each:>13,} in {time.perf_counter() - begun:,.0f} s, "
-        f"{len(sampled)} stretches equal the definition, memory grew by {grown / 2**20:+.1f} MiB",
+        f"{name:10} {steps * each:>13,}, {len(sampled):,} stretches equal the definition, memory grew by {grown / 2**20:+.1f} MiB",
         flush=True,
     )
     if grown > FLAT:
