@@ -148,7 +148,8 @@ def soak(
             early = resident()
     grown = resident() - early
     print(
-        f"{name:10} {steps * each:>13,}, {len(sampled):,} stretches equal the definition, memory grew by {grown / 2**20:+.1f} MiB",
+        f"{name:10} {steps * each:>13,}, {len(sampled):,} stretches equal the definition, "
+        f"memory grew by {grown / 2**20:+.1f} MiB",
         flush=True,
     )
     if grown > FLAT:
