@@ -236,7 +236,8 @@ private:
         row.start = line.number<std::int64_t>();
         const bool in_place = program_.monitor || row.slot == rows.rows.size();
         if (!in_place || !fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
-        if (row.length > std::size_t{kMaxBound} * 2 || row.start < 0 || row.start > 2 * kMaxBound)
+        if (std::uint64_t{row.length} > std::uint64_t{kMaxBound} * 2 || row.start < 0 ||
+            row.start > 2 * kMaxBound)
             line.refuse("a window in samples");
         rows.rows.push_back(std::move(row));
     }
