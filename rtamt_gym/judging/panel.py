@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
 from typing import Any
@@ -29,10 +29,14 @@ from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
 from rtamt_gym.signals.slots import MovingRead
 
-__all__ = ["Monitors", "Panel"]
+__all__ = ["Monitors", "Panel", "Result"]
 
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
+
+Result = tuple[str, tuple[float, float, float], Verdict, int | None]
+"""What a specification has become: its name, its robustness with the lower and the upper bound, its
+verdict, and the sample that made the verdict certain, or None."""
 
 
 class Panel:
@@ -421,15 +425,15 @@ class Panel:
             made[name]["progress"] = np.float64(progress)
         return made
 
-    def results(self) -> Iterator[tuple[str, tuple[float, float, float], Verdict, int | None]]:
-        """What every specification has become so far.
-
-        Gives its name, its robustness with the lower and the upper bound, its verdict, and the
-        sample that made the verdict certain, or None.
-        """
+    def results(self) -> list[Result]:
+        """What every specification has become so far."""
+        failed, found = self._failed, []
         for name, (_, judge) in self.monitors.items():
-            bounds = judge.robustness, judge.lower, self._upper(name, judge)
-            yield name, bounds, self._verdict(name, judge), self._decided.get(name)
+            by_end = name in failed
+            bounds = judge.robustness, judge.lower, -0.0 if by_end else judge.upper
+            verdict = Verdict.VIOLATED if by_end else judge.verdict
+            found.append((name, bounds, verdict, self._decided.get(name)))
+        return found
 
     def state(self) -> tuple[Any, ...]:
         """The state of the monitors, small and fit for pickle."""

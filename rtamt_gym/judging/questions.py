@@ -39,6 +39,11 @@ class Questions:
             for name, options in reading.of_monitors(specs).items()
         }
         self._any = any(map(bool, self._of.values()))
+        self._unasked = {
+            name: asked.evidence({}, verdict=Verdict.UNDECIDED)
+            for name, asked in self._of.items()
+            if not asked
+        }
 
     def __bool__(self) -> bool:
         return self._any
@@ -49,7 +54,7 @@ class Questions:
         n: int | None,
         end: AtTermination | End | None,
         verdicts: Mapping[str, Verdict],
-    ) -> dict[str, Evidence[Asked]]:
+    ) -> Mapping[str, Evidence[Asked]]:
         """What verdicts stand on, for each specification.
 
         Args:
@@ -59,6 +64,8 @@ class Questions:
             end: How the end of the run was read; None: it was stopped, and has none.
             verdicts: The verdict on each specification.
         """
+        if not self._any:
+            return self._unasked
         # Where an end is a failure, the samples are all there is.
         read: End = "complete" if end == "failure" else end or "open"
         return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -14,10 +14,8 @@ from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.panel import Panel
+from rtamt_gym.signals.signals import Read
 from rtamt_gym.simulation.record import Course, Floats
-
-if TYPE_CHECKING:
-    from rtamt_gym.simulation.systems import Environment
 
 __all__ = ["Recorder", "Tally"]
 
@@ -155,22 +153,35 @@ class Recorder:
 class Tally:
     """Feeds samples to the monitors, and keeps no more than it takes to undo half a sample.
 
-    Args:
+    It serves one run after the other.
+
+    Attributes:
         panel: The monitors.
+
+    Args:
+        panel: As above.
         variables: The names that the specifications read.
         keeps: Whether the samples are asked for at the end.
     """
 
     def __init__(self, panel: Panel, variables: Sequence[str], *, keeps: bool) -> None:
-        self._panel, self._variables = panel, variables
+        self.panel, self._variables = panel, variables
         self._feed = panel.feeder(variables)
         # One monitor takes a sample as a whole or not at all.
         alone = len(panel.monitors) == 1 and not keeps
         self._samples: list[Sequence[float]] | None = None if alone else []
+        self._reads: Sequence[Read] | None = None
+        self._feed_step: Feed
 
     def __len__(self) -> int:
         """The number of samples."""
-        return self._panel.samples if self._samples is None else len(self._samples)
+        return self.panel.samples if self._samples is None else len(self._samples)
+
+    def reset(self) -> None:
+        """Forgets the samples, for another run."""
+        self.panel.reset()
+        if self._samples is not None:
+            self._samples.clear()
 
     def take(self, values: Sequence[float]) -> None:
         """Feeds a sample."""
@@ -178,10 +189,13 @@ class Tally:
         if self._samples is not None:
             self._samples.append(tuple(values))
 
-    def feeder(self, system: Environment) -> Feed:
-        """The function that feeds a step of an environment."""
-        keep = None if self._samples is None else self._samples.append
-        return self._panel.feeder(self._variables, system.reads, keep=keep)
+    def feeder(self, reads: Sequence[Read]) -> Feed:
+        """The function that feeds a step of an environment, made anew for other reads alone."""
+        if reads is not self._reads:
+            keep = None if self._samples is None else self._samples.append
+            self._feed_step = self.panel.feeder(self._variables, reads, keep=keep)
+            self._reads = reads
+        return self._feed_step
 
     def columns(self) -> dict[str, Floats]:
         """The values of every variable, if samples are kept; else none."""
@@ -193,13 +207,13 @@ class Tally:
     def rewind(self) -> None:
         """Sets the monitors to the last sample that all of them have taken."""
         if self._samples is not None:
-            self._panel.reset()
+            self.panel.reset()
             for values in self._samples:
                 self._feed(values)
 
     def finish(self, end: AtTermination | End) -> None:
         """Ends the trace for the monitors."""
-        self._panel.finish(end)
+        self.panel.finish(end)
 
 
 def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:

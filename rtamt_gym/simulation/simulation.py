@@ -21,7 +21,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.panel import Result
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import (
@@ -33,9 +33,9 @@ from rtamt_gym.judging.specs import (
 )
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.mujoco.values import PanelValues
-from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
-from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.signals.signals import Read, SignalLike
 from rtamt_gym.simulation.crashes import carry, exited
 from rtamt_gym.simulation.kinds import as_system, driven, refuse_seed
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
@@ -55,17 +55,33 @@ class _Bound(NamedTuple):
 
     Attributes:
         system: The system.
+        reads: What reads the variables after a step of an environment, where each is a sample.
         judge: Its monitors; None of a `StepMonitor`, which has its own.
+        tallies: What has fed monitors of the judge in runs that are over, for further runs.
+        variables: The names that the specifications read.
         period: Seconds between samples.
         most: The number of steps after which a run is cut short, or None.
         questions: Counts how often a run puts the specifications to the test.
     """
 
     system: System
+    reads: Sequence[Read] | None
     judge: Judge | None
+    tallies: list[Tally]
+    variables: Sequence[str]
     period: Fraction | None
     most: int | None
     questions: Questions
+
+    def tally(self) -> Tally:
+        """What feeds the samples of a run that begins, to monitors that have none."""
+        if self.tallies:
+            tally = self.tallies.pop()
+            tally.reset()
+        else:
+            panel = cast("Judge", self.judge).begin()
+            tally = Tally(panel, self.variables, keeps=bool(self.questions))
+        return tally
 
 
 class Simulator:
@@ -124,7 +140,9 @@ class Simulator:
                 )
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
+        self._tallies: list[Tally] = []  # of the judge
         self._questions: Questions | None = None  # of a `StepMonitor`
+        self.of_environment = isinstance(self._plain, Environment)
         self._bound = self._bind(ran)
 
     def begin(
@@ -155,27 +173,32 @@ class Simulator:
         _check_stop(stop, above)
         if self.monitor is not None:
             _refuse_options({"above": above})
-        check_known("above", above or {}, self.specs)
+        if above is None:
+            above = {}
+        check_known("above", above, self.specs)
         bound, plain = self._bound, self._plain
-        if isinstance(plain, Environment):
+        system = bound.system
+        if self.of_environment:
             acting = self._policy if policy is None else policy
             if case:
-                bound = self._bind(driven(plain.again(acting, seed), case))
+                again = cast("Environment", plain).again(acting, seed)
+                bound = self._bind(driven(again, case))
+                system = bound.system
             else:
-                ran = cast("Environment", bound.system).again(acting, seed)
-                bound = bound._replace(system=ran)
+                system = cast("Environment", system).again(acting, seed)
         else:
             refuse_seed(seed, self._given)
             if case is not None:  # an empty one too: a model of MuJoCo begins anew with a copy
                 bound = self._bind(driven(plain, case))
-        return Simulation(
-            self, bound, self._case if case is None else case, seed, stop, above or {}, label, light
-        )
+                system = bound.system
+        case = self._case if case is None else case
+        return Simulation(self, bound, system, case, seed, stop, above, label, light)
 
     def of(self, system: System) -> Simulator:
         """A simulator of another system like this one, whose signals are bound already."""
         made = copy.copy(self)
         made.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
+        made.of_environment = isinstance(system, Environment)
         return made
 
     def _bind(self, ran: System) -> _Bound:
@@ -187,7 +210,8 @@ class Simulator:
             most = _most(self._duration, exact(ran.period or 1), ran)
             if self._questions is None:
                 self._questions = Questions(self.specs, self.monitor.reading)
-            return _Bound(ran, None, self.monitor.period, most, self._questions)
+            its = self.monitor.period, most, self._questions
+            return _Bound(ran, None, None, [], variables, *its)
         reading = self.reading
         if reading.period is None:
             reading = reading.having(period=ran.period)
@@ -200,9 +224,12 @@ class Simulator:
         judge = self._judge
         if judge is None or judge.reading.period != reading.period:
             judge = self._judge = Judge(self.specs, reading)
+            self._tallies = []
         most = _most(self._duration, judge.period, ran)
         ran.bind(judge.variables, self.signals, judge.period)
-        return _Bound(ran, judge, judge.period, most, judge.questions)
+        reads = ran.reads if isinstance(ran, Environment) and ran.plain else None
+        its = judge.period, most, judge.questions
+        return _Bound(ran, reads, judge, self._tallies, judge.variables, *its)
 
 
 class Simulation:
@@ -220,6 +247,7 @@ class Simulation:
         self,
         simulator: Simulator,
         bound: _Bound,
+        system: System,
         case: Case | None,
         seed: int | None,
         stop: Stop,
@@ -227,43 +255,26 @@ class Simulation:
         label: str,
         light: bool,  # noqa: FBT001 - `Simulator.begin` names it
     ) -> None:
-        ran, self._judge, period, self._most, questions = bound
-        monitor, reading = simulator.monitor, simulator.reading
-        panel = monitor.panel if monitor is not None else cast("Judge", self._judge).begin()
-        goes_on = monitor is not None and simulator.start is None
-        self._ends = _Ends(
-            reading.at_termination, reading.at_truncation, isinstance(ran, Environment), goes_on
-        )
-        self._system, self._panel, self._loaded = ran, panel, simulator.specs
-        self._questions = questions
-        self._stop, self._above = stop, above
-        variables = _variables(simulator.specs)
+        monitor, variables = simulator.monitor, bound.variables
+        self._simulator, self._bound, self._system = simulator, bound, system
+        self._case, self._seed, self._label = case, seed, label
+        self._stop, self._above, self._most = stop, above, bound.most
         signals = simulator.signals or {}
-        self._light = light and monitor is None and set(signals) <= set(variables)
-        self._record: Recorder | Tally = (
-            Tally(panel, variables, keeps=bool(self._questions))
-            if self._light
-            else Recorder(panel, variables, signals, reading.nan, fed=monitor is not None)
-        )
+        self._record: Recorder | Tally
+        if light and monitor is None and all(name in variables for name in signals):
+            self._record = tally = bound.tally()
+            self._panel = tally.panel
+        else:
+            judge, fed = bound.judge, monitor is not None
+            panel = self._panel = judge.begin() if judge else cast("StepMonitor", monitor).panel
+            self._record = Recorder(panel, variables, signals, simulator.reading.nan, fed=fed)
         self._ended: RunEnd = "error"
         self._steps = 0  # and one more once sample 0 was taken
         self._samples = 0  # once it is over
         self.over = False
-        self._outcomes: dict[str, Outcome] = {}
+        self._outcomes: Mapping[str, Outcome] = {}
         self._wall = 0.0
         self._begin = time.perf_counter()
-        limits = [steps for steps in (self._most, ran.limit) if steps is not None]
-        self._told: dict[str, Any] = {
-            "system": ran.name,
-            "period": period,
-            "view": reading.view,
-            "stop": stop,
-            "limit": min(limits, default=None),
-            "seed": seed,
-            "label": label,
-            "align": reading.align,
-            "case": case,
-        }
 
     def go(self) -> Run:
         """Runs the simulation until it is over."""
@@ -277,12 +288,12 @@ class Simulation:
         """Runs the simulation until it is over; what it came to is its run, or its trial."""
         try:
             self._step()
-            if self._light and isinstance(self._system, Environment) and self._system.plain:
-                self._play_on(self._system, cast("Tally", self._record))
+            if self._bound.reads is not None and isinstance(self._record, Tally):
+                self._play_on(cast("Environment", self._system), self._bound.reads)
             while not self.over:
                 self._step()
         except SystemExit as end:
-            error = exited(self._told["system"], end)
+            error = exited(self._system.name, end)
             self._fail(error)
             raise error from end
         except BaseException as error:
@@ -294,7 +305,7 @@ class Simulation:
         try:
             self._step()
         except SystemExit as end:
-            error = exited(self._told["system"], end)
+            error = exited(self._system.name, end)
             self._fail(error)
             raise error from end
         except BaseException as error:
@@ -312,12 +323,13 @@ class Simulation:
         reported = getattr(self._system, "reported", None)
         if self.run is not None:
             return replace(self.run.trial(case, error), reported=reported)
-        last, period = max(self._samples - 1, 0), self._told["period"]
-        reward = getattr(self._system, "reward", None) if self._outcomes else None
-        simulated = float(last * (period or 1)) if self._outcomes else 0.0
+        reward, simulated = None, 0.0
+        if self._outcomes:
+            reward = getattr(self._system, "reward", None)
+            simulated = float(Moment.of(self._samples - 1, self._bound.period).time or 0)
         return Trial(
             case,
-            self._told["seed"],
+            self._seed,
             self._outcomes,
             self._ended,
             simulated,
@@ -340,10 +352,10 @@ class Simulation:
         if why is not None:
             self._conclude(why)
 
-    def _play_on(self, system: Environment, tally: Tally) -> None:
+    def _play_on(self, system: Environment, reads: Sequence[Read]) -> None:
         """Runs an environment to its end or to a stop, without a call between step and monitors."""
-        most, feed = math.inf if self._most is None else self._most, tally.feeder(system)
-        known = self._stop == "known"
+        tally, known = cast("Tally", self._record), self._stop == "known"
+        most, feed = math.inf if self._most is None else self._most, tally.feeder(reads)
         while not self.over:
             last = self._steps - 1
             pause = min(most, (last // KNOWN_EVERY + 1) * KNOWN_EVERY) if known else most
@@ -373,55 +385,93 @@ class Simulation:
         return "duration" if self._steps == self._most else None
 
     def _conclude(self, why: RunEnd) -> None:
+        """Reads the end of the run, and closes it."""
         self._ended = why
-        _finish(self._record, self._panel, why, self._ends)
+        panel, end = self._panel, self._reading
+        unasked = (
+            why == "terminated"
+            and self._simulator.reading.at_termination is None
+            and self._simulator.of_environment
+        )
+        undecided, windows = (panel.undecided, panel.cut_windows()) if unasked else ([], ())
+        if end is not None:
+            self._record.finish(end)
+        if unasked:
+            told = assumed([name for name in undecided if panel.satisfies(name)], windows)
+            if told is not None:
+                warn_of_open_end(told[0], window=told[1])
         self._close()
+
+    @property
+    def _reading(self) -> AtTermination | End | None:
+        """How the end is read; None of a run that was stopped or goes on, which has none."""
+        simulator, ended = self._simulator, self._ended
+        goes_on = simulator.monitor is not None and simulator.start is None
+        if ended == "truncated" or (ended == "duration" and not goes_on):
+            return simulator.reading.at_truncation
+        return (simulator.reading.at_termination or "complete") if ended == "terminated" else None
 
     def _close(self) -> None:
         """Makes the run or the outcomes, if there is a sample, and closes the system."""
-        record, self.over = self._record, True
+        record, bound, self.over = self._record, self._bound, True
         try:
             if self._ended == "error":
                 record.rewind()
             self._samples = len(record)
             if isinstance(record, Tally):
-                self._outcomes = self._found(record) if len(record) else {}
+                self._outcomes = self._found(record) if self._samples else {}
                 self._wall = time.perf_counter() - self._begin
             else:
-                self.run = self._made(record) if len(record) else None
+                self.run = self._made(record) if self._samples else None
         finally:
             self._system.close()
-        if self._judge is not None:  # what came of it is copied, and an error has left it whole
-            self._judge.end(self._panel)
+        # What came of it is copied, and an error has left it whole.
+        if isinstance(record, Tally):
+            bound.tallies.append(record)
+        elif bound.judge is not None:
+            bound.judge.end(self._panel)
 
     def _found(self, record: Tally) -> dict[str, Outcome]:
         """What the specifications have become."""
-        stands_on, progress = self._stands_on(record), self._panel.progress
-        period = self._panel.period
+        results, period = self._panel.results(), self._bound.period
+        stands_on, progress = self._stands_on(record, results), self._panel.progress
         return {
             name: Outcome.at(bounds, verdict, decided, period, stands_on[name], progress.get(name))
-            for name, bounds, verdict, decided in self._panel.results()
+            for name, bounds, verdict, decided in results
         }
 
-    def _stands_on(self, record: Tally | Recorder) -> dict[str, Evidence[Asked]]:
+    def _stands_on(
+        self, record: Tally | Recorder, results: Sequence[Result]
+    ) -> Mapping[str, Evidence[Asked]]:
         """How often the samples of a whole run have put the specifications to the test."""
-        verdicts = {name: verdict for name, _, verdict, _ in self._panel.results()}
-        samples = record.columns() if self._questions else {}
-        end = _reading_of(self._ended, self._ends)
-        return self._questions.answers(samples, len(record), end, verdicts)
+        verdicts = {name: verdict for name, _, verdict, _ in results}
+        questions = self._bound.questions
+        samples = record.columns() if questions else {}
+        return questions.answers(samples, len(record), self._reading, verdicts)
 
     def _made(self, record: Recorder) -> Run:
+        simulator, bound, system = self._simulator, self._bound, self._system
         # One that goes on lacks the samples before it.
-        stands_on = {} if record.first_sample else self._stands_on(record)
+        results = self._panel.results()
+        stands_on = {} if record.first_sample else self._stands_on(record, results)
+        limits = [steps for steps in (self._most, system.limit) if steps is not None]
         return Run(
+            system=system.name,
             signals=record.signals(),
-            courses=record.courses(self._loaded, stands_on),
+            courses=record.courses(simulator.specs, stands_on),
             ended=self._ended,
             violated_by=self._panel.violated_by,
+            period=bound.period,
+            view=simulator.reading.view,
+            align=simulator.reading.align,
+            stop=self._stop,
+            limit=min(limits, default=None),
             wall_time=time.perf_counter() - self._begin,
             first_sample=record.first_sample,
-            reward=getattr(self._system, "reward", None),
-            **self._told,
+            reward=getattr(system, "reward", None),
+            case=self._case,
+            seed=self._seed,
+            label=self._label,
         )
 
     def _fail(self, error: BaseException) -> None:
@@ -445,35 +495,6 @@ def _loaded(specs: SpecsLike | None, system: object, name: str) -> dict[str, rta
             'write simulate(system, "always(x < 1)", ...)'
         )
     return load_specs(own if specs is None else specs, own)
-
-
-class _Ends(NamedTuple):
-    """How the end of a run is read, and whether the system is there to go on after it."""
-
-    at_termination: AtTermination | None
-    at_truncation: End
-    environment: bool
-    goes_on: bool
-
-
-def _reading_of(ended: RunEnd, ends: _Ends) -> AtTermination | End | None:
-    """How the end of a run is read; None of a run that was stopped or goes on, which has none."""
-    if ended == "truncated" or (ended == "duration" and not ends.goes_on):
-        return ends.at_truncation
-    return (ends.at_termination or "complete") if ended == "terminated" else None
-
-
-def _finish(record: Recorder | Tally, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
-    """Reads the end of a run; a run that was stopped has none."""
-    undecided, end = panel.undecided, _reading_of(ended, ends)
-    unasked = ended == "terminated" and ends.environment and ends.at_termination is None
-    windows = panel.cut_windows() if unasked else frozenset()
-    if end is not None:
-        record.finish(end)
-    if unasked:
-        told = assumed([name for name in undecided if panel.satisfies(name)], windows)
-        if told is not None:
-            warn_of_open_end(told[0], window=told[1])
 
 
 def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
 import itertools
 import math
@@ -163,12 +162,11 @@ class Environment(System):
             step = read_period(env)
             self.limit = round(self.limit * step / self.period) if step and self.period else None
         self._substeps = substeps
-        self._rest: deque[list[float]] = deque()
         self._env = env
         self._policy = policy
         self._seed = seed
         self._case = case
-        self._ends = ExitStack()
+        self._ends: ExitStack | None = None  # from a start on that changes something
 
     def driven(self, case: Case) -> Environment:
         """The environment with a case: options, attributes, and waveforms for its actions."""
@@ -222,9 +220,8 @@ class Environment(System):
 
     def again(self, policy: Policy | None, seed: int | None) -> Environment:
         """The environment for another run, with the signals that are bound."""
-        made = copy.copy(self)
-        made.__dict__ |= {"_policy": policy, "_seed": seed}
-        made.__dict__ |= {"_rest": deque(), "_ends": ExitStack()}
+        made = object.__new__(Environment)  # copy.copy() would take ten times as long
+        made.__dict__.update(self.__dict__, _policy=policy, _seed=seed)
         return made
 
     @property
@@ -249,7 +246,7 @@ class Environment(System):
             except SystemExit as end:
                 raise exited("the policy", end) from end
             obs, reward, terminated, truncated, info = step(action)
-            if watch is not None:
+            if watch is not None and watch.left:
                 watch.step()
             self.observation = obs
             try:
@@ -267,29 +264,39 @@ class Environment(System):
     def start(self) -> list[float]:
         self.ended = ""
         self.reward, self.reported = 0.0, None
-        self._rest.clear()
+        self._rest: deque[list[float]] = deque()
         self._end: SystemEnd = ""
         self._act: Policy = self._find_policy()
-        if self._monitor is not None:
-            self._tap = Tap(self._monitor.env)
-            self._ends.enter_context(self._monitor.tapped(self._tap))
-        self._seen = self._tap
-        if self._rescaler is not None:
-            inner = self._rescaler.env
-            self._seen = tapped(self._rescaler)
-            self._ends.callback(setattr, self._rescaler, "env", inner)
-        if self._case is None:
+        if self.plain and self._case is None:
             self.observation, info = self._env.reset(seed=self._seed)
         else:
-            self._ends.enter_context(self._case.attributes())
-            self.observation, info = self._env.reset(seed=self._seed, options=self._case.options)
-            self._case.check()
-        if self._watch is not None:
+            self._ends = ExitStack()
+            info = self._start(self._ends)
+        if self._watch is not None and self._watch.left:
             self._watch.begin()
         seen = self.observation, None, None, info
         if self._seen is not None:
             seen = self._seen.seen
         return [read(*seen) for read in self._reads_at_reset]
+
+    def _start(self, ends: ExitStack) -> dict[str, Any]:
+        """Resets an environment with a monitor, a case or what rescales; undone by ``ends``."""
+        if self._monitor is not None:
+            self._tap = Tap(self._monitor.env)
+            ends.enter_context(self._monitor.tapped(self._tap))
+        self._seen = self._tap
+        if self._rescaler is not None:
+            inner = self._rescaler.env
+            self._seen = tapped(self._rescaler)
+            ends.callback(setattr, self._rescaler, "env", inner)
+        case = self._case
+        if case is None:
+            self.observation, info = self._env.reset(seed=self._seed)
+        else:
+            ends.enter_context(case.attributes())
+            self.observation, info = self._env.reset(seed=self._seed, options=case.options)
+            case.check()
+        return info
 
     def advance(self) -> list[float]:
         if not self._rest:
@@ -332,10 +339,9 @@ class Environment(System):
 
     def _find_policy(self) -> Policy:
         """Who acts in an episode that begins now: the case, the policy or the baseline."""
-        baseline = baseline_of(self._env)
         if self._case is not None and self._case.drives:
-            return self._case.policy(self._policy, baseline, self._step_period)
-        policy = self._policy or baseline
+            return self._case.policy(self._policy, baseline_of(self._env), self._step_period)
+        policy = self._policy or baseline_of(self._env)
         if policy is None:
             raise InputError(
                 "an environment needs a policy, a function from observation to action; ",
@@ -347,7 +353,8 @@ class Environment(System):
 
     def close(self) -> None:
         """Leaves the environment open, for it belongs to the caller, with its own attributes."""
-        self._ends.close()
+        if self._ends is not None:
+            self._ends.close()
 
 
 def _reported(info: Mapping[str, Any]) -> bool | None:

@@ -14,6 +14,7 @@ import rtamt
 import rtamt_gym
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import Judge
+from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.simulation import simulation as simulations
 
@@ -204,6 +205,49 @@ def test_a_sweep_compiles_once(monkeypatch: pytest.MonkeyPatch) -> None:
     how: dict[str, Any] = {"episodes": 20, "keep": 0, "at_termination": "failure"}
     evaluate_policy(push, env, "always(x < 9)", {"x": "obs[0]"}, **how)
     assert len(made) == 2
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_episodes_after_each_other_are_fed_by_what_the_first_has_made(
+    monkeypatch: pytest.MonkeyPatch,
+    several: bool,  # noqa: FBT001
+) -> None:
+    specs = {"near": "always(abs(x) < 9)"} | ({"soon": "eventually(x > 9)"} if several else {})
+    env = gym.make("CartPole-v1")
+    made = []
+    feeder = Panel.feeder
+
+    def counted(panel: Panel, *arguments: Any, **how: Any) -> Any:  # noqa: ANN401
+        made.append(panel)
+        return feeder(panel, *arguments, **how)
+
+    monkeypatch.setattr(Panel, "feeder", counted)
+    for episodes in (1, 20):
+        made.clear()
+        how: dict[str, Any] = {"episodes": episodes, "keep": 0, "at_termination": "failure"}
+        evaluate_policy(push, env, specs, {"x": "obs[0]"}, **how)
+        assert len(made) == 2  # of the reset, and of steps
+        assert len(set(map(id, made))) == 1
+
+
+def test_an_episode_after_an_error_is_as_without_it() -> None:
+    class Breaks(gym.Wrapper[Any, Any, Any, Any]):
+        def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401
+            self.left = 5 if seed == 1 else 1000
+            return super().reset(seed=seed, options=options)
+
+        def step(self, action: Any) -> Any:  # noqa: ANN401
+            self.left -= 1
+            if self.left == 0:
+                raise RuntimeError("broken")
+            return super().step(action)
+
+    specs = {"near": "always(abs(x) < 0.05)", "soon": "eventually[0:0.2](v > 0.3)"}
+    signals = {"x": "obs[0]", "v": "obs[1]"}
+    runner = Runner(Breaks(gym.make("CartPole-v1")), specs, signals=signals, policy=push)
+    trials = dict(runner.run([{}] * 3, range(3)))
+    assert [bool(trials[i].error) for i in range(3)] == [False, True, False]
+    assert trials[2] == runner.simulate({}, 2).trial(trials[2].case)
 
 
 @pytest.mark.parametrize("several", [False, True])
