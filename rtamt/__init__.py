@@ -52,6 +52,7 @@ from rtamt.machines.backend import BACKEND
 from rtamt.machines.protocols import End
 from rtamt.monitors.asked import Asked, Evidence
 from rtamt.monitors.book import VerdictBook
+from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.dense_asked import DenseAsked
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor
@@ -86,6 +87,8 @@ __all__ = [
     "Between",
     "Check",
     "CheckedRequirement",
+    "ClockEvent",
+    "ClockKind",
     "DenseAsked",
     "DenseEpisodeMonitor",
     "DenseExplanation",
@@ -113,6 +116,8 @@ __all__ = [
     "Mutation",
     "Names",
     "NanPolicy",
+    "OperatorClock",
+    "OperatorClocks",
     "ParseError",
     "Period",
     "Publication",

@@ -16,12 +16,14 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
 from rtamt.machines.books import PYTHON_BOOKS, BookFunctions
+from rtamt.machines.clocks import OperatorClock, PythonClockBank
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.dense.signs import PythonDenseSigns
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
+    ClockBank,
     DenseEpisodeMachine,
     DenseMachine,
     DenseSigns,
@@ -68,6 +70,7 @@ class Factories:
         dense_signs: ``(program, reader, events, trace, end)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
+        clock_bank: ``(clocks, parts, num)``, as `rtamt.machines.clocks.PythonClockBank` takes them.
         clock: Counts times for a program.
         term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
@@ -84,6 +87,7 @@ class Factories:
     ]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
+    clock_bank: Callable[[Sequence[OperatorClock], int, int], ClockBank]
     clock: Callable[[DenseProgram], Clock]
     term_columns: FindTerms
     term_ranges: FindRanges
@@ -99,6 +103,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDenseSigns,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
+        PythonClockBank,
         Clock,
         term_columns,
         term_ranges,
@@ -126,6 +131,7 @@ else:
         native.dense_signs,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
+        native.ClockBank,
         native.NativeClock,
         native.term_columns,
         native.term_ranges,

@@ -43,6 +43,7 @@ from rtamt.program.program import Program
 
 __all__ = [
     "BOOKS",
+    "ClockBank",
     "are_own",
     "dense_episode_machine",
     "dense_episode_on_regions",
@@ -95,6 +96,9 @@ def dense_machine(
 ) -> _native.DenseMachine:
     declared = declared_of(program.program).before
     return _native.DenseMachine(*encoded_dense(program), declared, observed, reader)
+
+
+ClockBank = _native.ClockBank
 
 
 class _Regions(StateFields):

@@ -11,6 +11,7 @@ definition: where the two differ, the C++ machine is wrong.
 `DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.signs`
 `DiscreteBank`       many discrete machines in lockstep: `rtamt.machines.bank`
 `EpisodeBank`        many episode machines in lockstep: `rtamt.machines.bank`
+`ClockBank`          clocks of temporal operators in lockstep: `rtamt.machines.clocks`
 ===================  ========================================================================
 """
 
@@ -29,6 +30,7 @@ from rtamt.program.implications import Counted, InstantRuns
 
 __all__ = [
     "Bank",
+    "ClockBank",
     "DenseEpisodeMachine",
     "DenseMachine",
     "DenseSigns",
@@ -244,6 +246,29 @@ class Bank(Stateful, Protocol):
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes that the mask chooses."""
+
+
+class ClockBank(Protocol):
+    """Clocks of temporal operators over the same parts, in lanes that have a time of their own.
+
+    Attributes:
+        samples: The number of samples of every lane since its reset.
+        fractions: A row for each clock: from 0 to 1 in every lane.
+        margins: A row for each operand of each clock: its newest known value, 0 before it.
+    """
+
+    @property
+    def samples(self) -> NDArray[np.int64]: ...
+    @property
+    def fractions(self) -> Floats: ...
+    @property
+    def margins(self) -> Floats: ...
+    def feed(self, values: Floats, mask: NDArray[np.bool_] | None = None) -> None:
+        """Take in a sample in the lanes of the mask: a contiguous row of each part."""
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...
+    def state(self) -> MachineState: ...
+    def restore(self, state: MachineState) -> None: ...
 
 
 class DiscreteBank(Bank, Protocol):

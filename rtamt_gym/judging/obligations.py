@@ -26,7 +26,7 @@ pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | jus
 | ``"last"`` | the past: ``once``, ``since``, ``historically``, ``prev``, ``rise``, ``fall`` | \
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
-`rtamt_gym.judging.clocks` says how each is computed.
+`rtamt.OperatorClocks` says how each is counted.
 """
 
 from __future__ import annotations
@@ -35,16 +35,13 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import rtamt
-from rtamt import Formula
+from rtamt import ClockKind, Formula
 from rtamt_gym.judging.reading import Reading
 
-__all__ = ["ClockKind", "Instants", "Obligation", "bare", "obligations_of"]
-
-ClockKind = Literal["oldest", "newest", "last"]
-"""What a clock counts from."""
+__all__ = ["Instants", "Obligation", "bare", "obligations_of"]
 
 _PAST = {"once", "historically", "since", "prev", "s_prev", "rise", "fall"}
 _FUTURE = {"eventually", "always", "until", "unless", "next", "s_next"}

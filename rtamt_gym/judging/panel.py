@@ -13,6 +13,7 @@ import numpy as np
 import rtamt
 from rtamt import End, EpisodeMonitor, InputError, JointFeed, Verdict, holds
 from rtamt.errors import Argument
+from rtamt_gym.judging.clocks import SingleObligations
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.feeding import Assessment, Feed, Take, joint_read, one_by_one
@@ -22,7 +23,6 @@ from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monit
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, together
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.judging.single_clocks import SingleObligations
 from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least

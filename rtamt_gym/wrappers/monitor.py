@@ -119,7 +119,7 @@ class StlMonitor(
     operator below the top, a clock from 0 to 1 and the margin of each operand, its newest known
     robustness: the clock says how old the oldest unanswered request is, how long a
     goal has been held, how much of a duty is left, or how long ago an event was, as a fraction of
-    the window. :attr:`observed` lists the numbers, :mod:`rtamt_gym.judging.clocks` defines them. A
+    the window. :attr:`observed` lists the numbers, :class:`rtamt.OperatorClocks` defines them. A
     ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     Attributes:

@@ -220,6 +220,7 @@ void bind_dense(nb::module_& m);
 void bind_dense_episode(nb::module_& m);
 void bind_banks(nb::module_& m);
 void bind_books(nb::module_& m);
+void bind_clocks(nb::module_& m);
 void bind_ranges(nb::module_& m);
 void bind_regions(nb::module_& m);
 void bind_signs(nb::module_& m);

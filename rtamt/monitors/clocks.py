@@ -1,0 +1,145 @@
+"""`OperatorClocks`: how old what temporal operators owe is, in many lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.errors import InputError
+from rtamt.inputs.arrays import Floats
+from rtamt.inputs.lanes import Lanes
+from rtamt.machines.backend import BACKENDS, Backend, choose
+from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
+
+__all__ = ["ClockEvent", "ClockKind", "OperatorClock", "OperatorClocks"]
+
+
+class OperatorClocks:
+    """Counts clocks of temporal operators, and keeps the newest values of their operands.
+
+    What is fed are the values of parts, such as `VectorMonitor` gives: robustness, late by the
+    latency of the part, and nan as long as it is not known. The newest value of an operand that
+    fits the others is then L samples old, the ``late`` of its clock. An operator with the window
+    [a, b] asks of such values what one with the window [a + L, b + L] asks of values that are known
+    at once: these are ``begin`` and ``end`` of its clock, and a and b below. Let t be the newest
+    sample, and s an instant at which the operator is asked.
+
+    * ``"oldest"`` of ``eventually[a:b] q``: an instant s is met once q has held in s + a to s + b,
+      and pending until then. The clock counts the instants from the oldest pending one to t, both
+      included, as a fraction of b + 1. It is 0 if none is pending, and 1 at the sample at which the
+      oldest is overdue; it stays there until q holds.
+    * ``"oldest"`` of ``always[a:b] p``: the same with p failing instead of q holding. The clock is
+      1 once p has held throughout the window of an instant.
+    * ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, that is overdue at
+      once: the clock is 1 at this sample, and counts later instants from there on. For ``p
+      unless[a:b] q``: if p fails, nothing is pending any more, and q at its time makes the clock 1.
+    * ``"newest"``: how much of its window the newest instant still has, ``(b - (t - s)) / b``. For
+      ``until`` it falls to 0 where p fails, for ``unless`` where q holds.
+    * ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, or
+      the operand of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if
+      that is longer ago or has not happened. For ``since`` it is 1 too if p has failed after q.
+
+    A window without an end has no such fraction. Its clock is 0 if nothing is pending, 1/2
+    (``until``, ``eventually``, ``unless`` and ``always`` that are counted from the oldest) or 1
+    while something is, if a = 0; with an a > 0 it grows to there over the first samples. For
+    ``once`` and its kin it is 0 once the operand has held, else 1. An operator that is asked at the
+    first instant alone keeps a clock of 1.
+
+    A lane that takes no sample stays as it is, and so each has a time of its own. Objects can be
+    copied and pickled in the middle of a trace.
+
+    Args:
+        clocks: The clocks.
+        parts: How many parts are fed.
+        num: The number of lanes.
+        backend: As for `Monitor`.
+
+    Raises:
+        InputError: If a clock has another part, or the back-end is unknown or not built.
+
+    Example:
+        >>> answer = OperatorClock("oldest", "holds", 0, 3, 0, operands=((0, 0),))
+        >>> clocks = OperatorClocks([answer], parts=1, num=2)
+        >>> for gnt in ([-1, -1], [-1, 5], [-1, 2]):
+        ...     clocks.feed([gnt])
+        >>> clocks.fractions, clocks.margins
+        (array([[0.75, 0.  ]]), array([[-1.,  2.]]))
+    """
+
+    def __init__(
+        self, clocks: Sequence[OperatorClock], parts: int, num: int, backend: Backend = "auto"
+    ) -> None:
+        self._clocks, self._shape, self._backend = tuple(clocks), (parts, num), backend
+        for clock in self._clocks:
+            read = [part for part, _ in clock.operands]
+            for part in read if clock.asked is None else [*read, clock.asked]:
+                if not 0 <= part < parts:
+                    raise InputError(
+                        f"expected clocks of the parts 0 to {parts - 1}, got one of {part}"
+                    )
+        self._bank = BACKENDS[choose(backend)].clock_bank(self._clocks, parts, num)
+
+    def feed(self, values: ArrayLike, mask: Lanes | None = None) -> None:
+        """Take in a sample in the lanes that the mask chooses; None: in all.
+
+        Args:
+            values: The newest value of each part in each lane, of shape (parts, num).
+            mask: A boolean for each lane.
+
+        Raises:
+            InputError: On values or a mask of another shape.
+        """
+        table = np.ascontiguousarray(values, dtype=np.float64)
+        if table.shape != self._shape:
+            raise InputError(
+                f"expected values of the shape {self._shape}, a row for each part, "
+                f"got {table.shape}"
+            )
+        self._bank.feed(table, None if mask is None else self._mask(mask))
+
+    def reset(self, mask: Lanes | None = None) -> None:
+        """Forget every sample of the lanes that the mask chooses; None: of all.
+
+        Raises:
+            InputError: On a mask of another shape.
+        """
+        self._bank.reset(None if mask is None else self._mask(mask))
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """The number of samples of every lane since its reset; a fresh array."""
+        return self._bank.samples
+
+    @property
+    def fractions(self) -> Floats:
+        """A row for each clock: from 0 to 1 in every lane; a fresh array."""
+        return self._bank.fractions
+
+    @property
+    def margins(self) -> Floats:
+        """A row for each operand of each clock: its newest value, 0 before it; a fresh array."""
+        return self._bank.margins
+
+    def _mask(self, mask: Lanes) -> Lanes:
+        chosen: Lanes = np.ascontiguousarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != self._shape[1:]:
+            raise InputError(
+                f"expected a mask of {self._shape[1]} booleans, one for each lane, "
+                f"got {chosen.dtype} of the shape {chosen.shape}"
+            )
+        return chosen
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], object]:
+        make = partial(type(self), backend=self._backend)
+        return make, (self._clocks, *self._shape), self._bank.state()
+
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each bank has its own
+        self._bank.restore(state)
+
+    def __repr__(self) -> str:
+        parts, num = self._shape
+        return f"<OperatorClocks: {len(self._clocks)} over {parts} parts in {num} lanes>"

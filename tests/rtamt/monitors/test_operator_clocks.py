@@ -1,0 +1,155 @@
+"""Clocks of temporal operators: those in C++ are those of the definition, in every lane."""
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from bits import bits
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import OperatorClock, OperatorClocks
+from rtamt.machines.backend import BACKENDS
+
+NUM, PARTS = 3, 3
+VALUES = [-2.0, -0.0, 0.0, 1.0, np.inf, -np.inf]
+
+EVENTS = {
+    "oldest": ["holds", "fails", "until", "unless"],
+    "newest": ["holds", "until", "unless"],
+    "last": ["holds", "fails", "since"],
+}
+
+
+@st.composite
+def clock(draw: Any) -> OperatorClock:  # noqa: ANN401
+    kind: Any = draw(st.sampled_from(list(EVENTS)))
+    event = draw(st.sampled_from(EVENTS[kind]))
+    late = draw(st.integers(0, 3))
+    begin = late + draw(st.integers(0, 3))
+    waits = st.integers(0, late)
+    count = 1 if event in {"holds", "fails"} else 2
+    return OperatorClock(
+        kind,
+        event,
+        begin,
+        draw(st.none() | st.integers(begin, begin + 4)),
+        late,
+        tuple((draw(st.integers(0, PARTS - 1)), draw(waits)) for _ in range(count)),
+        draw(st.none() | st.integers(0, PARTS - 1)),
+        draw(st.booleans()),
+    )
+
+
+def same(one: OperatorClocks, two: OperatorClocks) -> bool:
+    shown = [(each.fractions, each.margins, each.samples) for each in (one, two)]
+    return all(
+        a.shape == b.shape and bits(a.ravel().tolist()) == bits(b.ravel().tolist())
+        for a, b in zip(*shown, strict=True)
+    )
+
+
+@given(clocks=st.lists(clock(), min_size=1, max_size=4), seed=st.integers(0, 10**6))
+def test_all_back_ends_count_as_the_definition(clocks: list[OperatorClock], seed: int) -> None:
+    """Also lanes that are not fed or reset, and what goes on from a copy of the state."""
+    rng = np.random.default_rng(seed)
+    made = [OperatorClocks(clocks, PARTS, NUM, backend=name) for name in BACKENDS]
+    for step in range(14):
+        if step == 7:
+            made = [pickle.loads(pickle.dumps(each)) for each in made]
+        values, left, fed = rng.choice(VALUES, (PARTS, NUM)), rng.random(NUM), rng.random(NUM) < 0.8
+        for each in made:
+            each.reset(left < 0.1)
+            each.feed(values, None if fed.all() else fed)
+        assert all(same(made[0], each) for each in made)
+
+
+@given(clocks=st.lists(clock(), min_size=1, max_size=3), seed=st.integers(0, 10**6))
+def test_a_reset_forgets_everything(clocks: list[OperatorClock], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    used, new = (OperatorClocks(clocks, PARTS, NUM) for _ in range(2))
+    for _ in range(6):
+        used.feed(rng.choice(VALUES, (PARTS, NUM)))
+    used.reset()
+    assert same(used, new)
+    values = rng.choice(VALUES, (5, PARTS, NUM))
+    for row in values:
+        used.feed(row)
+        new.feed(row)
+        assert same(used, new)
+
+
+def test_what_is_not_known_yet_neither_holds_nor_fails() -> None:
+    for event in ("holds", "fails"):
+        clocks = OperatorClocks([OperatorClock("oldest", event, 0, 3, 0, ((0, 0),))], 1, 1)
+        clocks.feed([[np.nan]])
+        clocks.feed([[np.nan]])
+        assert clocks.fractions.tolist() == [[0.5]]
+        assert clocks.margins.tolist() == [[0.0]]
+
+
+ONE = OperatorClock("oldest", "holds", 0, 3, 0, ((0, 0),))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_copies_go_on_by_themselves(backend: Any) -> None:  # noqa: ANN401
+    clocks = OperatorClocks([ONE], 1, 2, backend)
+    clocks.feed([[-1, -1]])
+    other = copy.deepcopy(clocks)
+    other.feed([[-1, 1]])
+    assert clocks.fractions.tolist() == [[0.25, 0.25]]
+    assert other.fractions.tolist() == [[0.5, 0.0]]
+    assert repr(other) == "<OperatorClocks: 1 over 1 parts in 2 lanes>"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (
+            lambda clocks: clocks.feed([[1, 2, 3]]),
+            "expected values of the shape (1, 2), a row for each part, got (1, 3)",
+        ),
+        (
+            lambda clocks: clocks.feed([[1, 2]], np.array([1, 0])),
+            "expected a mask of 2 booleans, one for each lane, got int64 of the shape (2,)",
+        ),
+        (
+            lambda clocks: clocks.reset(np.array([True])),
+            "expected a mask of 2 booleans, one for each lane, got bool of the shape (1,)",
+        ),
+        (
+            lambda _: OperatorClocks([ONE, ONE._replace(asked=1)], 1, 2),
+            "expected clocks of the parts 0 to 0, got one of 1",
+        ),
+    ],
+)
+def test_mistakes_are_told(backend: Any, ask: Any, message: str) -> None:  # noqa: ANN401
+    clocks = OperatorClocks([ONE], 1, 2, backend)
+    with pytest.raises(rtamt.InputError) as raised:
+        ask(clocks)
+    assert str(raised.value) == message
+
+
+def test_states_of_other_clocks_and_damaged_ones_change_nothing() -> None:
+    bank = BACKENDS["native"].clock_bank if "native" in BACKENDS else None
+    if bank is None:  # the states of Python machines are lists of fields
+        return
+    used = bank([ONE], 1, 2)
+    used.feed(np.array([[-1.0, -1.0]]))
+    state, shown = used.state(), used.fractions.tolist()
+    far = np.int64(2**40).tobytes()
+    damaged = [
+        state[:-1],
+        state + b"0",
+        b"",
+        bank([ONE], 1, 3).state(),
+        state[:24] + far + state[32:],
+    ]
+    for each in damaged:
+        with pytest.raises(ValueError, match="expected a"):
+            used.restore(each)
+        assert used.fractions.tolist() == shown
