@@ -14,6 +14,26 @@ constexpr std::int64_t kNever = kMaxSamples;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
+// The row of a ring for a number of samples. Lanes have mostly as many as the lane before, and a
+// division would take most of the time of a step.
+class RingRow {
+public:
+    explicit RingRow(std::size_t rows) : rows_(rows) {}
+
+    std::size_t operator()(std::int64_t samples) {
+        if (samples != samples_) {
+            samples_ = samples;
+            row_ = static_cast<std::size_t>(samples) % rows_;
+        }
+        return row_;
+    }
+
+private:
+    std::size_t rows_;
+    std::size_t row_ = 0;
+    std::int64_t samples_ = 0;
+};
+
 }  // namespace
 
 LaneClock::LaneClock(ClockRow row, std::size_t num)
@@ -64,32 +84,44 @@ void LaneClock::feed(const Lanes& lanes, const std::int64_t* samples,
         const double* newest = parts + its.part * num_;
         double* value = operands_[o].value.data();
         double* waiting = operands_[o].waiting.data();
+        RingRow row(its.waits);
         for (std::size_t i = 0; i < lanes.count(); ++i) {
             const std::size_t lane = lanes[i];
             value[lane] = newest[lane];
-            if (its.waits > 0)
-                std::swap(value[lane],
-                          waiting[static_cast<std::size_t>(samples[lane]) % its.waits * num_ + lane]);
+            if (its.waits > 0) std::swap(value[lane], waiting[row(samples[lane]) * num_ + lane]);
         }
     }
-    for (std::size_t i = 0; i < lanes.count(); ++i) {
-        const std::size_t lane = lanes[i];
-        switch (row_.kind) {
-            case ClockRow::Kind::oldest: step_oldest(lane, samples[lane], parts); break;
-            case ClockRow::Kind::newest: step_newest(lane, samples[lane], parts); break;
-            case ClockRow::Kind::last: step_last(lane, samples[lane]); break;
-        }
+    const auto each = [&](auto step) {
+        for (std::size_t i = 0; i < lanes.count(); ++i) step(std::size_t{lanes[i]});
+    };
+    switch (row_.kind) {
+        case ClockRow::Kind::oldest:
+            if (depth_ > 0)
+                each([&, row = RingRow(depth_)](std::size_t lane) mutable {
+                    recent_[row(samples[lane]) * num_ + lane] =
+                        is_asked(lane, samples[lane], parts);
+                });
+            each([&](std::size_t lane) { step_oldest(lane, samples[lane], parts); });
+            break;
+        case ClockRow::Kind::newest:
+            each([&](std::size_t lane) { step_newest(lane, samples[lane], parts); });
+            break;
+        case ClockRow::Kind::last:
+            each([&](std::size_t lane) { step_last(lane, samples[lane]); });
+            break;
     }
 }
 
+// What operands do is random to a processor: the steps choose between numbers, without branches.
+
 bool LaneClock::holds(std::size_t operand, std::size_t lane) const {
     const double value = operands_[operand].value[lane];
-    return value >= 0.0 && !negative(value);  // false of nan
+    return !negative(value) & (value == value);  // false of nan
 }
 
 bool LaneClock::fails(std::size_t operand, std::size_t lane) const {
     const double value = operands_[operand].value[lane];
-    return value <= 0.0 && negative(value);
+    return negative(value) & (value == value);
 }
 
 bool LaneClock::is_asked(std::size_t lane, std::int64_t samples,
@@ -100,12 +132,8 @@ bool LaneClock::is_asked(std::size_t lane, std::int64_t samples,
 
 void LaneClock::step_oldest(std::size_t lane, std::int64_t samples, const double* parts) {
     const std::int64_t before = count_[lane];
-    std::int64_t count = std::min(before + 1, most_);
-    if (!row_.every()) {
-        const bool asked = is_asked(lane, samples, parts);
-        if (before == 0) count = asked;
-        if (depth_ > 0) recent_[static_cast<std::size_t>(samples) % depth_ * num_ + lane] = asked;
-    }
+    const bool asked = is_asked(lane, samples, parts);
+    const std::int64_t count = before > 0 ? std::min(before + 1, most_) : std::int64_t{asked};
     Counts found{};
     if (operands_.size() == 1) {
         const bool event = row_.event == ClockRow::Event::fails ? fails(0, lane) : holds(0, lane);
@@ -124,16 +152,16 @@ LaneClock::Counts LaneClock::of_two(std::size_t lane, std::int64_t samples,
     const bool reached = holds(1, lane);
     const bool until = row_.event == ClockRow::Event::until;
     if (until) count = ended(reached, row_.begin, lane, samples, count);
-    const bool done = until ? failed && count > row_.late : reached && count > row_.begin;
+    const bool done = until ? failed & (count > row_.late) : reached & (count > row_.begin);
     const std::int64_t left = ended(failed, row_.late, lane, samples, count);
     return {done && row_.first ? full_ : left, done ? full_ : until ? count : left};
 }
 
 std::int64_t LaneClock::ended(bool event, std::int64_t last, std::size_t lane,
                               std::int64_t samples, std::int64_t count) const {
-    if (!event || count <= last) return count;
-    if (last == 0 || row_.first) return 0;
-    if (row_.asked < 0) return last;
+    const bool over = event & (count > last);
+    if (row_.asked < 0 || row_.first || last == 0) return over ? (row_.first ? 0 : last) : count;
+    if (!over) return count;
     for (std::int64_t left = last; left > 0; --left) {  // the oldest first
         const std::size_t at = static_cast<std::size_t>(samples) + depth_ + 1;
         if (recent_[(at - static_cast<std::size_t>(left)) % depth_ * num_ + lane]) return left;
@@ -142,23 +170,22 @@ std::int64_t LaneClock::ended(bool event, std::int64_t last, std::size_t lane,
 }
 
 void LaneClock::step_newest(std::size_t lane, std::int64_t samples, const double* parts) {
-    std::int64_t age = std::min(count_[lane] + 1, kNever);
-    if (is_asked(lane, samples, parts)) age = 0;
-    if ((row_.event == ClockRow::Event::until && fails(0, lane) && age >= row_.late) ||
-        (row_.event == ClockRow::Event::unless && holds(1, lane) && age >= row_.begin))
-        age = kNever;
-    count_[lane] = age;
+    const std::int64_t older = std::min(count_[lane] + 1, kNever);
+    const std::int64_t age = is_asked(lane, samples, parts) ? 0 : older;
+    bool over = false;
+    if (row_.event == ClockRow::Event::until) over = fails(0, lane) & (age >= row_.late);
+    if (row_.event == ClockRow::Event::unless) over = holds(1, lane) & (age >= row_.begin);
+    count_[lane] = over ? kNever : age;
 }
 
 void LaneClock::step_last(std::size_t lane, std::int64_t samples) {
     const std::size_t operand = operands_.size() - 1;
-    std::int64_t& count = count_[lane];
-    if (row_.event == ClockRow::Event::fails ? fails(operand, lane) : holds(operand, lane))
-        count = 0;
-    else if (samples < row_.late || (row_.event == ClockRow::Event::since && fails(0, lane)))
-        count = full_;
-    else if (row_.end >= 0)
-        count = std::min(count + 1, full_);
+    const bool event =
+        row_.event == ClockRow::Event::fails ? fails(operand, lane) : holds(operand, lane);
+    bool gone = samples < row_.late;
+    if (row_.event == ClockRow::Event::since) gone |= fails(0, lane);
+    const std::int64_t count = count_[lane] + (row_.end >= 0 ? 1 : 0);
+    count_[lane] = event ? 0 : gone ? full_ : std::min(count, full_);
 }
 
 void LaneClock::write_fractions(double* out) const {

@@ -28,8 +28,6 @@ struct ClockRow {
     std::vector<Operand> operands;
     std::int64_t asked;  // a part; -1 if it is asked everywhere, or at the first instant
     bool first;
-
-    bool every() const { return asked < 0 && !first; }
 };
 
 // One clock; its arrays have an element for every lane.
