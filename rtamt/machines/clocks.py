@@ -10,7 +10,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from math import copysign
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +127,7 @@ class _Clock(StateFields):
         values: The newest values of its operands that fit each other; nan while there is none.
     """
 
-    STATE = ("values", "_count", "_waiting")
+    STATE: ClassVar[tuple[str, ...]] = ("values", "_count", "_waiting")
 
     def __init__(self, row: OperatorClock) -> None:
         self._row = row

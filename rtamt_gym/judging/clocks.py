@@ -64,7 +64,7 @@ class _Obligations(Generic[_M]):
             for part in each.parts
         }
         options = options_of_parts(judged, list(parts.values()), reading)
-        self._monitors = [
+        self._monitors: list[_M] = [
             make(spec, **option) for spec, option in zip(parts.values(), options, strict=True)
         ]
         places = {key: place for place, key in enumerate(parts)}

@@ -34,4 +34,10 @@ def measure(setting: Setting) -> Iterator[Table]:
     yield table
 
 
-WHO = {"one": "1 spec", "four": "4 specs", "gymnasium": "gymnasium"}
+WHO = {
+    "one": "1 spec",
+    "four": "4 specs",
+    "state": "their state",
+    "obligations": "obligations too",
+    "gymnasium": "gymnasium",
+}

@@ -42,12 +42,12 @@ def actions(num: int, *, ends: bool) -> list[Any]:
     return chosen
 
 
-def monitored(env: Any, count: int) -> Any:  # noqa: ANN401
+def monitored(env: Any, count: int, **options: Any) -> Any:  # noqa: ANN401
     import rtamt_gym
 
     specs = dict(list(SPECS.items())[:count])
     read = {name: at for name, at in SIGNALS.items() if any(name in s for s in specs.values())}
-    return rtamt_gym.VectorStlMonitor(env, specs, read, period=1)
+    return rtamt_gym.VectorStlMonitor(env, specs, read, period=1, **options)
 
 
 WRAPPED: dict[str, Callable[[Any], Any]] = {
@@ -55,6 +55,8 @@ WRAPPED: dict[str, Callable[[Any], Any]] = {
     "gymnasium": RecordEpisodeStatistics,
     "one": lambda env: monitored(env, 1),
     "four": lambda env: monitored(env, 4),
+    "state": lambda env: monitored(env, 4, observe="state"),
+    "obligations": lambda env: monitored(env, 4, observe="obligations"),
 }
 
 
