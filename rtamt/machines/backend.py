@@ -131,7 +131,7 @@ else:
         native.dense_signs,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
-        native.ClockBank,
+        native.clock_bank,
         native.NativeClock,
         native.term_columns,
         native.term_ranges,

@@ -18,6 +18,7 @@ from rtamt.inputs.events import Given
 from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
+from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import everywhere
@@ -43,8 +44,8 @@ from rtamt.program.program import Program
 
 __all__ = [
     "BOOKS",
-    "ClockBank",
     "are_own",
+    "clock_bank",
     "dense_episode_machine",
     "dense_episode_on_regions",
     "dense_machine",
@@ -96,9 +97,6 @@ def dense_machine(
 ) -> _native.DenseMachine:
     declared = declared_of(program.program).before
     return _native.DenseMachine(*encoded_dense(program), declared, observed, reader)
-
-
-ClockBank = _native.ClockBank
 
 
 class _Regions(StateFields):
@@ -193,6 +191,10 @@ def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.Dis
 
 def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
     return _native.EpisodeBank(*encoded_episode(program), num, reader)
+
+
+def clock_bank(clocks: Sequence[OperatorClock], parts: int, num: int) -> _native.ClockBank:
+    return _native.ClockBank(clocks, parts, num)
 
 
 def term_columns(

@@ -29,12 +29,12 @@ from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
 from rtamt_gym.signals.slots import MovingRead
 
-__all__ = ["Monitors", "Panel", "Result"]
+__all__ = ["Monitors", "Panel", "PanelResult"]
 
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
-Result = tuple[str, tuple[float, float, float], Verdict, int | None]
+PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None]
 """What a specification has become: its name, its robustness with the lower and the upper bound, its
 verdict, and the sample that made the verdict certain, or None."""
 
@@ -425,7 +425,7 @@ class Panel:
             made[name]["progress"] = np.float64(progress)
         return made
 
-    def results(self) -> list[Result]:
+    def results(self) -> list[PanelResult]:
         """What every specification has become so far."""
         failed, found = self._failed, []
         for name, (_, judge) in self.monitors.items():

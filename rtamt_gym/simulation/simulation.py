@@ -21,7 +21,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
-from rtamt_gym.judging.panel import Result
+from rtamt_gym.judging.panel import PanelResult
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import (
@@ -441,7 +441,7 @@ class Simulation:
         }
 
     def _stands_on(
-        self, record: Tally | Recorder, results: Sequence[Result]
+        self, record: Tally | Recorder, results: Sequence[PanelResult]
     ) -> Mapping[str, Evidence[Asked]]:
         """How often the samples of a whole run have put the specifications to the test."""
         verdicts = {name: verdict for name, _, verdict, _ in results}
