@@ -158,6 +158,8 @@ class SingleObligations(_Obligations[Monitor]):
             for monitor in self._monitors
         ]
         take = self._clocks.feed
+        if not parts:
+            return lambda _: None
 
         def feed(values: Sequence[float]) -> None:
             take(

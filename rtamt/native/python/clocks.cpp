@@ -63,9 +63,9 @@ const std::uint8_t* mask_of(const ClocksObject& object, nb::handle mask) {
 void feed(ClocksObject& object, nb::handle values, nb::handle mask) {
     require_idle(object);
     ClockBank& bank = object.machine;
-    const void* parts =
-        Numpy::instance().elements<double>(values.ptr(), bank.parts() * bank.num());
-    if (parts == nullptr) throw nb::value_error("expected a contiguous row of each part");
+    const std::size_t n = bank.parts() * bank.num();
+    const void* parts = Numpy::instance().elements<double>(values.ptr(), n);
+    if (parts == nullptr && n > 0) throw nb::value_error("expected a contiguous row of each part");
     bank.feed(static_cast<const double*>(parts), mask_of(object, mask));
 }
 

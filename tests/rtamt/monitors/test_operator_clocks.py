@@ -91,6 +91,14 @@ def test_what_is_not_known_yet_neither_holds_nor_fails() -> None:
         assert clocks.margins.tolist() == [[0.0]]
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_without_clocks_samples_are_counted(backend: Any) -> None:  # noqa: ANN401
+    clocks = OperatorClocks([], 0, 2, backend)
+    clocks.feed(np.empty((0, 2)), np.array([True, False]))
+    assert (clocks.fractions.shape, clocks.margins.shape) == ((0, 2), (0, 2))
+    assert clocks.samples.tolist() == [1, 0]
+
+
 ONE = OperatorClock("oldest", "holds", 0, 3, 0, ((0, 0),))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from rtamt.language.parser import as_specification
+from rtamt.machines.clocks import OperatorClock
 from rtamt.program.dense_lowering import NANOSECOND, compile_dense
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.encoding import encoded_regions
@@ -40,7 +41,13 @@ MAKERS: dict[str, Maker] = {
     ),
     "DiscreteBank": lambda text, reader: native.discrete_bank(program(text), 3, reader),
     "EpisodeBank": lambda text, reader: native.episode_bank(program(text), 3, reader),
+    "ClockBank": lambda text, _: native.clock_bank(
+        [OperatorClock("oldest", "holds", 0, len(text), 0, ((0, 0),))], 1, 3
+    ),
 }
+CALLS: dict[str, tuple[Any, ...]] = {"DenseRegions": ("advance", [], 0), "ClockBank": ("feed", [])}
+"""What takes in a sample, where that is not ``update(number)``."""
+
 TEXT = "always[0:3](x > 1)"
 FOREIGN = (
     "^expected a state that a native machine with this program gave; "
@@ -68,8 +75,9 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
     for method in ("state", "reset"):
         with pytest.raises(TypeError):
             getattr(unmade, method)()
+    method, *arguments = CALLS.get(name, ("update", 1.0))
     with pytest.raises(TypeError):
-        unmade.advance([], 0) if name == "DenseRegions" else unmade.update(1.0)
+        getattr(unmade, method)(*arguments)
     del unmade
     gc.collect()
 
