@@ -23,9 +23,9 @@ from rtamt_gym.judging.specs import SpecsLike, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
+from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
-    EpisodeMonitoring,
     OnSatisfaction,
     OnViolation,
     OwnOptions,

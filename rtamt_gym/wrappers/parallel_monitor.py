@@ -17,8 +17,8 @@ from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_rea
 from rtamt_gym.judging.specs import SpecsLike, read_period
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
-    EpisodeMonitoring,
     OnSatisfaction,
     OnViolation,
     OwnOptions,
