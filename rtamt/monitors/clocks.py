@@ -59,7 +59,8 @@ class OperatorClocks:
         backend: As for `Monitor`.
 
     Raises:
-        InputError: If a clock has another part, or the back-end is unknown or not built.
+        InputError: If a clock has another part, operands that do not go with its event, or a window
+            that is none; or if the back-end is unknown or not built.
 
     Example:
         >>> answer = OperatorClock("oldest", "holds", 0, 3, 0, operands=((0, 0),))
@@ -75,12 +76,7 @@ class OperatorClocks:
     ) -> None:
         self._clocks, self._shape, self._backend = tuple(clocks), (parts, num), backend
         for clock in self._clocks:
-            read = [part for part, _ in clock.operands]
-            for part in read if clock.asked is None else [*read, clock.asked]:
-                if not 0 <= part < parts:
-                    raise InputError(
-                        f"expected clocks of the parts 0 to {parts - 1}, got one of {part}"
-                    )
+            _check(clock, parts)
         self._bank = BACKENDS[choose(backend)].clock_bank(self._clocks, parts, num)
 
     def feed(self, values: ArrayLike, mask: Lanes | None = None) -> None:
@@ -143,3 +139,23 @@ class OperatorClocks:
     def __repr__(self) -> str:
         parts, num = self._shape
         return f"<OperatorClocks: {len(self._clocks)} over {parts} parts in {num} lanes>"
+
+
+def _check(clock: OperatorClock, parts: int) -> None:
+    """Refuse a clock that no machine can count."""
+    read = [part for part, _ in clock.operands]
+    for part in read if clock.asked is None else [*read, clock.asked]:
+        if not 0 <= part < parts:
+            raise InputError(f"expected clocks of the parts 0 to {parts - 1}, got one of {part}")
+    count = 1 if clock.event in {"holds", "fails"} else 2
+    if len(read) != count:
+        raise InputError(
+            f"expected {count} operand{'s' * (count > 1)} for {clock.event!r}, got {len(read)}"
+        )
+    end = clock.begin if clock.end is None else clock.end
+    waiting = sorted(wait for _, wait in clock.operands)
+    if not 0 <= waiting[0] <= waiting[-1] <= clock.late <= clock.begin <= end:
+        raise InputError(
+            "expected operands that wait 0 samples or more, late no less, begin no less than late, "
+            f"and end no less than begin, got {clock}"
+        )

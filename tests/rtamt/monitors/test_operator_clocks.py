@@ -113,6 +113,13 @@ def test_copies_go_on_by_themselves(backend: Any) -> None:  # noqa: ANN401
     assert repr(other) == "<OperatorClocks: 1 over 1 parts in 2 lanes>"
 
 
+OUT_OF_ORDER = (
+    "expected operands that wait 0 samples or more, late no less, begin no less than late, and end "
+    "no less than begin, got OperatorClock(kind='oldest', event='holds', begin=0, end=3, late=0, "
+    "operands=((0, 1),), asked=None, first=False)"
+)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     ("ask", "message"),
@@ -132,6 +139,14 @@ def test_copies_go_on_by_themselves(backend: Any) -> None:  # noqa: ANN401
         (
             lambda _: OperatorClocks([ONE, ONE._replace(asked=1)], 1, 2),
             "expected clocks of the parts 0 to 0, got one of 1",
+        ),
+        (
+            lambda _: OperatorClocks([ONE._replace(event="until")], 1, 2),
+            "expected 2 operands for 'until', got 1",
+        ),
+        (
+            lambda _: OperatorClocks([ONE._replace(operands=((0, 1),))], 1, 2),
+            OUT_OF_ORDER,
         ),
     ],
 )
