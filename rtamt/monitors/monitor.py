@@ -153,7 +153,8 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     def update_many(self, block: TraceColumns) -> NDArray[np.float64]:
         """Take in a block of samples and give what `update` gives for each, as an array.
 
-        A call that raises an error takes in no sample of the block.
+        A call that raises an error takes in no sample of the block, unless another thread writes to
+        its arrays meanwhile.
 
         Args:
             block: A mapping (or data frame) of every variable to its n values, or of a message to

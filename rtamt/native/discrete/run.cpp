@@ -49,7 +49,9 @@ std::size_t DiscreteMachine::run(const double* const* columns, std::size_t n,
     std::size_t count = 0;
     for (std::size_t from = 0; from < n; from += count) {
         count = std::min(kBlockSize, n - from);
-        block.terms(columns, from, count);
+        // Another thread may have written to the columns since they were looked through.
+        if (const std::size_t bad = block.terms(columns, from, count); bad < count)
+            return from + bad;
         block.formulas(samples_, count);
         for (std::size_t i = 1; i < observed_.size(); ++i) {
             const double* values = block.at(observed_[i].slot);

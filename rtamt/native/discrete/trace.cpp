@@ -64,7 +64,12 @@ public:
     void end() {
         for (const Load& load : machine_.loads_) registers_.point(load.out, registers_.out(load.out));
     }
-    std::size_t first_refused() { return registers_.first_refused(columns_, n_); }
+    // The first sample with a nan, after `terms` saw one at these times. Another thread may have
+    // written over it since then: if none is found, the first sample of these times.
+    std::size_t first_refused(std::size_t time, std::size_t count) {
+        const std::size_t found = registers_.first_refused(columns_, n_);
+        return found < n_ ? found : place(time, count);
+    }
 
     void formulas(std::size_t time, std::size_t count) {
         auto memory = memories_.begin();
@@ -126,7 +131,7 @@ std::size_t DiscreteMachine::evaluate(const double* const* columns, std::size_t 
         if (time >= n) {
             trace.end();
         } else if (!trace.terms(time, count)) {
-            return trace.first_refused();
+            return trace.first_refused(time, count);
         }
         for (std::size_t i = 1; i < observed_.size() && !backwards; ++i) {
             const auto late = static_cast<std::size_t>(observed_[i].latency);

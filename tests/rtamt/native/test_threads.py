@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from bits import bits
 from fmu_calls import FIRST, OK, Version, dense, sampled, unit, versions, write
+from numpy.typing import NDArray
 
 import rtamt
 from rtamt import (
@@ -287,7 +288,18 @@ def test_results_lie_between_those_of_the_values_that_an_array_had(text: str) ->
     assert set(found) <= {0.0, 1.0}
 
 
-def test_a_term_that_loses_its_value_meanwhile_is_refused() -> None:
+def whole(x: NDArray[np.float64]) -> list[float]:
+    return rtamt.evaluate("always[0:5](sqrt(x))", {"x": x}).tolist()
+
+
+def block(x: NDArray[np.float64]) -> list[float]:
+    return rtamt.Monitor("historically[0:5](sqrt(x))").update_many({"x": x}).tolist()
+
+
+@pytest.mark.parametrize("values_of", [whole, block])
+def test_a_term_that_loses_its_value_meanwhile_is_refused(
+    values_of: Callable[[NDArray[np.float64]], list[float]],
+) -> None:
     x = np.ones(LONG)
     done = threading.Event()
 
@@ -300,9 +312,9 @@ def test_a_term_that_loses_its_value_meanwhile_is_refused() -> None:
     def read() -> set[str]:
         said: set[str] = set()
         try:
-            for _ in range(50):
+            for _ in range(1_000):
                 try:
-                    values = rtamt.evaluate("always[0:5](sqrt(x))", {"x": x})
+                    values = values_of(x)
                 except InputError as error:
                     said.add(str(error).split(" at sample")[0])
                 else:
