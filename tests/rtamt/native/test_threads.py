@@ -288,17 +288,20 @@ def test_results_lie_between_those_of_the_values_that_an_array_had(text: str) ->
     assert set(found) <= {0.0, 1.0}
 
 
-def whole(x: NDArray[np.float64]) -> list[float]:
-    return rtamt.evaluate("always[0:5](sqrt(x))", {"x": x}).tolist()
+Array = NDArray[np.float64]
 
 
-def block(x: NDArray[np.float64]) -> list[float]:
-    return rtamt.Monitor("historically[0:5](sqrt(x))").update_many({"x": x}).tolist()
+def of_whole(x: Array) -> Array:
+    return rtamt.evaluate("always[0:5](sqrt(x))", {"x": x})
 
 
-@pytest.mark.parametrize("values_of", [whole, block])
+def of_block(x: Array) -> Array:
+    return rtamt.Monitor("historically[0:5](sqrt(x))").update_many({"x": x})
+
+
+@pytest.mark.parametrize("values_of", [of_whole, of_block])
 def test_a_term_that_loses_its_value_meanwhile_is_refused(
-    values_of: Callable[[NDArray[np.float64]], list[float]],
+    values_of: Callable[[Array], Array],
 ) -> None:
     x = np.ones(LONG)
     done = threading.Event()
