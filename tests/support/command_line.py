@@ -1,7 +1,8 @@
-"""Files for the tests of the command line, and the command line without some modules."""
+"""Files for the tests of the command line, and the command line in odd surroundings."""
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 SPEC = """\
@@ -35,3 +36,18 @@ def run_without(modules: list[str], arguments: list[str]) -> subprocess.Complete
     )
     command = [sys.executable, "-c", code]
     return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def run_unread(arguments: Sequence[str], folder: Path) -> tuple[int, bytes]:
+    """The command line in a folder, its output unread as behind ``| head``: exit code, errors."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "rtamt_gym", *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    return process.returncode, said

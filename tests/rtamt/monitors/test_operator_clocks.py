@@ -1,4 +1,4 @@
-"""Clocks of temporal operators: those in C++ are those of the definition, in every lane."""
+"""In every lane the clocks in C++ count what the definition in Python counts."""
 
 import copy
 import pickle

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from bags import START, Said, twist, write_bag
+from command_line import run_unread
 from memory_middleware import MemoryMiddleware
 from memory_nodes import topics
 from rosbags.highlevel import AnyReader
@@ -136,16 +135,7 @@ def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
 def test_a_copy_is_written_though_nobody_reads_what_is_printed(spec: Path, tmp_path: Path) -> None:
     bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
     command = ["monitor", str(spec), str(bag), "--period", "100ms", "--write-mcap", str(copy)]
-    with subprocess.Popen(
-        [sys.executable, "-m", "rtamt_gym", *command],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        assert process.stderr.read() == b""
-    assert process.returncode == 141
+    assert run_unread(command, tmp_path) == (141, b"")
     assert len(messages(copy)["/rtamt/slow"]) == N
 
 
