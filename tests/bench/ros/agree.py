@@ -8,14 +8,18 @@ The evaluator keeps when each message came to it. It says of every sample that t
   whose message is another one counts as explained if one came within `SLACK` of the stamp;
 - whether the robustness of each other requirement has the bits that its definition gives on the
   messages that were held, and on those that the evaluator would have held.
+
+The node's memory is read after a tenth of the time and at the end.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import bare
 import numpy as np
 from bench import INPUT, PATIENCE, Subject, bench
 from definitions import REQUIREMENTS, Course
@@ -37,11 +41,13 @@ class Agreement:
         equal: Those with the same bits.
         own: Values that have the same bits on the messages that the evaluator would have held.
         off_grid: Stamps that are no whole number of periods after the first.
-        early: Messages that came before their stamp.
+        before: Messages that came before their stamp.
         other: Samples that hold another message than the evaluator.
         unexplained: Those without a message within `SLACK` of the stamp.
         apart: The greatest distance in nanoseconds from a stamp of such a message.
         restarts: How often the node began anew, as it says.
+        early: Bytes that the node held after a tenth of the time.
+        whole: Those at the end.
     """
 
     samples: int = 0
@@ -49,11 +55,13 @@ class Agreement:
     equal: int = 0
     own: int = 0
     off_grid: int = 0
-    early: int = 0
+    before: int = 0
     other: int = 0
     unexplained: int = 0
     apart: int = 0
     restarts: int = 0
+    early: int = 0
+    whole: int = 0
 
 
 def subject() -> Subject:
@@ -88,8 +96,13 @@ def measure(generation: int, seconds: float, *, busy: int) -> Agreement:
         told = running.worker("told")
         count = round(seconds * RATE * 1.3)
         noise = running.worker("noise", topic=INPUT, rate=RATE * 1.3, count=count)
+        assert running.node is not None
+        tenth = time.monotonic() + seconds / 10
         with others(busy):
+            running.wait(lambda: time.monotonic() > tenth, noise, seconds)
+            early = bare.resident(running.node.pid)
             running.wait(lambda: not noise.runs(), noise, seconds + PATIENCE)
+        whole = bare.resident(running.node.pid)
         for worker in (evaluator, told):
             worker.ask_to_end()
             worker.ended()
@@ -97,7 +110,7 @@ def measure(generation: int, seconds: float, *, busy: int) -> Agreement:
             heard = {name: file[name] for name in file.files}
         restarts = int(running.load("told")[:, 1].max())
     found = compare(heard)
-    found.restarts = restarts
+    found.restarts, found.early, found.whole = restarts, early, whole
     return found
 
 
@@ -113,7 +126,7 @@ def compare(heard: dict[str, np.ndarray]) -> Agreement:
     for name in REQUIREMENTS:
         stamps, came, _ = heard[name].T
         found.samples += len(stamps)
-        found.early += int(np.count_nonzero(came < stamps))
+        found.before += int(np.count_nonzero(came < stamps))
         found.off_grid += int(np.count_nonzero((stamps - heard["x"][0, 0]) % PERIOD))
     for begin, end in runs(heard["x"]):
         grid = np.arange(begin, end + 1, PERIOD)
