@@ -24,6 +24,7 @@ __all__ = [
     "alternatives",
     "brief",
     "closest",
+    "hint_line",
     "is_one_of",
     "name_text",
     "nearest",
@@ -132,6 +133,13 @@ class Advice(Message):
         return super().worded(option) if all(map(option, spoken)) else ""
 
 
+def hint_line(hint: str) -> Message:
+    """The last line of an error; nothing without a hint, or for those who cannot follow it."""
+    if isinstance(hint, Advice):
+        return Advice("\n  hint: ", *hint.pieces)
+    return Message("\n  hint: ", hint) if hint else Message()
+
+
 class RtamtError(Exception):
     """Base class of every error that a user of the toolkit can cause.
 
@@ -184,7 +192,7 @@ class ParseError(SpecificationError):
         before = shown_lines(source[start : column - 1])
         indent = "".join("\t" if c == "\t" else " " for c in before)
         parts = [f"STL:{line}:{column}: ", reason, f"\n  {context}\n  {indent}^"]
-        super().__init__(*parts, *(["\n  hint: ", hint] if hint else []))
+        super().__init__(*parts, hint_line(hint))
         self.reason = reason
         self.text = text
         self.line = line

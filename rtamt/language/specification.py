@@ -15,7 +15,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, cast
 
-from rtamt.errors import ParseError, SpecificationError
+from rtamt.errors import ParseError, SpecificationError, hint_line
 from rtamt.language.formula import Formula, make
 from rtamt.language.ids import RequirementId
 from rtamt.language.interval import UNITS, Interval
@@ -316,8 +316,7 @@ class Specification:
         """The error about a node: with its place in the text, or with the node if it has none."""
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
-        shown = f"{reason}\n  in {node}"
-        return SpecificationError(shown, *(["\n  hint: ", hint] if hint else []))
+        return SpecificationError(f"{reason}\n  in {node}", hint_line(hint))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Specification):

@@ -136,7 +136,7 @@ class DenseBuilder(ProgramBuilder):
             raise self.specification.error(
                 node,
                 f"bound {text} is not a whole number of ticks of {duration_text(self._resolution)}",
-                Message(Advice("give ", Argument("resolution", finer), ", of which it is one")),
+                Advice("give ", Argument("resolution", finer), ", of which it is one"),
             )
         if ticks >= MAX_TICKS:
             raise self._too_far(node, f"bound {text} is", ticks)

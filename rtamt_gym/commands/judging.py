@@ -347,7 +347,7 @@ def failure_lines(matrix: Matrix) -> list[str]:
     """What could not be judged, for standard error: each message once."""
     lines = []
     for message, (failure, traces) in matrix.failures().items():
-        where = "" if traces[0] in message else f"{traces[0]}: "
+        where = "" if len(matrix.rows) == 1 or traces[0] in message else f"{traces[0]}: "
         more = f" (and {len(traces) - 1} more)" if len(traces) > 1 else ""
         lines.append(f"{failure.traceback}rtamt: error: {where}{message}{more}\n")
     return lines

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import SemanticsName, Verdict
+from rtamt import InputError, SemanticsName, Verdict
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
@@ -374,8 +374,18 @@ def judge_events(
 
     Raises:
         SpecificationError: If an operator counts samples, and as `viewed` does.
-        InputError: If the variables have no time in common.
+        InputError: With the name of the trace: if the variables have no time in common, or a time
+            is too great.
     """
+    try:
+        return _judge_events(spec, trace, reading, formulas=formulas)
+    except InputError as error:
+        raise InputError(f"{trace.source}: ", error) from error
+
+
+def _judge_events(
+    spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool
+) -> TraceJudgement:
     semantics, signals, whole = reading.semantics, trace.tables, viewed(spec, reading.view)
     known = {name: signals[name] for name in whole.variables}
     options = {"semantics": semantics, **_not_known(trace)}

@@ -94,3 +94,17 @@ def test_an_error_at_a_place_of_a_text_knows_the_arguments_of_its_hint() -> None
     assert caught.value.arguments == ("align",)
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.arguments) == (str(caught.value), ("align",))
+
+
+@pytest.mark.parametrize("text", ["always[0:1ps](x > 0)", rtamt.parse("always[0:1ps](x > 0)")])
+def test_a_hint_that_a_program_has_no_option_for_leaves_no_line(
+    text: str | rtamt.Specification,
+) -> None:
+    with pytest.raises(rtamt.SpecificationError) as caught:
+        rtamt.DenseMonitor(text)
+    head, hint = str(caught.value).split("\n  hint: ")
+    assert hint == "give resolution='1ps', of which it is one"
+    assert caught.value.message.worded(lambda _: None) == head
+    assert caught.value.message.worded(lambda _: "-r 1ps").endswith(
+        "\n  hint: give -r 1ps, of which it is one"
+    )

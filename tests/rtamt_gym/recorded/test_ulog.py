@@ -287,6 +287,20 @@ def test_a_column_that_is_missing_in_a_log_of_many_is_named_with_the_nearest(
     )
 
 
+def test_a_time_that_the_clock_of_the_requirement_cannot_count_is_refused_with_the_log(
+    tmp_path: Path, capsys: Output
+) -> None:
+    log = flight()
+    log.data(ATTITUDE, 5_000_000_000_000_000, [1.0, 0.0, 0.0, 0.0, 0])
+    path = log.save(tmp_path / "flight.ulg")
+    (tmp_path / "a.stl").write_text("always[0:1s](vehicle_attitude.q[3] < 2)")
+    assert main(["monitor", str(tmp_path / "a.stl"), str(path), "--dense"]) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: {path}: expected a time of less than 2**62 ticks of 1ns at event 20 of "
+        "'vehicle_attitude.q[3]', got 5000000000.0\n"
+    )
+
+
 def test_nothing_is_printed_while_a_log_is_read(tmp_path: Path) -> None:
     path = flight().save(tmp_path / "flight.ulg")
     printed = io.StringIO()
