@@ -10,7 +10,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from paths import ROOT
 
 import rtamt
 from rtamt import Formula, Interval, Specification, variable
@@ -19,9 +18,7 @@ from rtamt.language.formula import make
 from rtamt.language.node import MAX_DEPTH
 from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification
-from rtamt.language.table import KEYWORDS, Operator
-
-GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
+from rtamt.language.table import Operator
 
 
 def formula(text: str) -> Formula:
@@ -56,20 +53,6 @@ def test_every_spelling_of_every_row_is_that_operator(spelling: str, row: Operat
     if row.timed:
         timed = make(row.name, operands, Interval.of(1, 2))
         assert formula(written(row, spelling + "[1:2]")) is timed
-
-
-def test_grammar_and_table_know_the_same_symbols() -> None:
-    rules = re.findall(
-        r"^(?:SYMBOL|MINUS|SLASH)\s*:([^;]*);", (GRAMMAR / "Stl.g4").read_text(), re.MULTILINE
-    )
-    symbols = {s for rule in rules for s in re.findall(r"'([^']+)'", rule)}
-    spellings = {s for row in OPERATORS.values() for s in row.spellings if s}
-    assert symbols == spellings - OPERATORS.words.keys()
-
-
-def test_the_grammar_has_the_keywords_and_no_other_word() -> None:
-    words = re.findall(r"'([A-Za-z_]+)'", (GRAMMAR / "Stl.g4").read_text())
-    assert set(words) == KEYWORDS
 
 
 @pytest.mark.parametrize(
@@ -300,11 +283,3 @@ def test_ten_thousand_conjuncts_are_one_node() -> None:
     assert len(spec.formula.args) == 10_000
     assert spec.formula.depth == 3
     assert rtamt.parse(str(spec)).formula is spec.formula
-
-
-# The generated parser. ---------------------------------------------------------------------------
-
-
-def test_the_committed_parser_holds_no_path_of_a_machine() -> None:
-    for path in (GRAMMAR / "generated").glob("*.py"):
-        assert "from Stl.g4" in path.read_text().splitlines()[0]
