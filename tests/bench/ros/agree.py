@@ -104,8 +104,9 @@ def measure(generation: int, seconds: float, *, busy: int) -> Agreement:
             running.wait(lambda: not noise.runs(), noise, seconds + PATIENCE)
         whole = bare.resident(running.node.pid)
         for worker in (evaluator, told):
-            worker.ask_to_end()
-            worker.ended()
+            worker.ask_to_end()  # they save what they heard
+        saving = PATIENCE + seconds / 10
+        running.wait(lambda: not (evaluator.runs() or told.runs()), evaluator, saving)
         with np.load(running.ros.folder / "evaluator.npz") as file:
             heard = {name: file[name] for name in file.files}
         restarts = int(running.load("told")[:, 1].max())
