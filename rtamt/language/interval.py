@@ -49,8 +49,8 @@ def exact(value: Exact, what: str) -> Fraction:
         msg = f"expected a number for {what}, got {type(value).__name__} {brief(value)}"
         raise InputTypeError(msg)
     if isinstance(value, int | Fraction):
-        limit = _LARGEST if isinstance(value, int) else 10**MAX_DIGITS
-        number = None if max(abs(value.numerator), value.denominator) > limit else Fraction(value)
+        longest = max(abs(value.numerator), value.denominator)
+        number = None if longest > 10**MAX_DIGITS else Fraction(value)
     else:
         number = _read(repr(float(value)) if isinstance(value, float) else str(value), value, what)
     if number is not None and (number == 0 or Fraction(1, _LARGEST) <= abs(number) <= _LARGEST):

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+# What ANTLR writes, and the script that has it written: it runs where Java is, and `.ci/run`
+# compares what it gives with the committed files.
+_LEFT_OUT: Final = {"generated", "generate.py"}
+
 
 @dataclass(frozen=True)
 class Covering:
@@ -36,11 +40,11 @@ class Folder:
     own: tuple[str, ...]
 
     def paths(self, root: Path) -> Iterator[str]:
-        """The files, from the root, in the order of their names; what ANTLR writes is left out."""
+        """The files, from the root, in the order of their names."""
         for source in self.sources:
             found = root / source
             for path in sorted(found.rglob("*")) if found.is_dir() else [found]:
-                if path.suffix in {".py", ".cpp", ".hpp"} and "generated" not in path.parts:
+                if path.suffix in {".py", ".cpp", ".hpp"} and not _LEFT_OUT & {*path.parts}:
                     yield path.relative_to(root).as_posix()
 
     @property
@@ -50,7 +54,11 @@ class Folder:
 
 
 _TEXTS: Final = Covering(
-    ("tests/rtamt/language", "tests/rtamt/program", "tests/rtamt/patterns", "rtamt/language")
+    (
+        *(f"tests/rtamt/{room}" for room in ("language", "program", "patterns")),
+        "tests/rtamt/monitors/test_hostile_arguments.py",
+        "rtamt/language",
+    )
 )
 _MACHINES: Final = Covering(
     (

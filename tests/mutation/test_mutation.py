@@ -17,6 +17,7 @@ from changes import Mutant
 from paths import ROOT
 
 MODULE = """\
+import functools
 LIMIT = 2
 def least(a, b):
     if a < b:
@@ -29,10 +30,17 @@ def listed(into, n):
     return n
 def clipped(a: int = 3) -> int:
     return min(a, LIMIT)
+@functools.cache
+def doubled(a):
+    return a * 2
 """
 
 TESTS = """\
-from toy import clipped, least, listed
+from toy import clipped, doubled, least, listed
+def test_doubled():
+    assert doubled(2) > 1
+def test_doubled_of_a_cache():
+    assert doubled(2) == 4
 def test_least():
     assert least(1, 2) == 1
     assert least(3, 2) == 2
@@ -89,21 +97,23 @@ def test_mutants_of_a_toy_are_killed_or_survive_as_known(tmp_path: Path) -> None
         for mutant in mutants
     }
     assert found == {
-        "1: 2 to 3": None,  # read at the import, see below
-        "3: < to <=": None,  # equal numbers are not tried, and would tell nothing
-        "7: statement removed": "test_toy.py::test_listed",
-        "8: > to >=": "test_toy.py::test_listed",
-        "8: 0 to 1": "test_toy.py::test_listed",
-        "9: -= to +=": "SIGXCPU",
-        "9: 1 to 2": "test_toy.py::test_listed",
-        "9: statement removed": "SIGXCPU",
-        "11: 3 to 4": None,
+        "2: 2 to 3": None,  # read at the import, see below
+        "4: < to <=": None,  # equal numbers are not tried, and would tell nothing
+        "8: statement removed": "test_toy.py::test_listed",
+        "9: > to >=": "test_toy.py::test_listed",
+        "9: 0 to 1": "test_toy.py::test_listed",
+        "10: -= to +=": "SIGXCPU",
+        "10: 1 to 2": "test_toy.py::test_listed",
+        "10: statement removed": "SIGXCPU",
+        "12: 3 to 4": None,
+        "16: * to /": "test_toy.py::test_doubled_of_a_cache",
+        "16: 2 to 3": "test_toy.py::test_doubled_of_a_cache",
     }
     assert said["failed"] == ["test_toy.py::test_fails"]
     reaching = [said["trials"][str(mutant.number)]["reaching"] for mutant in mutants]
-    assert reaching == [0, 1, 1, 1, 1, 1, 1, 1, 0]
+    assert reaching == [0, 1, 1, 1, 1, 1, 1, 1, 0, 2, 2]
     early = [said["trials"][str(mutant.number)]["early"] for mutant in mutants]
-    assert early == [True, False, False, False, False, False, False, False, True]
+    assert early == [place in {0, 8} for place in range(len(mutants))]
 
 
 def test_a_mutant_of_an_import_is_on_before_it(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ and so are limits: an endless loop ends by the one of its test.
 
 from __future__ import annotations
 
+import functools
+import gc
 import json
 import math
 import os
@@ -23,7 +25,7 @@ from typing import Any, Final
 import pytest
 from changes import Site
 from native_code import Reached
-from python_code import Choices, Finder
+from python_code import Choices, Finder, module_name
 
 BUDGET: Final = 6.0  # seconds of tests for one mutant
 _SLOW: Final = 10.0  # a test with a mutant may take so many times its own seconds, and 5 more
@@ -62,6 +64,7 @@ class Trials:
         self._only = only
         self._costs = costs or {}
         self._failed = False
+        self._caches: list[functools._lru_cache_wrapper[Any]] = []
         self.result: dict[str, Any] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -83,6 +86,13 @@ class Trials:
             return True
         assert session.testsfailed == 0, "expected every test to be collected"
         early = self._reached()
+        packages = {module_name(path).partition(".")[0] for path in self._files.values()}
+        self._caches = [
+            each
+            for each in gc.get_objects()
+            if isinstance(each, functools._lru_cache_wrapper)
+            and each.__module__.partition(".")[0] in packages
+        ]
         tests = self._first(items)
         print(f"{len(items)} tests, {sum(tests.seconds.values()):.0f} s", file=sys.__stderr__)
         found: Counter[tuple[str, int]] = Counter()
@@ -120,6 +130,9 @@ class Trials:
         return set().union(*(place.reached() for place in self._places))
 
     def _begin(self, on: int | None = None) -> None:
+        # What another test has left in a cache would hide that this test needs the code behind it.
+        for cache in self._caches:
+            cache.cache_clear()
         for place in self._places:
             place.begin(on)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import math
 import pickle
 import sys
@@ -156,6 +157,19 @@ def test_a_formula_too_large_to_write_out_is_refused() -> None:
         large = large.implies(large)
     with pytest.raises(SpecificationError, match=f"nodes written out; the limit is {MAX_SIZE}"):
         large.implies(large)
+
+
+def test_a_formula_of_a_million_nodes_is_the_largest() -> None:
+    @functools.cache
+    def of_size(nodes: int) -> Formula:
+        if nodes < 7:
+            return p if nodes == 3 else of_size(nodes - 1).always()
+        return of_size((nodes - 1) // 2).implies(of_size(nodes // 2))
+
+    assert of_size(1_000_000).size == 1_000_000
+    with pytest.raises(SpecificationError) as caught:
+        of_size(1_000_001)
+    assert str(caught.value) == ("the formula has 1000001 nodes written out; the limit is 1000000")
 
 
 def bad(made: object) -> Any:  # noqa: ANN401 - what the checker would refuse is refused when run

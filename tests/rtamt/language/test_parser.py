@@ -186,6 +186,15 @@ def test_an_interval_without_bounds_is_none(text: str) -> None:
     assert formula(f"const int Z = 0; always{text} x") is formula("always x")
 
 
+def test_units_are_thousandths_of_each_other() -> None:
+    units = ["s", "ms", "us", "ns", "ps"]
+    for number, unit in enumerate(units):
+        for smaller, finer in enumerate(units[number:]):
+            begin = 3 * 1000**smaller
+            read = formula(f"always[{begin}{finer}:5{unit}](x > 0)").interval
+            assert read == Interval(Fraction(3), Fraction(5), unit)
+
+
 def test_bounds_are_exact() -> None:
     interval = formula("G[0.1:0.30000000000000000001] x").interval
     assert interval is not None

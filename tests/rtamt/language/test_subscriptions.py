@@ -96,12 +96,16 @@ def test_a_message_that_holds_a_number_may_stand_for_it() -> None:
     assert shown(text) == [("x", "std_msgs/Float32", "rtamt/x", "x: data, x.data: data")]
 
 
-def test_a_message_that_holds_no_number_does_not_stand_for_one() -> None:
+@pytest.mark.parametrize(
+    ("package", "message"),
+    [("geometry_msgs", "Twist"), ("std_msgs", "Header"), ("other_msgs", "Float32")],
+)
+def test_a_message_that_holds_no_number_does_not_stand_for_one(package: str, message: str) -> None:
     with pytest.raises(SpecificationError) as error:
-        subscriptions("from geometry_msgs.msg import Twist; input Twist cmd; cmd > 0")
+        subscriptions(f"from {package}.msg import {message}; input {message} cmd; cmd > 0")
     assert str(error.value) == (
         "expected a field of the message 'cmd', such as cmd.x, got 'cmd' as a number; "
-        "a geometry_msgs/Twist is none"
+        f"a {package}/{message} is none"
     )
 
 

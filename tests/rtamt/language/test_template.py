@@ -85,6 +85,12 @@ def test_requirements_ranges_and_units_follow() -> None:
         )
 
 
+def test_a_bound_follows_from_a_negated_constant() -> None:
+    template = SpecificationTemplate("const float N = -3; always[-N:-N s](x > 0)")
+    assert template.names == {"N"}
+    assert template.at({"N": "-0.5"}).formula is parse("always[0.5:0.5 s](x > 0)").formula
+
+
 def test_the_text_is_read_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = parse("const float w = 2; always(eventually[0:w](x > w))")
     template = SpecificationTemplate(spec)

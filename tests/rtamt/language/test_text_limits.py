@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from steps import StepCounter
 
 import rtamt
 from rtamt import InputTypeError, Interval, ParseError, RtamtError, SpecificationError
 from rtamt.language import parser
 from rtamt.language.interval import exact
-from rtamt.language.node import MAX_NAME, MAX_OPERANDS, MAX_PARTS
+from rtamt.language.node import MAX_OPERANDS, MAX_PARTS
 from rtamt.language.parser import MAX_TEXT
 from rtamt.program.timing import as_period
 
@@ -79,10 +81,11 @@ def test_a_formula_longer_than_a_text_is_pickled_all_the_same() -> None:
     assert pickle.loads(pickle.dumps(spec)) == spec
 
 
+# The limits are those of docs/language.md.
 NAMES = [
-    ("a." * 20_000 + "b", f"a dotted name has 20001 parts; the limit is {MAX_PARTS}"),
-    ("a." * MAX_PARTS + "b", f"a dotted name has {MAX_PARTS + 1} parts; the limit is {MAX_PARTS}"),
-    ("a" * (MAX_NAME + 1), f"a name has {MAX_NAME + 1} characters; the limit is {MAX_NAME}"),
+    ("a." * 20_000 + "b", "a dotted name has 20001 parts; the limit is 32"),
+    ("a." * 32 + "b", "a dotted name has 33 parts; the limit is 32"),
+    ("a" * 256, "a name has 256 characters; the limit is 255"),
 ]
 
 
@@ -97,8 +100,8 @@ def test_the_parts_of_a_name_are_limited(name: str, reason: str) -> None:
     assert parsed.value.hint == "write a shorter name"
 
 
-def test_the_longest_name_is_monitored() -> None:
-    name = "a." * (MAX_PARTS - 1) + "b"
+@pytest.mark.parametrize("name", ["a." * 31 + "b", "a" * 255], ids=["32", "255"])
+def test_the_longest_name_is_monitored(name: str) -> None:
     assert rtamt.Monitor(f"{name} > 0").update({name: 1.0}) == 1.0
 
 
@@ -167,6 +170,13 @@ def test_a_number_is_checked_before_it_is_computed_with(value: str, message: str
     assert str(caught.value) == message
     with pytest.raises(SpecificationError, match="for the constant 'c'"):
         rtamt.parse("x > c", constants={"c": value})
+
+
+@given(st.integers(-(2**20), 2**20), st.integers(0, 990), st.integers(1, 2**20))
+def test_a_fraction_of_long_whole_numbers_is_exact(small: int, digits: int, below: int) -> None:
+    """Its value has to be between the limits, its numbers need not."""
+    value = Fraction(small * 10**digits + 1, below * 10**digits)
+    assert exact(value, "it") == value
 
 
 PERIODS = [

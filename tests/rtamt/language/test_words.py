@@ -73,6 +73,10 @@ PATTERNS = {
     ),
     "next(x > 1)": "at the start, at the next sample if there is one, x is above 1",
     "once[0:2](x > 1)": "at the start, x was above 1 within the last 2 s",
+    "always(((x > 1 or y > 1) until z > 1) or w > 1)": (
+        "at all times, [1] holds or w is above 1; where [1] means that (x is above 1 or y is above "
+        "1) until, at some time from then on, z is above 1"
+    ),
     "gap = x - y; calm = gap > 1; always(calm implies gap < 9)": (
         "whenever calm holds, gap is below 9; where calm means that gap is above 1; gap is x - y"
     ),
