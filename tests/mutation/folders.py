@@ -79,6 +79,17 @@ _JUDGING: Final = Covering(
     (
         *(f"tests/rtamt_gym/{room}" for room in ("judging", "wrappers", "success")),
         "rtamt_gym/judging",
+    )
+)
+_SHAPING: Final = Covering(
+    (
+        *(
+            f"tests/rtamt_gym/wrappers/test_{of}.py"
+            for of in (
+                *("shaping", "shaping_mdp", "settled_rewards", "stl_reward", "vector_stl_reward"),
+                *("zero", "clip_warning"),
+            )
+        ),
         "rtamt_gym/shaping.py",
     )
 )
@@ -111,8 +122,8 @@ FOLDERS: Final = {
         Folder(
             "rtamt_gym/shaping",
             ("rtamt_gym/shaping.py",),
-            _JUDGING,
-            ("tests/rtamt_gym/wrappers", "rtamt_gym/shaping.py"),
+            _SHAPING,
+            _SHAPING.tests,
         ),
         Folder(
             "rtamt_gym/statistics",

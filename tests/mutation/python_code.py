@@ -272,7 +272,11 @@ class Finder(importlib.abc.MetaPathFinder):
     def install(self) -> None:
         """Put it first; what it finds must not be imported yet."""
         assert self._modules.keys().isdisjoint(sys.modules)
-        sys.meta_path.insert(0, self)
+        self.go_first()
+
+    def go_first(self) -> None:
+        """Before what others have put first since."""
+        sys.meta_path[:] = [self, *(each for each in sys.meta_path if each is not self)]
 
 
 def module_name(path: str) -> str:

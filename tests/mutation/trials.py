@@ -55,17 +55,24 @@ class Trials:
         self,
         files: Mapping[int, str],
         places: Sequence[Choices | Reached],
+        finder: Finder,
         *,
         only: int | None = None,
         costs: Mapping[str, float] | None = None,
     ) -> None:
         self._files = files
         self._places = places
+        self._finder = finder
         self._only = only
         self._costs = costs or {}
         self._failed = False
         self._caches: list[functools._lru_cache_wrapper[Any]] = []
         self.result: dict[str, Any] = {}
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection(self) -> None:
+        """From here on pytest itself would import each file that it is given, for its doctests."""
+        self._finder.go_first()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A test that fails, or whose fixture does, has found the mutant."""
@@ -230,11 +237,12 @@ def main(task: Path) -> None:
     native = Path(given["native"]) if given["native"] else None
     choices = Choices()
     choices.begin(given["only"])
-    Finder(root, numbers, native).install()
+    finder = Finder(root, numbers, native)
+    finder.install()
     places: list[Choices | Reached] = [choices]
     if native is not None:
         places.append(Reached(native, given["count"]))
-    trials = Trials(files, places, only=given["only"], costs=given["costs"])
+    trials = Trials(files, places, finder, only=given["only"], costs=given["costs"])
     os.chdir(root)
     options = [
         "-q",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from itertools import pairwise
-from typing import get_args
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -37,6 +39,26 @@ def test_the_smooth_minimum_is_below_the_minimum_by_a_known_margin(
 @given(unit, temperatures)
 def test_the_smooth_minimum_of_one_value_is_the_value(value: float, temperature: float) -> None:
     assert shaping.least([value], temperature) == value
+
+
+@given(st.lists(st.sampled_from([-0.5, -0.0, 0.0, 0.5, 2.0]), min_size=1, max_size=4))
+def test_the_minimum_tells_the_zeros_apart(values: list[float]) -> None:
+    lowest = min(values, key=lambda value: (value, math.copysign(1.0, value)))
+    lanes = shaping.least([np.array([value, 3.0]) for value in values])
+    for found in (shaping.least(values), lanes[0]):
+        assert (found, math.copysign(1.0, found)) == (lowest, math.copysign(1.0, lowest))
+    assert lanes[1] == 3.0
+
+
+def test_arrays_are_computed_by_their_own_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    def library(name: str) -> Any:  # noqa: ANN401
+        return SimpleNamespace(clip=lambda array, low, high: (name, array, low, high))
+
+    standard: Any = SimpleNamespace(__array_namespace__=lambda: library("of the array"))
+    assert shaping.clip(standard, 2.0) == ("of the array", standard, -2.0, 2.0)
+    monkeypatch.setitem(sys.modules, "torch", library("torch"))
+    tensor: Any = SimpleNamespace()  # those of torch have no __array_namespace__
+    assert shaping.clip(tensor, 2.0) == ("torch", tensor, -2.0, 2.0)
 
 
 def test_the_smooth_minimum_neither_overflows_nor_underflows() -> None:
@@ -159,6 +181,20 @@ def test_specifications_of_one_priority_count_as_their_minimum() -> None:
 def test_a_level_that_no_specification_has_is_no_level() -> None:
     shape = Shaping.of("ab", mode="hierarchical", priorities={"a": "comfort", "b": "safety"})
     assert shape.levels == ((1,), (0,))
+
+
+def test_a_bonus_or_a_penalty_settles() -> None:
+    assert not Shaping.of("a", mode="add").settles
+    assert Shaping.of("a", mode="add", bonus=0.5).settles
+    assert Shaping.of("a", mode="add", penalty=0.5).settles
+
+
+def test_every_specification_has_one_value() -> None:
+    shape = Shaping.of("ab", mode="add")
+    for combined in (shape.robustness, shape.deciding):
+        for values in ([1.0], [1.0, 2.0, 3.0]):
+            with pytest.raises(ValueError, match=r"zip\(\) argument 2 is"):
+                combined(values)
 
 
 def test_weights_make_units_comparable() -> None:
