@@ -168,10 +168,9 @@ class CostMeter:
         self._charged: Sequence[bool] = [False] * len(specs)
 
     def reset(self) -> None:
-        """Forgets the episode."""
+        """Forgets the episode; `begin` forgets what its first sample costs."""
         for monitor in self._monitors:
             monitor.reset()
-        self.begin()
         self._charged = [False] * len(self._names)
 
     def begin(self) -> None:

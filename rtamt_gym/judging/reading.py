@@ -436,7 +436,6 @@ def _listed(text: str | None, rows: Iterable[Field[Any]]) -> str | None:
             100,
             initial_indent=indent,
             subsequent_indent=f"{indent}    ",
-            break_on_hyphens=False,
         )
         for row in rows
     ]

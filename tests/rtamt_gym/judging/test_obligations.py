@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bits import bits
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from obligations_oracle import Expected, clock, margin
 
@@ -134,7 +134,14 @@ def lane(obligations: Obligations, number: int) -> list[tuple[float, list[float]
     ]
 
 
+NEGATED = (
+    f"always({R} implies not eventually[0:3]({Q}))",
+    [Expected(f"eventually[0:3]({Q})", "eventually", "newest", 0, 3, (Q,), R)],
+)
+
+
 @given(pattern=single() | nested() | past(), rows=traces)
+@example(pattern=NEGATED, rows=[(1.0, -1.0, 1.0), (1.0, 1.0, 1.0)])
 def test_clocks_and_margins_are_those_of_the_definition(
     pattern: Pattern, rows: list[tuple[float, ...]]
 ) -> None:

@@ -1,0 +1,52 @@
+"""Infos of many environments from before a reset: each has those of its own episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtamt_gym.judging.vector_infos import final_infos
+
+Info = dict[str, Any]
+
+numbers = st.dictionaries(st.sampled_from(["x", "y"]), st.integers(-9, 9).map(float))
+lanes = st.tuples(numbers, st.none() | numbers).map(
+    lambda drawn: drawn[0] if drawn[1] is None else {**drawn[0], "inner": drawn[1]}
+)
+
+
+def together(infos: Sequence[Info | None]) -> Info:
+    """The infos of the environments that have some, as Gymnasium joins them."""
+    envs: VectorEnv[Any, Any, Any] = VectorEnv()
+    envs.num_envs = len(infos)
+    found: Info = {}
+    for number, info in enumerate(infos):
+        if info is not None:
+            found = envs._add_info(found, info, number)
+    return found
+
+
+def alone(infos: Mapping[str, Any], number: int) -> Info:
+    """The info of one environment."""
+    assert all(key[1:] in infos for key in infos if key.startswith("_"))
+    return {
+        key: alone(value, number) if isinstance(value, Mapping) else value[number]
+        for key, value in infos.items()
+        if not key.startswith("_") and infos[f"_{key}"][number]
+    }
+
+
+@given(st.lists(st.tuples(lanes, st.none() | lanes), min_size=1, max_size=4))
+def test_where_an_episode_ended_the_infos_are_its_own(rows: list[tuple[Info, Info | None]]) -> None:
+    ended = np.array([final is not None for _, final in rows])
+    infos = together([info for info, _ in rows])
+    if ended.any():
+        infos |= {"final_info": together([final for _, final in rows]), "_final_info": ended}
+    found = final_infos(infos, ended)
+    for number, (info, final) in enumerate(rows):
+        assert alone(found, number) == (info if final is None else final)
