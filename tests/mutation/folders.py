@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -19,10 +19,12 @@ class Covering:
     Attributes:
         tests: Files and folders for pytest.
         left_out: What of them is not run: it builds programs of its own, which have no mutants.
+        backend: Tests that run the machines of another back-end alone are not run; None: all are.
     """
 
     tests: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    backend: str | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ _MACHINES: Final = Covering(
         ),
     ),
 )
+_NATIVE: Final = replace(_MACHINES, backend="native")
 _JUDGING: Final = Covering(
     (
         *(f"tests/rtamt_gym/{room}" for room in ("judging", "wrappers", "success")),
@@ -115,7 +118,7 @@ FOLDERS: Final = {
             )
         ),
         *(
-            Folder(f"rtamt/native/{room}", (f"rtamt/native/{room}",), _MACHINES, ())
+            Folder(f"rtamt/native/{room}", (f"rtamt/native/{room}",), _NATIVE, ())
             for room in ("core", "discrete", "episode", "lockstep", "dense")
         ),
         Folder("rtamt_gym/judging", ("rtamt_gym/judging",), _JUDGING, ("tests/rtamt_gym/judging",)),

@@ -91,6 +91,7 @@ def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, c
         "count": count,
         "tests": covering.tests,
         "left_out": covering.left_out,
+        "backend": covering.backend,
         "only": None,
         "costs": {},
     }

@@ -76,6 +76,7 @@ def tried(root: Path, only: int | None = None) -> tuple[list[Mutant], Any]:
         "count": len(mutants),
         "tests": ["test_toy.py", "toy.py"],
         "left_out": [],
+        "backend": None,
         "only": only,
         "costs": {"test_toy.py::test_clipped": 0.1},
     }

@@ -252,6 +252,8 @@ def main(task: Path) -> None:
         "--tb=native",
         "--hypothesis-profile=mutation",
     ]
+    if given["backend"] is not None:
+        options.append(f"--backend={given['backend']}")
     code = pytest.main(
         [*options, *(f"--ignore={path}" for path in given["left_out"]), *given["tests"]], [trials]
     )
