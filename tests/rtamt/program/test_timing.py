@@ -51,6 +51,15 @@ def test_a_float_period_means_its_simple_fraction(samples: int, steps: int) -> N
     assert as_period(samples / steps) == Fraction(samples, steps)
 
 
+def test_a_period_and_its_inverse_are_at_most_1e300() -> None:
+    for value in (Fraction(10**300), Fraction(1, 10**300)):
+        assert as_period(value) == value
+    beyond = (10**300 + 1, 10**301, Fraction(1, 10**300 + 1), Fraction(1, 10**301))
+    for value in beyond:
+        with pytest.raises(SpecificationError, match="expected a period from 1e-300 to 1e300 s"):
+            as_period(value)
+
+
 def test_the_unit_of_the_end_holds_for_both_bounds() -> None:
     x = {"x": [1.0, 2.0, 3.0, 4.0]}
     assert evaluate("always[100:200ms](x > 0)", x, 0.1).tolist() == [2.0, 3.0, 4.0, math.inf]

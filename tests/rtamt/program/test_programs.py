@@ -1,0 +1,103 @@
+"""Programs: what they are not allowed to be, their listing, and what they read first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import VARIABLES, Trace, formulas, traces
+
+import rtamt
+from rtamt import Formula
+from rtamt.language.parser import as_specification
+from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+
+
+def compiled(text: str) -> Program:
+    return compile_program(rtamt.parse(text))
+
+
+PROGRAM = compiled("always[0:2](x + 1 > y) or once[0:1](y > 0)")
+COUNT, TERMS = len(PROGRAM.instructions), PROGRAM.terms
+LAST_WINDOW = max(r for r, i in enumerate(PROGRAM.instructions) if isinstance(i, Window))
+
+
+def changed(register: int, instruction: Any) -> Program:  # noqa: ANN401
+    instructions = list(PROGRAM.instructions)
+    instructions[register] = instruction
+    return replace(PROGRAM, instructions=tuple(instructions))
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (replace(PROGRAM, result=COUNT), f"register {COUNT} is not in the program"),
+        (replace(PROGRAM, outputs={"p": -1}), "register -1 is not in the program"),
+        (
+            replace(PROGRAM, latencies=(7, *PROGRAM.latencies[1:])),
+            "register 0 has not latency 0",
+        ),
+        (changed(0, Load("z")), "register 0 loads what is no variable"),
+        (changed(0, Map("neg", (0,))), "register 0 reads what is not written"),
+        (changed(TERMS - 1, Map("sub", (0,))), f"register {TERMS - 1} has wrong arity"),
+        (
+            changed(TERMS - 1, Window("min", 0, 1, (0,))),
+            f"register {TERMS - 1} is a window among the terms",
+        ),
+        (changed(COUNT - 1, Const(1.0)), f"register {COUNT - 1} is an input behind the terms"),
+        *(
+            (changed(LAST_WINDOW, window), f"register {LAST_WINDOW} {message}")
+            for window, message in (
+                (Window("min", 0, 1, (0, 1)), "has wrong arity"),
+                (Window("min", -1, 1, (0,)), "looks both ways"),
+                (Window("min", None, None, (0,)), "looks both ways"),
+                (Window("min", 2, 1, (0,)), "is empty"),
+            )
+        ),
+    ],
+)
+def test_a_program_that_contradicts_itself_is_a_bug(broken: Program, message: str) -> None:
+    PROGRAM.verify()
+    with pytest.raises(AssertionError) as caught:
+        broken.verify()
+    assert str(caught.value) == message
+
+
+def test_the_listing_says_which_constants_are_neutral() -> None:
+    assert "neutral" not in str(PROGRAM)
+    neutral = changed(PROGRAM.instructions.index(Const(1.0)), Const(0.0, neutral=True))
+    assert str(neutral).count("CONST 0, neutral ") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "variables"),
+    [
+        ("x > 0", {"x"}),
+        ("x > y and next(z > 0)", {"x", "y"}),
+        ("always[0:1](x > 0) or always[1:2](y > 0)", {"x"}),
+        ("eventually(x > 0)", {"x"}),
+        ("eventually[1:inf](x > 0)", set()),
+        ("once[0:2](x > 0) or prev(y > 0)", {"x"}),
+        ("next(once[1:2](x > 0)) and next(prev(y > 0))", {"x", "y"}),
+        ("next(prev(x > 0) and once[0:0](y > 0))", {"x"}),
+    ],
+)
+def test_what_is_read_first_is_read_at_sample_0(text: str, variables: set[str]) -> None:
+    assert compiled(text).read_first() == variables
+
+
+@given(formulas(3, endless=True), traces(), st.sampled_from(VARIABLES), st.floats(-9.0, 9.0))
+def test_what_is_not_read_first_decides_nothing_at_sample_0(
+    formula: Formula, trace: Trace, name: str, other: float
+) -> None:
+    spec = as_specification(formula)
+    if name in spec.variables and name not in compile_program(spec).read_first():
+        moved = {**trace, name: [other, *trace[name][1:]]}
+        first = [rtamt.evaluate(spec, each)[0] for each in (trace, moved)]
+        assert np.array_equal(first[:1], first[1:], equal_nan=True)
