@@ -188,6 +188,20 @@ def test_the_error_names_bytes_formula_and_limit() -> None:
         limited(1000, lambda: rtamt.VectorMonitor("once[0:2000009](x > 0)", 10))
 
 
+@pytest.mark.parametrize(
+    ("middle", "needed"),
+    [(1.0, "95999999712 bytes, and"), (math.nan, "191999999424 bytes with samples that are not")],
+)
+def test_windows_that_go_on_behind_a_trace_take_twice_with_unknown_samples(
+    middle: float, needed: str
+) -> None:
+    """Three samples; two windows and a variable, a least and a greatest value of 8 bytes each."""
+    with pytest.raises(SpecificationError, match=f"^STL:1:11: the windows need {needed}"):
+        rtamt.judge(
+            "eventually[0:1e9](once[0:1e9](x > 0))", {"x": [1.0, middle, 1.0]}, nan="unknown"
+        )
+
+
 def limited(limit: float | np.number[Any], call: Callable[[], object]) -> None:
     """The call under a limit."""
     with pytest.MonkeyPatch.context() as patch:
