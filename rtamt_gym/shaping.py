@@ -332,8 +332,8 @@ class Shaping:
     temperature: float | None
     weights: tuple[float, ...]
     levels: tuple[tuple[int, ...], ...]
-    bonus: float = 0.0
-    penalty: float = 0.0
+    bonus: float
+    penalty: float
 
     @classmethod
     def of(

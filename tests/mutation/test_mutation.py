@@ -279,8 +279,8 @@ def test_a_report_counts_what_is_known_to_be_equivalent(
     assert capsys.readouterr().out == (
         "\ntoy: 3 mutants, 1 killed, 1 equivalent, 1 survive; 50.0% of those that a test can tell "
         "(1.3% to 98.7%); 4 did not compile\n"
-        "  survives 2 of 5 tests: toy.py:8: > to >=: while n > 0:\n"
-        "  equivalent, equal numbers are one: toy.py:3: < to <=: if a < b:\n"
+        "  survives 2 of 5 tests: toy.py:9: > to >=: while n > 0:\n"
+        "  equivalent, equal numbers are one: toy.py:4: < to <=: if a < b:\n"
     )
     trials[0]["killed_by"] = "test_toy.py::test_least"
     assert run.report("toy", sample, trials, known, 0)
