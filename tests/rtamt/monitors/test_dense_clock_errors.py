@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rtamt import (
+    DenseEpisodeMonitor,
     DenseMonitor,
     Events,
     InputError,
@@ -15,6 +16,7 @@ from rtamt import (
     SpecificationError,
     StlDenseTimeSpecification,
     evaluate_dense,
+    judge_dense,
 )
 
 Backend = Literal["native", "python"]
@@ -47,7 +49,12 @@ Backend = Literal["native", "python"]
 )
 def test_bounds_are_counted(text: str, reason: str, hint: str) -> None:
     words = re.escape(f"STL:1:5: {reason}\n  {text}\n      ^\n  hint: {hint}")
-    for call in (DenseMonitor, lambda spec: evaluate_dense(spec, {"x": [(0, 1)]})):
+    for call in (
+        DenseMonitor,
+        DenseEpisodeMonitor,
+        lambda spec: evaluate_dense(spec, {"x": [(0, 1)]}),
+        lambda spec: judge_dense(spec, {"x": [(0, 1)]}),
+    ):
         with pytest.raises(SpecificationError, match=f"^{words}$"):
             call(text)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,10 @@ from hypothesis import strategies as st
 from strategies import VARIABLES, Trace, formulas, traces
 
 import rtamt
-from rtamt import Formula
+from rtamt import Formula, SpecificationError
 from rtamt.language.parser import as_specification
+from rtamt.program.dense_lowering import compile_dense
+from rtamt.program.dense_regions import compile_regions
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -73,6 +77,13 @@ def test_the_listing_says_which_constants_are_neutral() -> None:
     assert "neutral" not in str(PROGRAM)
     neutral = changed(PROGRAM.instructions.index(Const(1.0)), Const(0.0, neutral=True))
     assert str(neutral).count("CONST 0, neutral ") == 1
+
+
+@pytest.mark.parametrize("compiler", [compile_dense, compile_regions])
+def test_regions_refuse_what_dense_time_refuses(compiler: Callable[..., object]) -> None:
+    spec = rtamt.parse("once[0:4e9](once[0:4e9](x > 0))")
+    with pytest.raises(SpecificationError, match="nested here are together 2\\*\\*62 ticks of 1ns"):
+        compiler(spec, Fraction(1, 10**9))
 
 
 @pytest.mark.parametrize(

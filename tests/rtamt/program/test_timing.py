@@ -38,6 +38,11 @@ HORIZONS: list[tuple[str, Period | None, str, int]] = [
     ("always[0:0.2](x > 0) and eventually[0:300ms](y > 0)", 0.1, "s", 3),
     ("(x > 0) until[0.1:0.4] (y > 0)", 0.1, "s", 4),
     ("historically[1:2](eventually[0:3](x > 0))", 0.5, "s", 4),
+    # The left operand is needed up to the sample before the moment of the right one.
+    ("(x > 0) until[0:3] (y > 0)", None, "s", 3),
+    ("(eventually[0:1](x > 0)) until[0:3] (y > 0)", None, "s", 3),
+    ("(eventually[0:2](x > 0)) until[0:3] (y > 0)", None, "s", 4),
+    ("(x > 0) until[0:3] (eventually[0:2](y > 0))", None, "s", 5),
 ]
 
 
