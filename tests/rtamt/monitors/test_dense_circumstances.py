@@ -4,12 +4,13 @@ import math
 import random
 from typing import Literal
 
+import pytest
 from dense_signals import Signals, relevant, signals
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from implying import dense_requirements
 from region_oracle import STEP, Regions
-from strategies import QUARTERS, formulas
+from strategies import QUARTERS, formulas, rooted
 
 from rtamt import DenseExplanation, Formula, explain_dense
 
@@ -23,45 +24,40 @@ def holds(value: float) -> bool:
 def named(why: DenseExplanation, begin: float) -> list[tuple[Formula, range]]:
     """The formulas, and the regions, whose signs an explanation names."""
 
-    def instant(time: float) -> int:
+    def region(time: float) -> int:
+        """The region in which a time is; a tick after an instant is in the interval after it."""
         place = (time - begin) / STEP
-        assert place == int(place)
-        return 2 * int(place)
+        return 2 * int(place) + (place != int(place))
 
     found = []
     for each in why.circumstances:
         if each.outside is not None:
             continue
-        first, last = map(instant, each.window)
+        first, last = map(region, each.window)
         if first == last:
             span = range(first + each.after, first + each.after + 1)
             assert each.open_begin == each.open_end == each.after
         else:
-            span = range(first + each.open_begin, last - each.open_end + 1)
-        assert span[0] <= instant(each.time) + each.after <= span[-1]
+            whole = last % 2 == 1 or not each.open_end
+            span = range(first + each.open_begin, last + whole)
+        assert span[0] <= region(each.time) + each.after <= span[-1]
         found.append((each.formula, span))
     step = why.steps[-1]
     if step.outside is None:
-        region = instant(step.time) + step.after
-        found.append((step.formula, range(region, region + 1)))
+        its = region(step.time) + step.after
+        found.append((step.formula, range(its, its + 1)))
     return found
 
 
-@settings(max_examples=30)
-@given(
-    formula=st.one_of(dense_requirements(), formulas(2, dense=True)),
-    whole=signals(),
-    seed=st.integers(0, 2**32),
-)
-def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
-    formula: Formula, whole: Signals, seed: int, backend: Backend
-) -> None:
+def check(formula: Formula, whole: Signals, instant: int, seed: int, backend: Backend) -> None:
+    """The formula, or its negation, is violated at an instant as long as what is named stays."""
     assume(formula.variables)
     its = relevant(whole, formula.variables)
     regions = Regions(its, STEP)
-    if holds(regions.at(formula, "complete")(0)[0]):
+    place = 2 * min(instant, regions.steps)
+    if holds(regions.at(formula, "complete")(place)[0]):
         formula = ~formula
-    why = explain_dense(formula, its, backend=backend)
+    why = explain_dense(formula, its, float(regions.begin) + place // 2 * STEP, backend=backend)
     signs = []
     for f, span in named(why, float(regions.begin)):
         at = regions.at(f, "complete")
@@ -78,7 +74,29 @@ def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
         }
         after = Regions(other, STEP)
         if all(holds(after.at(f, "complete")(i)[0]) == sign for f, i, sign in signs):
-            assert not holds(after.at(formula, "complete")(0)[0])
+            assert not holds(after.at(formula, "complete")(place)[0])
+
+
+seeds = st.integers(0, 2**32)
+
+
+@settings(max_examples=30)
+@given(
+    formula=st.one_of(dense_requirements(), formulas(2, dense=True)), whole=signals(), seed=seeds
+)
+def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
+    formula: Formula, whole: Signals, seed: int, backend: Backend
+) -> None:
+    check(formula, whole, 0, seed, backend)
+
+
+@pytest.mark.parametrize("name", ["since", "until", "unless"])
+@settings(max_examples=50)
+@given(data=st.data(), whole=signals(), instant=st.integers(0, 12), seed=seeds)
+def test_so_does_one_of_two_operands_at_any_time(
+    name: str, data: st.DataObject, whole: Signals, instant: int, seed: int, backend: Backend
+) -> None:
+    check(data.draw(rooted(name, 1, dense=True)), whole, instant, seed, backend)
 
 
 def test_of_a_violated_response_the_request_and_the_grant_are_named(backend: Backend) -> None:
