@@ -117,7 +117,7 @@ _ANSWERS: Final = Covering(
             *("asked", "circumstances", "dense_circumstances", "dense_clock_errors"),
             *("dense_errors", "dense_judgement", "episode_state", "evidence", "explain"),
             *("explain_dense", "explain_dense_edges", "explain_edges", "explain_episode", "golden"),
-            *("holds", "hostile_arguments", "joint", "judge", "many", "operator_clocks"),
+            *("holds", "hostile_arguments", "joint", "judge", "limits", "many", "operator_clocks"),
             *("options", "unknown_lanes", "vector", "vector_columns", "vector_errors"),
             "verdict_book",
         ),

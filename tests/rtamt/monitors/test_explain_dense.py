@@ -5,7 +5,7 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import golden_cases
 import numpy as np
@@ -13,7 +13,7 @@ import pytest
 from bits import bits
 from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, relevant, signals
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from opened import opened
 from oracle import order
@@ -22,6 +22,7 @@ from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
 from rtamt import DenseExplanation, Formula, explain_dense, holds, judge_dense
+from rtamt.language.formula import make
 from rtamt.language.node import Node
 from rtamt.monitors.dense_explanation import DenseExplanationStep
 
@@ -169,6 +170,27 @@ def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
             assert holds(below.value) is not holds(step.value)
         elif step.formula.op.name not in ("implies", "iff", "xor"):
             assert bits([below.value]) == bits([step.value])
+
+
+@st.composite
+def changing_after_instants(draw: st.DrawFn) -> Case:
+    """An operator with a witness, of operands that change right after an instant."""
+    past = rooted("once", dense=True) | rooted("historically", dense=True)
+    name = draw(st.sampled_from(["since", "until", "unless"]))
+    interval = draw(rooted(name, dense=True)).interval
+    formula = cast("Formula", make(name, (draw(past), draw(past)), interval))
+    assume(formula.variables)
+    drawn = signals(st.sampled_from([-2.0, -1.0, 1.0, 2.0]))
+    whole = relevant(draw(drawn), formula.variables)
+    begin = max(events[0][0] for events in whole.values())
+    end = min(events[-1][0] for events in whole.values())
+    return formula, whole, draw(st.sampled_from(np.arange(begin, end + 0.1, STEP / 2).tolist()))
+
+
+@settings(max_examples=100)
+@given(case=changing_after_instants())
+def test_a_witness_may_be_an_instant_before_a_change(case: Case, backend: Backend) -> None:
+    checked(case, backend)
 
 
 @settings(max_examples=50)

@@ -164,6 +164,13 @@ def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatc
             "cut",
             ["x > 0 until[2:30] x > 5: not recorded: 9 s to 30 s"],
         ),
+        (
+            "once(always[0:9](x > 0))",
+            {"x": [1] * 3},
+            None,
+            "open",
+            ["always[0:9](x > 0): not recorded: samples 3 to 9"],
+        ),
         ("always(x > 0)", {"x": [1]}, None, "cut", []),
         ("always[0:9](x > 0)", {"x": [1]}, None, "complete", []),
         ("always[0:9](x > 0)", {"x": [-1]}, None, "cut", []),
