@@ -104,11 +104,11 @@ _RUNNING: Final = Covering(
             *("dense_unknown", "ends", "episode", "episode_state", "episode_values", "judge"),
             *("neutral", "oracle", "properties", "reentrant_updates", "running_folds", "sign"),
             *("unknown", "unknown_lanes", "vector", "verdict_book"),
+            *("asked", "dense_errors", "dense_judgement", "evidence", "many", "operator_clocks"),
         ),
         *_files("tests/rtamt/native", "native", "native_banks"),
         "rtamt/machines",
-    ),
-    backend="python",
+    )
 )
 _ANSWERS: Final = Covering(
     (
