@@ -201,6 +201,7 @@ def test_weights_make_units_comparable() -> None:
     shape = Shaping.of(["angle", "place"], mode="add", weights={"angle": 10.0})
     assert shape.robustness([0.05, 0.6]) == 0.5
     assert shape.robustness([0.08, 0.6]) == 0.6
+    assert shape.robustness([0.2, 1.5]) == 1.0  # the clip, if none is given
 
 
 @pytest.mark.parametrize(
