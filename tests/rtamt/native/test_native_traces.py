@@ -74,6 +74,17 @@ def test_a_window_over_a_trace_gives_the_bits_of_its_definition(name: str, lengt
     assert made.samples == 0
 
 
+@pytest.mark.parametrize("length", [2, 3, 9, 127])
+@pytest.mark.parametrize("name", ["min", "max"])
+def test_a_window_keeps_a_zero_of_the_block_before_it(name: str, length: int) -> None:
+    fold, window = FOLDS[name], make_window(FOLDS[name], length)
+    values = np.zeros(BLOCK + length - 1)
+    values[BLOCK - 1] = -0.0
+    made = machine((2, "WINDOW", name, 0, fold.width - 1, 0.0, length, 0))
+    expected = [window.push((value,))[-1] for value in values.tolist()]
+    assert bits(made.evaluate([values, values], len(values))[0]) == bits(expected)
+
+
 @pytest.mark.parametrize("length", [1, 5, 300, BLOCK, BLOCK + 1])
 def test_a_delay_over_a_trace_gives_the_bits_of_its_definition(length: int) -> None:
     made = machine((2, "DELAY", "", 0, 0, 0.0, length, 0))
