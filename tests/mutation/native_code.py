@@ -26,6 +26,10 @@ HEADER: Final = Path(__file__).with_name("mutants.hpp")
 _PARSER: Final = Parser(Language(tree_sitter_cpp.language()))
 _CHANGED: Final = ARITHMETIC | BITS | COMPARISONS | NATIVE_LOGIC
 
+# One side of these is a truth value, and the other may be what only counts as one: an optional that
+# is made of `false` holds it, and would count as true.
+_TRUTHS: Final = {"not removed", "condition negated"}
+
 # Here stand types and constants of the compiler.
 _CONSTANT: Final = {
     "ERROR",
@@ -81,23 +85,27 @@ def rewritten(source: str, numbers: Mapping[Site, int]) -> str:
     """The source with these mutants in it, each turned on by its number."""
     text = source.encode()
     made: dict[tuple[int, int], list[tuple[int, str]]] = {}
+    truths: set[int] = set()
     statements: set[tuple[int, int]] = set()
     for node, change, mutated in _all_mutated(text):
         number = numbers.get(_site(node, change))
         if number is not None:
             place = (node.start_byte, node.end_byte)
             made.setdefault(place, []).append((number, mutated))
+            if change in _TRUTHS:
+                truths.add(number)
             if node.type == "expression_statement":
                 statements.add(place)
     # From the inside out: what lies within another is part of what the other leaves as it is.
     order = sorted(made, key=lambda place: (place[1] - place[0], place in statements))
-    return _rendered(text, order, made, statements)
+    return _rendered(text, order, made, truths, statements)
 
 
 def _rendered(
     text: bytes,
     order: list[tuple[int, int]],
     made: Mapping[tuple[int, int], list[tuple[int, str]]],
+    truths: set[int],
     statements: set[tuple[int, int]],
 ) -> str:
     def render(begin: int, end: int, within: list[tuple[int, int]]) -> bytes:
@@ -114,7 +122,9 @@ def _rendered(
                 if place in statements:
                     original = b"{ if (!mutant(%d)) { %s } }" % (number, original)
                 else:
-                    original = b"(mutant(%d) ? (%s) : (%s))" % (number, mutated.encode(), original)
+                    choice = b"bool(%s) : bool(%s)" if number in truths else b"(%s) : (%s)"
+                    chosen = choice % (mutated.encode(), original)
+                    original = b"(mutant(%d) ? %s)" % (number, chosen)
             parts += [text[at : place[0]], original]
             at = place[1]
         return b"".join([*parts, text[at:end]])
@@ -131,7 +141,7 @@ def _all_mutated(text: bytes) -> Iterator[tuple[Node, str, str]]:
     waiting = [_PARSER.parse(text).root_node]
     while waiting:
         node = waiting.pop()
-        if node.type not in _CONSTANT and not _is_constant(node):
+        if node.type not in _CONSTANT and not _is_constant(node) and not _is_label(node):
             yield from _mutated(node)
             waiting += node.children
 
@@ -147,6 +157,17 @@ def _is_constant(node: Node) -> bool:
         return node == parent.child_by_field_name("value")
     return node.type == "condition_clause" and any(
         _source(child) == "constexpr" for child in parent.children
+    )
+
+
+def _is_label(node: Node) -> bool:
+    """Whether a statement of a `switch` lies before its cases: a macro that writes them."""
+    parent = node.parent
+    return (
+        node.type == "expression_statement"
+        and parent is not None
+        and parent.parent is not None
+        and parent.parent.type == "switch_statement"
     )
 
 

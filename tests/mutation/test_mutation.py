@@ -166,7 +166,9 @@ Row = int | None
 
 
 NATIVE = """\
+#include <optional>
 #include <vector>
+#define CASES(x) case 5: return twice(x);
 template <int N> struct Ring { int size = N + 1; };
 constexpr int kTwo = 1 + 1;
 constexpr int twice(int n) { return n * kTwo; }
@@ -174,7 +176,13 @@ static_assert(twice(2) == 4);
 extern "C" int toy(int a, int b) {
     Ring<3> ring;
     if (a < b && !(b == 7)) ring.size = 9;
-    switch (a) { case 5: return twice(a); default: break; }
+    switch (a) {
+        CASES(a)
+        default: break;
+    }
+    std::optional<int> found;
+    if (!found) ++ring.size;
+    if (found) return a;
     std::vector<int> held{a, b};
     held.push_back(1);
     return ring.size + static_cast<int>(held.size());
@@ -186,19 +194,22 @@ def test_mutants_of_cpp_are_all_in_one_build(tmp_path: Path) -> None:
     sites = native_code.sites(NATIVE)
     numbers = {site: number for number, site in enumerate(sites)}
     assert [f"{site.line}: {site.change}" for site in sites] == [
-        "2: + to -",
-        "2: 1 to 1 + 1",
-        "4: * to /",
-        "8: < to <=",
-        "8: && to ||",
-        "8: not removed",
-        "8: == to !=",
-        "8: 7 to 7 + 1",
-        "8: statement removed",
-        "8: 9 to 9 + 1",
-        "11: statement removed",
-        "11: 1 to 1 + 1",
-        "12: + to -",
+        "4: + to -",
+        "4: 1 to 1 + 1",
+        "6: * to /",
+        "10: < to <=",
+        "10: && to ||",
+        "10: not removed",
+        "10: == to !=",
+        "10: 7 to 7 + 1",
+        "10: statement removed",
+        "10: 9 to 9 + 1",
+        "16: not removed",
+        "16: statement removed",
+        "17: condition negated",
+        "19: statement removed",
+        "19: 1 to 1 + 1",
+        "20: + to -",
     ]
     (tmp_path / "toy.cpp").write_text(native_code.rewritten(NATIVE, numbers), encoding="utf-8")
     library = tmp_path / "toy.so"
@@ -217,14 +228,14 @@ def test_mutants_of_cpp_are_all_in_one_build(tmp_path: Path) -> None:
     )
     places, toy = native_code.Reached(library, len(sites)), ctypes.CDLL(str(library)).toy
     places.begin()
-    assert (toy(1, 2), toy(5, 2)) == (12, 10)
+    assert (toy(1, 2), toy(5, 2)) == (13, 10)
     assert places.reached() == set(range(len(sites)))
     made = []
     for number in range(len(sites)):
         places.begin(number)
         made.append((toy(1, 2), toy(2, 2), toy(5, 2), toy(1, 7)))
-    original = (12, 7, 10, 7)
-    assert [i for i, values in enumerate(made) if values == original] == [11]
+    original = (13, 8, 10, 8)
+    assert [i for i, values in enumerate(made) if values == original] == [14]
 
 
 def test_what_does_not_compile_is_named_by_its_number(tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 ``python trials.py task.json`` is run by `run.py`. A first copy runs every test, and notes what each
 costs and which mutants it reaches. A mutant's copy runs the tests that reach it, first those that
-found others in its file, then the cheapest, until one fails. Costs are seconds of the processor,
-and so are limits: an endless loop ends by the one of its test.
+found others in its file, then those that found any, then the cheapest, until one fails. Costs are
+seconds of the processor, and so are limits: an endless loop ends by the one of its test.
 """
 
 from __future__ import annotations
@@ -103,11 +103,12 @@ class Trials:
         tests = self._first(items)
         print(f"{len(items)} tests, {sum(tests.seconds.values()):.0f} s", file=sys.__stderr__)
         found: Counter[tuple[str, int]] = Counter()
+        found_any: Counter[int] = Counter()
         trials = {}
         for number, path in self._files.items():
             reaching = sorted(
                 tests.reaching.get(number, ()),
-                key=lambda test: (-found[path, test], tests.seconds[test]),
+                key=lambda test: (-found[path, test], -found_any[test], tests.seconds[test]),
             )
             tried: list[int] = []
             total = 0.0
@@ -119,6 +120,7 @@ class Trials:
             killed = self._copied(items, tried, tests.seconds, number) if tried else None
             if isinstance(killed, int):
                 found[path, killed] += 1
+                found_any[killed] += 1
             print(number, killed, file=sys.__stderr__)
             trials[number] = {
                 "reaching": len(reaching),
