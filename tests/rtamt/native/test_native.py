@@ -77,6 +77,7 @@ def test_a_machine_is_made_once() -> None:
 
 
 ROW = (0, "CONST", "", 0, 0, 1.0, 0, 0)
+WINDOW = (1, "WINDOW", "min", 0, 0, 0.0, 2, 0)
 
 
 @pytest.mark.parametrize(
@@ -85,14 +86,26 @@ ROW = (0, "CONST", "", 0, 0, 1.0, 0, 0)
         ({"observed": []}, "expected the result first among the observed"),
         ({"observed": [(0, 3)]}, "expected the result first among the observed"),
         ({"observed": [(99, 0)], "result": 99}, "an observed register is out of range"),
+        (
+            {"rows": [ROW], "observed": [(1, 0)], "result": 1},
+            "an observed register is out of range",
+        ),
+        (
+            {"rows": [ROW], "observed": [(0, 0), (0, -1)], "result": 0},
+            "an observed register is out of range",
+        ),
         ({"rows": [ROW, (1, "JUMP", "", 0, 0, 0.0, 0, 0)]}, "unknown kind 'JUMP'"),
         ({"rows": [ROW, (1, "MAP", "tan", 0, 0, 0.0, 0, 0)]}, "unknown function 'tan'"),
         ({"rows": [ROW, (1, "WINDOW", "sum", 0, 0, 0.0, 2, 0)]}, "unknown lattice fold 'sum'"),
         ({"rows": [ROW, (1, "MAP", "neg", 7, 7, 0.0, 0, 0)]}, "row 1 is out of range"),
-        ({"rows": [ROW, (7, "MAP", "neg", 0, 0, 0.0, 0, 0)]}, "row 7 is out of range"),
+        ({"rows": [ROW, (1, "MAP", "neg", 2, 0, 0.0, 0, 0)]}, "row 1 is out of range"),
+        ({"rows": [ROW, (1, "MAP", "neg", 0, 2, 0.0, 0, 0)]}, "row 1 is out of range"),
+        ({"rows": [ROW, (2, "MAP", "neg", 0, 0, 0.0, 0, 0)]}, "row 2 is out of range"),
         ({"rows": [ROW, (1, "LOAD", "z", 2, 0, 0.0, 0, 0)]}, "row 1 is out of range"),
+        ({"rows": [(0, *WINDOW[1:])]}, "row 0 is out of range"),
+        ({"rows": [(0, "DELAY", *WINDOW[2:])]}, "row 0 is out of range"),
         ({"rows": [ROW, (1, "DELAY", "", 0, 0, 0.0, 0, 0)]}, "a delay of nothing"),
-        ({"rows": [ROW, (1, "DELAY", "", 0, 0, 0.0, 2**40, 0)]}, "row 1 is out of range"),
+        ({"rows": [ROW, (1, "DELAY", "", 0, 0, 0.0, 2**32 + 1, 0)]}, "row 1 is out of range"),
         ({"rows": [ROW[:7]]}, "expected rows of 8"),
     ],
 )

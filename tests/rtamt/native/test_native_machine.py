@@ -221,6 +221,22 @@ def test_a_block_with_a_bad_term_is_not_taken_in_at_all(n: int, bad: int) -> Non
     assert mine.update(4.0) == definition.update(4.0)
 
 
+@pytest.mark.parametrize("taken", [0, 1, 3])
+def test_a_refused_sample_leaves_the_registers_of_the_one_before(taken: int) -> None:
+    mine, definition = (
+        Monitor("always[0:3](sqrt(x) + exp(y) > 2)", backend=b) for b in ("native", "python")
+    )
+    for monitor in (mine, definition):
+        for x in range(taken):
+            monitor.update(x, -x)
+        before = monitor._machine.registers
+        with pytest.raises(ValueError, match="not a number"):
+            monitor.update(-1.0, 5.0)
+        assert bits(monitor._machine.registers) == bits(before)
+    assert bits(mine._machine.registers) == bits(definition._machine.registers)
+    assert mine._machine.inputs == definition._machine.inputs
+
+
 @pytest.mark.parametrize("n", [3, 1000])
 def test_a_whole_trace_with_a_bad_term_names_the_sample(n: int) -> None:
     values = np.full(n, 9.0)
