@@ -12,7 +12,9 @@ import re
 import subprocess
 import sys
 import sysconfig
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -77,8 +79,7 @@ class Reached:
 
 def sites(source: str) -> list[Site]:
     """Every change that a mutant can make, in the order of the source."""
-    text = source.encode()
-    return sorted({_site(node, change) for node, change, _ in _all_mutated(text)})
+    return list(_mutants(source.encode()))
 
 
 def rewritten(source: str, numbers: Mapping[Site, int]) -> str:
@@ -87,12 +88,12 @@ def rewritten(source: str, numbers: Mapping[Site, int]) -> str:
     made: dict[tuple[int, int], list[tuple[int, str]]] = {}
     truths: set[int] = set()
     statements: set[tuple[int, int]] = set()
-    for node, change, mutated in _all_mutated(text):
-        number = numbers.get(_site(node, change))
+    for site, (node, mutated) in _mutants(text).items():
+        number = numbers.get(site)
         if number is not None:
             place = (node.start_byte, node.end_byte)
             made.setdefault(place, []).append((number, mutated))
-            if change in _TRUTHS:
+            if site.change.partition(" at ")[0] in _TRUTHS:
                 truths.add(number)
             if node.type == "expression_statement":
                 statements.add(place)
@@ -135,6 +136,19 @@ def _rendered(
 def _site(node: Node, change: str) -> Site:
     (line, column), (end_line, end_column) = node.start_point, node.end_point
     return Site(line + 1, column, end_line + 1, end_column, change)
+
+
+def _mutants(text: bytes) -> dict[Site, tuple[Node, str]]:
+    """The node of each mutant, and what it becomes; a change says which one of its line it is."""
+    found = {_site(node, change): (node, mutated) for node, change, mutated in _all_mutated(text)}
+    times: Counter[tuple[int, str]] = Counter()
+    made = {}
+    for site in sorted(found):
+        times[site.line, site.change] += 1
+        place = times[site.line, site.change]
+        change = f"{site.change} at {place}" if place > 1 else site.change
+        made[replace(site, change=change)] = found[site]
+    return made
 
 
 def _all_mutated(text: bytes) -> Iterator[tuple[Node, str, str]]:

@@ -185,7 +185,7 @@ extern "C" int toy(int a, int b) {
     if (found) return a;
     std::vector<int> held{a, b};
     held.push_back(1);
-    return ring.size + static_cast<int>(held.size());
+    return ring.size + static_cast<int>(held.size()) + 2 - 2;
 }
 """
 
@@ -210,6 +210,10 @@ def test_mutants_of_cpp_are_all_in_one_build(tmp_path: Path) -> None:
         "19: statement removed",
         "19: 1 to 1 + 1",
         "20: + to -",
+        "20: + to - at 2",
+        "20: - to +",
+        "20: 2 to 2 + 1",
+        "20: 2 to 2 + 1 at 2",
     ]
     (tmp_path / "toy.cpp").write_text(native_code.rewritten(NATIVE, numbers), encoding="utf-8")
     library = tmp_path / "toy.so"
