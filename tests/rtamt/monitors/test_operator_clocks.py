@@ -24,10 +24,11 @@ EVENTS = {
 }
 
 
+KINDS = [(kind, event) for kind, events in EVENTS.items() for event in events]
+
+
 @st.composite
-def clock(draw: Any) -> OperatorClock:  # noqa: ANN401
-    kind: Any = draw(st.sampled_from(list(EVENTS)))
-    event = draw(st.sampled_from(EVENTS[kind]))
+def clock(draw: Any, kind: Any, event: str) -> OperatorClock:  # noqa: ANN401
     late = draw(st.integers(0, 3))
     begin = late + draw(st.integers(0, 3))
     waits = st.integers(0, late)
@@ -44,6 +45,9 @@ def clock(draw: Any) -> OperatorClock:  # noqa: ANN401
     )
 
 
+CLOCKS = st.sampled_from(KINDS).flatmap(lambda of: clock(*of))
+
+
 def same(one: OperatorClocks, two: OperatorClocks) -> bool:
     shown = [(each.fractions, each.margins, each.samples) for each in (one, two)]
     return all(
@@ -52,9 +56,13 @@ def same(one: OperatorClocks, two: OperatorClocks) -> bool:
     )
 
 
-@given(clocks=st.lists(clock(), min_size=1, max_size=4), seed=st.integers(0, 10**6))
-def test_all_back_ends_count_as_the_definition(clocks: list[OperatorClock], seed: int) -> None:
+@pytest.mark.parametrize(("kind", "event"), KINDS)
+@given(data=st.data(), seed=st.integers(0, 10**6))
+def test_all_back_ends_count_as_the_definition(
+    kind: str, event: str, data: st.DataObject, seed: int
+) -> None:
     """Also lanes that are not fed or reset, and what goes on from a copy of the state."""
+    clocks = data.draw(st.lists(clock(kind, event), min_size=1, max_size=4))
     rng = np.random.default_rng(seed)
     made = [OperatorClocks(clocks, PARTS, NUM, backend=name) for name in BACKENDS]
     for step in range(14):
@@ -67,7 +75,7 @@ def test_all_back_ends_count_as_the_definition(clocks: list[OperatorClock], seed
         assert all(same(made[0], each) for each in made)
 
 
-@given(clocks=st.lists(clock(), min_size=1, max_size=3), seed=st.integers(0, 10**6))
+@given(clocks=st.lists(CLOCKS, min_size=1, max_size=3), seed=st.integers(0, 10**6))
 def test_a_reset_forgets_everything(clocks: list[OperatorClock], seed: int) -> None:
     rng = np.random.default_rng(seed)
     used, new = (OperatorClocks(clocks, PARTS, NUM) for _ in range(2))
@@ -111,6 +119,15 @@ def test_copies_go_on_by_themselves(backend: Any) -> None:  # noqa: ANN401
     assert clocks.fractions.tolist() == [[0.25, 0.25]]
     assert other.fractions.tolist() == [[0.5, 0.0]]
     assert repr(other) == "<OperatorClocks: 1 over 1 parts in 2 lanes>"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_clock_that_is_full_goes_on_from_its_state(backend: Any) -> None:  # noqa: ANN401
+    clocks = OperatorClocks([ONE], 1, 1, backend)
+    for _ in range(5):
+        clocks.feed([[-1.0]])
+    copied = pickle.loads(pickle.dumps(clocks))
+    assert copied.fractions.tolist() == clocks.fractions.tolist() == [[1.0]]
 
 
 OUT_OF_ORDER = (

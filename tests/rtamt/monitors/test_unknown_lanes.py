@@ -121,6 +121,27 @@ def test_a_lane_that_was_reset_has_no_twin(backend: Backend) -> None:
     assert vector.verdict.tolist() == [1, 1]
 
 
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_cut_is_forgotten_by_a_reset(at_once: bool, backend: Backend) -> None:  # noqa: FBT001
+    """Though the other lane keeps a twin, and though none does meanwhile."""
+    vector = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend, nan="unknown")
+    vector.update([[NAN] if at_once else [0.0], [NAN]])
+    vector.finish(end="cut")
+    lanes = [EpisodeMonitor("eventually(x > 1)", backend=backend, nan="unknown") for _ in range(2)]
+    for lane, value in zip(lanes, (NAN if at_once else 0.0, NAN), strict=True):
+        lane.update(value)
+        lane.finish("cut")
+    for chosen in (0,) if at_once else (1, 0):
+        vector.reset(np.arange(2) == chosen)
+        lanes[chosen].reset()
+        assert offered(vector) == expected(lanes)
+    begun = np.array([not lane.finished for lane in lanes])
+    vector.update([[NAN], [NAN]], begun)
+    for lane in np.array(lanes)[begun]:
+        lane.update(NAN)
+    assert offered(vector) == expected(lanes)
+
+
 def test_neutral_predicates(backend: Backend) -> None:
     text = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
     vector = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)

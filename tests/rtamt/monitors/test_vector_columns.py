@@ -116,6 +116,8 @@ LONG = (
     "always(eventually[0:{k}](x > 0))",
     "eventually(always[0:{k}](x > 0))",
     "always((x > 0 implies always[0:{k}](y > 0)) and (x > 1 or eventually[0:{k}](y < x)))",
+    "always[1:inf](eventually[0:{k}](x > 0))",
+    "eventually[1:inf](always[0:{k}](x > 0))",
     "always[{k}:200]((x > 0 or eventually[0:{k}](y > 0)) and y < 1)",
 )
 
@@ -141,6 +143,26 @@ def test_long_episodes_of_lanes_that_fall_out_of_step(text: str, k: int, backend
         if step % 7 == 0:
             for name in VALUES:
                 assert bits(getattr(vector, name)) == bits([getattr(e, name) for e in lanes]), name
+
+
+@pytest.mark.parametrize("k", [1, 2, 5])
+@pytest.mark.parametrize("left_out", [1, 2])
+def test_a_lane_that_waits_after_its_first_sample_keeps_it(
+    k: int, left_out: int, backend: Backend
+) -> None:
+    text = f"always(eventually[0:{k}](x > 0))"
+    vector = VectorEpisodeMonitor(text, 2, backend=backend)
+    single = EpisodeMonitor(text, backend=backend)
+    for _ in range(9):  # samples of the episode before, that the lane must not see again
+        vector.update([[-1.0], [5.0]])
+    vector.reset([False, True])
+    values = [3.0, *[-2.0] * k, 0.5, *[4.0] * k]
+    for step, value in enumerate(values):
+        vector.update([[-1.0], [value]])
+        single.update(value)
+        assert vector.lower[1] == single.lower
+        for _ in range(left_out if step == 0 else 0):
+            vector.update([[-1.0], [0.0]], [True, False])
 
 
 def test_a_column_of_a_lane_that_begins_anew_keeps_nothing(backend: Backend) -> None:
