@@ -323,3 +323,16 @@ def test_a_copy_keeps_the_period_and_what_is_finished(backend: Backend) -> None:
         repr(VectorMonitor("x > 0", 4, backend=backend))
         == "<VectorMonitor of 4 lanes of x > 0, latency 0>"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [(VectorMonitor, "historically(x > 1)"), (VectorEpisodeMonitor, "always(x > 1)")],
+)
+def test_what_nan_holds_is_part_of_the_state(
+    kind: type[Vector], text: str, backend: Backend
+) -> None:
+    vector = kind(text, 2, backend=backend, nan="hold")
+    vector.update([[2.0], [4.0]])
+    copied = pickle.loads(pickle.dumps(vector))
+    assert copied.update([[NAN], [NAN]]).tolist() == [1.0, 3.0]
