@@ -129,6 +129,8 @@ SHAPES = (
     "always((x > 0) implies eventually[0:7](y > 0))",
     "eventually((x > 0) and always[2:9](y > 0))",
     "always((x > 0) implies always[0:7](y > 0))",
+    "always((x > 0) implies always[3:4](y > 0))",
+    "always[1:inf]((x > 0) implies eventually[0:4](y > 0))",
     "eventually((x > 0) and eventually[3:3](y > 0))",
     "always((x > 0) implies eventually[0:6] always[0:9](y > 0))",
     "always((x > 0) implies eventually[2:9] always[1:4](y > 0))",
@@ -137,6 +139,7 @@ SHAPES = (
     "always((x > 0) implies eventually[0:6] eventually[0:9](y > 0))",
     "always(((x > 0) implies eventually[0:7](y > 0)) and ((y > 0) implies always[2:5](x > 0)))",
     "eventually((y > 0) or x < 0 or eventually[1:6](x > 1))",
+    "always(x > 0 or eventually[0:6] always[0:9](y > 0) or y > 1)",
     "eventually((x > 0) and y < 1 and always[4:4] eventually[5:5](y > 0))",
 )
 
