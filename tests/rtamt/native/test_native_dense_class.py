@@ -86,6 +86,8 @@ ROW = ("LOAD", "x", 0, 0, 0.0, None, None)
         ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 2, 1)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("WINDOW", "min", 1, 0, 0.0, 0, 1)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("MAP", "neg", 0, 7, 0.0, None, None)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("MAP", "neg", 0, 1, 0.0, None, None)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("MAP", "neg", 1, 0, 0.0, None, None)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("LOAD", "z", 2, 0, 0.0, None, None)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 0, 2**62)]}, "row 1 is out of range"),
         ({"rows": [ROW, ROW[:6]]}, "expected rows of 7"),
