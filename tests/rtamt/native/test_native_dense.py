@@ -74,10 +74,13 @@ def check(
     shares: list[list[float]],
     kind: Kind = DenseMonitor,
 ) -> None:
-    """Both machines give the same in every call; the one in C++ is another one each time."""
+    """Both machines give the same in every call; the one in C++ is another one each time.
+
+    A reset leaves nothing of what they have seen.
+    """
     native, python = both(formula, kind)
-    for chunk in chunked(whole, shares):
-        part = of(native, chunk)
+    parts = [of(native, chunk) for chunk in chunked(whole, shares)]
+    for part in parts:
         before = native._machine.state()
         given_now = outcome(lambda m=native, p=part: m.update(p))  # type: ignore[misc]
         assert given_now == outcome(lambda m=python, p=part: m.update(p))  # type: ignore[misc]
@@ -91,6 +94,13 @@ def check(
         native = twin
     assert outcome(native.finish) == outcome(python.finish)
     assert state(native) == state(python)
+    native.reset()
+    python.reset()
+    for part in parts:
+        assert outcome(lambda p=part: native.update(p)) == outcome(  # type: ignore[misc]
+            lambda p=part: python.update(p)  # type: ignore[misc]
+        )
+        assert state(native) == state(python)
 
 
 bounded = formulas(dense=True).filter(lambda f: f.variables)
