@@ -85,6 +85,17 @@ def test_a_window_keeps_a_zero_of_the_block_before_it(name: str, length: int) ->
     assert bits(made.evaluate([values, values], len(values))[0]) == bits(expected)
 
 
+@pytest.mark.parametrize(("name", "sign"), [("min", -1.0), ("max", 1.0)])
+def test_a_new_extreme_is_seen_at_every_place_of_a_chunk(name: str, sign: float) -> None:
+    chunk = 64
+    values = np.zeros(chunk * chunk)
+    values[:: chunk + 1] = sign * np.arange(1, chunk + 1)
+    accumulate = np.minimum if name == "min" else np.maximum
+    made = machine((2, "WINDOW", name, 0, 0, 0.0, 0, 0))
+    expected = accumulate.accumulate(values)
+    assert bits(made.evaluate([values, values], len(values))[0]) == bits(expected)
+
+
 @pytest.mark.parametrize("length", [1, 5, 300, BLOCK, BLOCK + 1])
 def test_a_delay_over_a_trace_gives_the_bits_of_its_definition(length: int) -> None:
     made = machine((2, "DELAY", "", 0, 0, 0.0, length, 0))
