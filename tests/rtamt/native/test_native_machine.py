@@ -237,6 +237,14 @@ def test_a_refused_sample_leaves_the_registers_of_the_one_before(taken: int) -> 
     assert mine._machine.inputs == definition._machine.inputs
 
 
+def test_a_nan_that_no_term_keeps_is_refused() -> None:
+    monitor = Monitor("pow(x, 0) > y", backend="native")
+    for x, y, name in ((math.nan, 0.0, "x"), (0.0, math.nan, "y")):
+        with pytest.raises(ValueError, match=f"^variable '{name}' is nan at sample 0"):
+            monitor.update(x, y)
+    assert monitor._machine.samples == 0
+
+
 @pytest.mark.parametrize("n", [3, 1000])
 def test_a_whole_trace_with_a_bad_term_names_the_sample(n: int) -> None:
     values = np.full(n, 9.0)
