@@ -28,7 +28,7 @@ KINDS = [(kind, event) for kind, events in EVENTS.items() for event in events]
 
 
 @st.composite
-def clock(draw: Any, kind: Any, event: str) -> OperatorClock:  # noqa: ANN401
+def clock(draw: Any, kind: Any, event: Any) -> OperatorClock:  # noqa: ANN401
     late = draw(st.integers(0, 3))
     begin = late + draw(st.integers(0, 3))
     waits = st.integers(0, late)
