@@ -72,6 +72,11 @@ class Layout:
         self.firsts = [r for r in self._placement.initial if r < self.program.terms]
         self.oldest = self._last_age()
 
+    def newest(self, register: int, window: Window) -> int:
+        """The offset of the element that settles into the folds of a stream."""
+        late = self.shapes[register].late
+        return -late if window.hi is None else window.hi - late
+
     def _is_constant(self, register: int) -> bool:
         return isinstance(self.program.instructions[register], Const)
 

@@ -76,10 +76,17 @@ class RequirementState(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """A sample that was taken in: the states after it and the readings of each specification."""
+    """A sample that was taken in.
+
+    Attributes:
+        monitors: The state of each monitor after it.
+        readings: The reading of each specification.
+        cut: The same if the trace is cut there.
+    """
 
     monitors: tuple[EpisodeState, ...]
-    readings: list[BoundsReading]
+    readings: tuple[BoundsReading, ...]
+    cut: tuple[BoundsReading, ...]
 
 
 class JudgedStep(NamedTuple):
@@ -125,7 +132,7 @@ class StepJudge:
 
     Raises:
         SpecificationError: As the monitors do.
-        InputError: If an option is none of its choices, or the cut of a window is to be read.
+        InputError: If an option is none of its choices.
     """
 
     def __init__(
@@ -158,12 +165,8 @@ class StepJudge:
         check_choice("at_termination", self._at_termination, get_args(AtTermination))
         self._at_truncation = given.pop("at_truncation", "cut")
         check_choice("at_truncation", self._at_truncation, get_args(End))
-        for argument, end in (
-            ("at_termination", self._at_termination),
-            ("at_truncation", self._at_truncation),
-        ):
-            if end == "cut":
-                _refuse_cut_windows(argument, programs)
+        cuts = "cut" in {self._at_termination, self._at_truncation}
+        self._cuts = [cuts and _cut_by_an_end(program) for program in programs.values()]
         self._details = given.pop("details", False)
         observe = given.pop("observe", None)
         check_choice("observe", observe, (None, "state"))
@@ -218,8 +221,9 @@ class StepJudge:
             name: o.full(lanes, value, state.potential.dtype) if isinstance(value, float) else value
             for name, value in sample.items()
         }
-        begun, readings = self._update(
-            [m.reset(s, mask) for m, s in zip(self._all, state.monitors, strict=True)], given
+        pairs = zip(self._all, state.monitors, strict=True)
+        begun, readings, _ = self._taken(
+            [monitor.reset(each, mask) for monitor, each in pairs], given, [False] * len(self._all)
         )
         samples = o.where(mask, state.samples * 0 + 1, state.samples)
         values = _values(readings, samples)
@@ -264,7 +268,7 @@ class StepJudge:
 
     def take(self, state: RequirementState, sample: Mapping[str, Tensor]) -> Taken:
         """Take in a sample in every lane: the part of `step` that asks for no ends."""
-        return Taken(*self._update(state.monitors, sample))
+        return self._taken(state.monitors, sample, self._cuts)
 
     def violated(self, taken: Taken) -> Tensor:
         """Where a specification is certainly violated, however the episode goes on."""
@@ -279,21 +283,22 @@ class StepJudge:
         truncated: Tensor,
     ) -> tuple[RequirementState, JudgedStep]:
         """The rest of `step`, after `take` of the same state; the arguments are those of `step`."""
-        o, (monitors, readings) = self._o, taken
-        ended = terminated | truncated
-        found = [self._at_end(each, terminated, ended) for each in readings]
+        o, ended, certain = self._o, terminated | truncated, self.violated(taken)
+        pairs = zip(taken.readings, taken.cut, strict=True)
+        found = [self._at_end(*each, terminated, ended) for each in pairs]
         values = _values(found, state.samples + 1)
         violated = self._violated(values)
         violated_at = o.where(violated & (state.violated_at < 0), state.samples, state.violated_at)
-        early = violated & ~ended
         if self._on_violation == "terminate":
-            terminated = terminated | early
+            terminated = terminated | certain
         elif self._on_violation == "truncate":
-            truncated = truncated | early
+            truncated = truncated | certain
         over = terminated | truncated
         potential = self._potential(values)
         settled = outcome(least(values.lower), least(values.upper))
-        following = RequirementState(monitors, potential, settled, violated_at, state.samples + 1)
+        following = RequirementState(
+            taken.monitors, potential, settled, violated_at, state.samples + 1
+        )
         shaped = reward
         if self._shapes:
             one, zero = potential * 0.0 + 1.0, potential * 0.0
@@ -327,28 +332,46 @@ class StepJudge:
     def _all(self) -> Sequence[EpisodeArrays]:
         return tuple(self._monitors.values())
 
-    def _update(
-        self, states: Sequence[EpisodeState], sample: Mapping[str, Tensor]
-    ) -> tuple[tuple[EpisodeState, ...], list[BoundsReading]]:
-        pairs = [m.update(s, sample) for m, s in zip(self._all, states, strict=True)]
-        return tuple(state for state, _ in pairs), [reading for _, reading in pairs]
+    def _taken(
+        self, states: Sequence[EpisodeState], sample: Mapping[str, Tensor], cuts: Sequence[bool]
+    ) -> Taken:
+        found = []
+        for monitor, state, cut in zip(self._all, states, cuts, strict=True):
+            if cut:
+                found.append(monitor.update_and_cut(state, sample))
+            else:
+                following, reading = monitor.update(state, sample)
+                found.append((following, reading, self._complete(reading)))
+        return Taken(*zip(*found, strict=True))
 
-    def _at_end(self, reading: BoundsReading, terminated: Tensor, ended: Tensor) -> BoundsReading:
+    def _at_end(
+        self, reading: BoundsReading, cut: BoundsReading, terminated: Tensor, ended: Tensor
+    ) -> BoundsReading:
         """The reading where the environment has ended an episode, read as the options say."""
-        o, never = self._o, ended & ~ended
-        closed = terminated if self._at_termination in {"complete", "cut"} else never
-        if self._at_truncation != "open":
-            closed = closed | (ended & ~terminated)
-        closed = closed & ~reading.nan
-        robustness, verdict = reading.robustness, reading.verdict
-        sign = 1 - 2 * o.as_integers(o.signbit(robustness))
-        lower, upper = (o.where(closed, robustness, b) for b in (reading.lower, reading.upper))
-        verdict = o.where(closed, sign, verdict)
-        if self._at_termination == "failure":
-            failed = terminated & (verdict == 0)
-            upper = o.where(failed, -0.0, upper)
-            verdict = o.where(failed, verdict * 0 - 1, verdict)
-        return BoundsReading(robustness, lower, upper, verdict, reading.nan)
+        found = reading
+        for lanes, end in (
+            (terminated, self._at_termination),
+            (ended & ~terminated, self._at_truncation),
+        ):
+            if end in {"complete", "cut"}:
+                closed = self._complete(reading) if end == "complete" else cut
+                found = _where(self._o, lanes, closed, found)
+            elif end == "failure":
+                failed = lanes & (reading.verdict == 0)
+                upper = self._o.where(failed, -0.0, found.upper)
+                verdict = self._o.where(failed, found.verdict * 0 - 1, found.verdict)
+                found = found._replace(upper=upper, verdict=verdict)
+        return found
+
+    def _complete(self, reading: BoundsReading) -> BoundsReading:
+        """The reading if the trace is all there is; of a nan it stays open."""
+        o, known = self._o, ~reading.nan
+        sign = 1 - 2 * o.as_integers(o.signbit(reading.robustness))
+        return reading._replace(
+            lower=o.where(known, reading.robustness, reading.lower),
+            upper=o.where(known, reading.robustness, reading.upper),
+            verdict=o.where(known, sign, reading.verdict),
+        )
 
     def _violated(self, values: MonitorValues[Any]) -> Tensor:
         return self._o.signbit(least(values.upper))
@@ -409,17 +432,7 @@ def _where(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN
     return make(parts)
 
 
-def _refuse_cut_windows(argument: str, programs: Mapping[str, Program]) -> None:
-    for name, program in programs.items():
-        for instruction in program.instructions:
-            if not isinstance(instruction, Window):
-                continue
-            bounded = instruction.hi is not None and instruction.hi > 0
-            if bounded or (instruction.hi is None and instruction.lo != 0):
-                raise InputError(
-                    f"specification {name!r}: {argument}='cut' would leave open what a window "
-                    "after the end has not seen, which monitors on arrays do not follow; pass ",
-                    Argument(argument, "complete"),
-                    ", for which it has seen all there is, or ",
-                    Argument(argument, "open" if argument == "at_truncation" else "failure"),
-                )
+def _cut_by_an_end(program: Program) -> bool:
+    """Whether a window can reach past an end, so that a cut trace is not read as a complete one."""
+    windows = [each for each in program.instructions if isinstance(each, Window)]
+    return any(each.lo != 0 if each.hi is None else each.hi > 0 for each in windows)

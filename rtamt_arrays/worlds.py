@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from rtamt_arrays.functions import Elements
 from rtamt_arrays.operations import Tensor
 
 __all__ = [
+    "WORLDS",
     "Arrival",
     "BoundsReading",
     "EpisodeState",
@@ -18,6 +19,7 @@ __all__ = [
 ]
 
 WorldName = Literal["now", "lower", "upper"]
+WORLDS: tuple[WorldName, ...] = get_args(WorldName)
 
 
 class EpisodeState(NamedTuple):
@@ -104,8 +106,17 @@ class Arrival(NamedTuple):
 
 
 class Worldview(NamedTuple):
-    """The streams of a world, and its values of the unknowns."""
+    """The streams of a world.
+
+    Attributes:
+        world: Which one it is.
+        streams: The values of each stream.
+        unknowns: The values of the unknowns.
+        opened: If the trace was cut, the same world of a trace that goes on: an operator without an
+            end of whose window nothing was recorded has its values. None: it was not cut.
+    """
 
     world: WorldName
     streams: dict[int, StreamValues]
     unknowns: list[Tensor]
+    opened: Worldview | None = None

@@ -129,7 +129,8 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         kind = state.done.dtype
         over = (judged.terminated | judged.truncated).astype(kind)
         info = dict(state.info)
-        info["truncation"] = judged.truncated.astype(info["truncation"].dtype)
+        cut = judged.truncated & ~judged.terminated  # as Brax counts them
+        info["truncation"] = cut.astype(info["truncation"].dtype)
         if "episode_done" in info:
             info["episode_done"] = over
             sums = info["episode_metrics"]

@@ -128,7 +128,7 @@ class Violated(ManagerTermBase):
         if self._last is None:  # the reward manager asks for a shape before the first step
             return self._nothing
         own = ~self.requirements.violated(self._last[1])
-        judged = self._conclude(*self._last, terminated & own, truncated & own)
+        judged = self._conclude(*self._last, terminated & own, truncated)
         self._env.extras["stl"] = judged.info
         reward: torch.Tensor = judged.reward
         return reward

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bits import bits
 from brax.envs.base import Env, State
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
 
@@ -67,18 +68,23 @@ SPEC = "always((x > -1) implies eventually[0:0.2](x + y < 1.2))"
 SIGNALS = {"x": "obs[0]", "y": "obs[1]"}
 
 
-@pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
-def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violation: str) -> None:
+@pytest.mark.parametrize(
+    ("on_violation", "end"), [("terminate", "cut"), ("truncate", "open"), ("report", "cut")]
+)
+def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(
+    on_violation: str,
+    end: Any,  # noqa: ANN401
+) -> None:
     signals = {**SIGNALS, "u": ("action[0]", 0.5)}
     spec = f"{SPEC} and always(u < 1.8)"
-    env = wrapped(spec, signals, period="100ms", on_violation=on_violation, at_truncation="open")
+    env = wrapped(spec, signals, period="100ms", on_violation=on_violation, at_truncation=end)
     first, states, actions = rollout(env)
     info, done = states.info, np.asarray(states.done) > 0
     # What a bare environment does with these actions from each reset on, by hand.
     where = np.array(first.obs)
     monitor = VectorEpisodeMonitor(spec, LANES, period="100ms")
     beginning = np.ones(LANES, bool)
-    steps, ended = np.zeros(LANES), 0
+    steps, ended, open_ends = np.zeros(LANES), 0, 0
     start = where.copy()
     for t, action in enumerate(np.asarray(actions)):
         if beginning.any():
@@ -90,24 +96,22 @@ def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violat
         monitor.update(_table(monitor, where, action[:, 0]))
         terminated = np.abs(where[:, 0]) > 2.0
         truncated = (steps >= 7) & ~terminated
-        violated = np.signbit(monitor.upper)
-        expected = terminated | truncated | (violated & (on_violation != "report"))
+        early = np.signbit(monitor.upper)
+        expected = terminated | truncated | (early & (on_violation != "report"))
         np.testing.assert_array_equal(done[t], expected)
-        cut = truncated | (violated & ~terminated & (on_violation == "truncate"))
+        cut = (truncated | (early & (on_violation == "truncate"))) & ~terminated
+        cut &= ~(early & (on_violation == "terminate"))
         np.testing.assert_array_equal(np.asarray(info["truncation"])[t] > 0, cut)
-        monitor_robustness = monitor.robustness
-        np.testing.assert_array_equal(info["robustness"][t], monitor_robustness)
-        closed = terminated
-        for key, bound in (("stl_lower", monitor.lower), ("stl_upper", monitor.upper)):
-            np.testing.assert_array_equal(info[key][t], np.where(closed, monitor_robustness, bound))
-            np.testing.assert_array_equal(
-                np.signbit(info[key][t]), np.signbit(np.where(closed, monitor_robustness, bound))
-            )
-        success = np.where(closed, ~np.signbit(monitor_robustness), monitor.verdict > 0)
-        np.testing.assert_array_equal(info["is_success"][t], success & expected)
+        monitor.finish(terminated)
+        monitor.finish(truncated, end=end)
+        for key, name in (("", "robustness"), ("stl_", "lower"), ("stl_", "upper")):
+            assert bits(info[key + name][t]) == bits(getattr(monitor, name))
+        np.testing.assert_array_equal(info["is_success"][t], (monitor.verdict > 0) & expected)
+        open_ends += ((monitor.verdict == 0) & truncated).sum()
         beginning = expected
         ended += expected.sum()
     assert ended > LANES  # resets in the middle
+    assert open_ends  # windows that reach past an end
 
 
 def _table(monitor: VectorEpisodeMonitor, obs: Any, action: Any) -> Any:  # noqa: ANN401
@@ -116,9 +120,9 @@ def _table(monitor: VectorEpisodeMonitor, obs: Any, action: Any) -> Any:  # noqa
 
 
 def test_a_float32_monitor_reads_the_rounded_signals() -> None:
-    env = wrapped(SPEC, SIGNALS, dtype=jnp.float32, at_truncation="open", on_violation="report")
+    env = wrapped(SPEC, SIGNALS, dtype=jnp.float32, on_violation="report")
     _, states, _ = rollout(env)
-    exact = wrapped(SPEC, SIGNALS, at_truncation="open", on_violation="report")
+    exact = wrapped(SPEC, SIGNALS, on_violation="report")
     _, expected, _ = rollout(exact)
     assert states.info["robustness"].dtype == jnp.float32
     np.testing.assert_allclose(
@@ -200,13 +204,6 @@ def test_what_is_wrong_raises_when_the_wrapper_is_made() -> None:
     with pytest.raises(InputError) as error:
         wrapped("always(x < 1)", {"x": "action[0]"})
     assert "has no value at reset" in str(error.value)
-    with pytest.raises(InputError) as error:
-        wrapped(SPEC, SIGNALS)
-    assert str(error.value) == (
-        "specification 'spec': at_truncation='cut' would leave open what a window after the end "
-        "has not seen, which monitors on arrays do not follow; pass at_truncation='complete', for "
-        "which it has seen all there is, or at_truncation='open'"
-    )
     with pytest.raises(InputError) as error:
         StlWrapper(Drift(), "always(x < 1)", {"x": "obs[0]"}).reset(jax.random.PRNGKey(0))
     assert str(error.value) == (

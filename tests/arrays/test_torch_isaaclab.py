@@ -2,18 +2,42 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from array_requirements import RequirementContract
 from isaaclab.managers import StandInEnv, TermCfg
 
 from rtamt import InputError, VectorEpisodeMonitor
+from rtamt_arrays.operations import Tensor
+from rtamt_arrays.requirements import StepJudge
+from rtamt_arrays.torch import episode
 from rtamt_arrays.torch.isaaclab import Violated, monitor_state, shaped_reward
+from rtamt_arrays.torch.operations import TorchOperations
 
 LANES = 7
 SPEC = "always(x > -1.2 and (abs(u) < 1.4 or eventually[0:0.2](x > 0)))"
+
+
+class Torch:
+    """torch in eager mode."""
+
+    def judge(self, specs: Any, options: Any) -> StepJudge:  # noqa: ANN401
+        made = partial(episode, dtype=torch.float64, device="cpu")
+        return StepJudge(specs, made, TorchOperations("cpu"), options)
+
+    def tensor(self, values: object) -> Tensor:
+        return torch.from_numpy(np.array(values))
+
+    def compiled(self, function: Any) -> Any:  # noqa: ANN401
+        return function
+
+
+class TestRequirements(RequirementContract):
+    library = Torch()
 
 
 def made(device: str = "cpu", **options: Any) -> StandInEnv:  # noqa: ANN401

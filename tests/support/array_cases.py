@@ -5,6 +5,7 @@ A compiler takes a second for a formula: several of a batch are compiled at once
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -63,6 +64,20 @@ class Case(NamedTuple):
             monitor.update(sample[:, places])
             for name, values in zip(names, rows, strict=True):
                 values.append(getattr(monitor, name))
+        return [np.array(values) for values in rows]
+
+    def cut(self, formula: Formula, names: tuple[str, ...]) -> list[Floats]:
+        """The same of traces that are cut after each sample."""
+        monitor = VectorEpisodeMonitor(formula, LANES)
+        places = [s.VARIABLES.index(name) for name in monitor.variables]
+        rows: list[list[Floats]] = [[] for _ in names]
+        for sample, mask in zip(self.samples, self.resets, strict=True):
+            monitor.reset(mask)
+            monitor.update(sample[:, places])
+            ended = copy.deepcopy(monitor)
+            ended.finish(end="cut")
+            for name, values in zip(names, rows, strict=True):
+                values.append(getattr(ended, name))
         return [np.array(values) for values in rows]
 
     def offline(self, formula: Formula) -> Floats:

@@ -177,6 +177,19 @@ class OnlineContract:
             self.library.arrays.online("x > 0", dtype=self.library.tensor([True]).dtype)
 
 
+class Cut:
+    """A monitor of episodes that says what each trace is if it is cut after the sample."""
+
+    def __init__(self, monitor: ArrayMonitor) -> None:
+        self._monitor = monitor
+        self.variables, self.init, self.reset = monitor.variables, monitor.init, monitor.reset
+
+    def update(self, state: ArrayMonitor, sample: Tensor) -> tuple[ArrayMonitor, ArrayMonitor]:
+        """The next state, and the reading of a trace that is cut."""
+        following, _, cut = self._monitor.update_and_cut(state, sample)
+        return following, cut
+
+
 class EpisodeContract:
     """Of `episode`."""
 
@@ -194,6 +207,30 @@ class EpisodeContract:
                 found = np.ravel(reading[name])
                 assert bits(found) == bits(np.ravel(expected)), (name, formula)
 
+    @few
+    @given(cases.cases(endless=True))
+    def test_cut_ends_equal_those_of_the_lockstep_monitor_with_resets_in_the_middle(
+        self, case: cases.Case
+    ) -> None:
+        monitors = [Cut(self.library.arrays.episode(formula)) for formula in case.formulas]
+        readings = self.library.readings(monitors, case.samples, case.resets)
+        for formula, reading in zip(case.formulas, readings, strict=True):
+            for name, expected in zip(READ, case.cut(formula, READ), strict=True):
+                found = np.ravel(reading[name])
+                assert bits(found) == bits(np.ravel(expected)), (name, formula)
+
+    def test_a_step_that_says_what_a_cut_trace_is_says_and_keeps_what_another_step_does(
+        self,
+    ) -> None:
+        monitor = self.library.arrays.episode("always((x > 0) implies eventually[0:2](x > 1))")
+        state, sample = monitor.init(2), {"x": self.library.tensor([0.5, -1.0])}
+        expected = monitor.update(state, sample)
+        *found, cut = monitor.update_and_cut(state, sample)
+        for x, y in zip((*found[0], *found[1]), (*expected[0], *expected[1]), strict=True):
+            assert bits(np.ravel(x)) == bits(np.ravel(y))
+        assert cut.verdict.tolist() == [0, 1]
+        assert found[1].verdict.tolist() == [0, 0]
+
     def test_a_nan_decides_nothing_until_the_lane_is_reset(self) -> None:
         tensor = self.library.tensor
         monitor = self.library.arrays.episode("always(x > 0)")
@@ -204,6 +241,9 @@ class EpisodeContract:
         assert reading.lower.tolist() == [-math.inf, -math.inf]
         assert reading.upper.tolist() == [math.inf, -1.0]
         assert reading.verdict.tolist() == [0, -1]
+        *_, cut = monitor.update_and_cut(state, {"x": tensor([1.0, 1.0])})
+        assert np.isnan(cut.robustness.tolist()).tolist() == [True, False]
+        assert cut.verdict.tolist() == [0, -1]
         _, reading = monitor.update(monitor.reset(state), {"x": tensor([2.0, 2.0])})
         assert reading.robustness.tolist() == [2.0, 2.0]
 

@@ -1,0 +1,350 @@
+"""The value of an episode at time 0 in each world: of what has settled, and of what has not.
+
+`rtamt_arrays.episode` describes both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rtamt.program import algebra
+from rtamt.program.instructions import Const, Map, Window
+from rtamt.program.placement import Placement
+from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, fold_all, prefixes, slide, suffixes
+from rtamt_arrays.layout import Layout
+from rtamt_arrays.operations import Operations, Tensor
+from rtamt_arrays.rows import Rows
+from rtamt_arrays.worlds import Arrival, StreamValues, WorldName, Worldview
+
+__all__ = ["Outlook"]
+
+INF = math.inf
+_DECIDES = {"min": -INF, "max": INF}
+"""What decides a function, whatever the other operand is; its negative leaves the other."""
+
+
+class Outlook:
+    """Finds the value of a program at time 0 in a world.
+
+    Args:
+        placement: The program, and when its registers are read.
+        layout: At which offsets streams are found.
+        operations: The array library.
+        rows: The rows of the episode.
+        dtype: The kind of floats.
+    """
+
+    def __init__(
+        self,
+        placement: Placement,
+        layout: Layout,
+        operations: Operations,
+        rows: Rows,
+        dtype: object,
+    ) -> None:
+        self.program = placement.program
+        self._placement = placement
+        self._layout = layout
+        self._shapes, self._depends = layout.shapes, layout.depends
+        self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
+        self._o = operations
+        self._rows = rows
+        self._dtype = dtype
+
+    def view(self, now: Arrival, world: WorldName, opened: Worldview | None = None) -> Worldview:
+        """The streams of a world; with that of a trace that goes on, of a trace that was cut."""
+        unknown = self._o.full((1, 1), 0.0, self._dtype)
+        view = Worldview(world, {}, [unknown] * len(self._axes), opened)
+        for r in self._placement.streams:
+            instruction = self.program.instructions[r]
+            if isinstance(instruction, Const):
+                stream = StreamValues(None, -self._layout.oldest, instruction.value)
+            elif r < self.program.terms:
+                stream = StreamValues(None, 0, INF if world == "upper" else -INF)
+            elif isinstance(instruction, Map):
+                stream = self._pointwise(now, view, r, instruction)
+            else:
+                window = self._layout.windows[r]
+                made = self._future if window.hi is None else self._windowed
+                stream = made(now, view, r, window)
+                if opened is None:
+                    stream = self._own_elements(now, view, window, stream)
+                elif window.endless or window.hi is None:
+                    stream = self._recorded(r, window, stream, opened.streams[r])
+            view.streams[r] = stream
+        return view
+
+    def value(self, now: Arrival, view: Worldview) -> Tensor:
+        """The value at time 0 in a world."""
+        values: dict[int, Tensor] = {}
+        for r in self._placement.initial:
+            if r < self.program.terms:
+                values[r] = now.first[r]
+                continue
+            match self.program.formula(r):
+                case Map(function, args):
+                    values[r] = FUNCTIONS[function](self._o, *(values[a] for a in args))
+                case Window() as window:
+                    values[r] = self._at_zero(now, view, r, window)
+        return values[self.program.result]
+
+    def _read(
+        self, now: Arrival, view: Worldview, register: int, begin: int, end: int
+    ) -> tuple[Tensor, int]:
+        """The values at offsets that do not lie in the tail, and the last of these offsets."""
+        shape, stream = self._shapes[register], view.streams[register]
+        last = min(end, stream.last)
+        if last < begin:
+            return None, begin - 1
+        parts = []
+        if begin <= -shape.late:
+            rows = now.settled[register][
+                begin + shape.back : min(last, -shape.late) + shape.back + 1
+            ]
+            parts.append(
+                self._rows.in_world(rows, view.unknowns) if self._depends[register] else rows
+            )
+        first = 1 - shape.late
+        if last >= first:
+            parts.append(stream.values[max(begin, first) - first : last - first + 1])
+        return (parts[0] if len(parts) == 1 else self._rows.after(*parts)), last
+
+    def _pointwise(
+        self, now: Arrival, view: Worldview, register: int, instruction: Map
+    ) -> StreamValues:
+        begin, end = self._open(view, register)
+        operands = []
+        for a in instruction.args:
+            rows, last = self._read(now, view, a, begin, end)
+            operands.append((last, rows, view.streams[a].tail))
+        name = instruction.function
+        tail = self._of_tails(name, [each[2] for each in operands])
+        if name in _DECIDES:
+            (last, x, short), (longest, y, _) = sorted(operands, key=lambda each: each[0])
+            count = last - begin + 1
+            choose = FUNCTIONS[name]
+            common = None if x is None else choose(self._o, x, y[:count])
+            number = short if isinstance(short, float) else 0.0
+            if longest == last or number == _DECIDES[name]:
+                return StreamValues(common, last, tail)
+            rest = y[count:]
+            if number != -_DECIDES[name]:
+                rest = choose(self._o, self._rows.array(short), rest)
+            rows = rest if common is None else self._rows.after(common, rest)
+            return StreamValues(rows, longest, tail)
+        filled = [self._rows.filled(rows, t, end - last) for last, rows, t in operands]
+        if end < begin:
+            return StreamValues(None, end, tail)
+        return StreamValues(FUNCTIONS[name](self._o, *filled), end, tail)
+
+    def _of_tails(self, name: str, tails: Sequence[Tensor | float]) -> Tensor | float:
+        """A function of what stands for later values."""
+        if all(isinstance(each, float) for each in tails):
+            return algebra.FUNCTIONS[name].apply(*tails)
+        return FUNCTIONS[name](self._o, *map(self._rows.array, tails))
+
+    def _open(self, view: Worldview, register: int) -> tuple[int, int]:
+        """The first and the last offset at which a stream has not settled in a world."""
+        shape = self._shapes[register]
+        return 1 - shape.late, 0 if view.world == "now" else shape.past
+
+    def _closed(self, view: Worldview, window: Window) -> bool:
+        """Whether samples that are not seen count nothing."""
+        if view.opened is not None:
+            return window.hi is None
+        return view.world == "now" or window.skips(best=view.world == "upper")
+
+    def _elements(
+        self, now: Arrival, view: Worldview, window: Window, begin: int, end: int
+    ) -> tuple[Elements | None, int]:
+        """The elements at offsets that do not lie in the tail, and the last of these offsets."""
+        read = [self._read(now, view, a, begin, end) for a in window.args]
+        last = max(each[1] for each in read)
+        if last < begin:
+            return None, last
+        x = tuple(
+            self._rows.filled(rows, view.streams[a].tail, last - here)
+            for a, (rows, here) in zip(window.args, read, strict=True)
+        )
+        return self._since_zero(now, window, begin, x), last
+
+    def _since_zero(self, now: Arrival, window: Window, begin: int, x: Elements) -> Elements:
+        """Elements from an offset on; identities before time 0."""
+        if begin >= 0:
+            return x
+        offsets = self._o.arange(begin, begin + x[0].shape[0])
+        return self._rows.fold(window).masked(self._o, now.age >= -offsets[:, None, None], x)
+
+    def _extended(
+        self, view: Worldview, window: Window, x: Elements | None, count: int
+    ) -> Elements | None:
+        """Elements with so many of the tail after them."""
+        if count <= 0:
+            return x
+        rows = x or (None,) * len(window.args)
+        tails = (view.streams[a].tail for a in window.args)
+        return tuple(self._rows.filled(a, tail, count) for a, tail in zip(rows, tails, strict=True))
+
+    def _windowed(
+        self, now: Arrival, view: Worldview, register: int, window: Window
+    ) -> StreamValues:
+        """A window with an end: what is kept of it, and the elements that are open."""
+        fold, (first, end) = self._rows.fold(window), self._open(view, register)
+        closed = self._closed(view, window)
+        end = 0 if closed else end
+        newest, count = self._layout.newest(register, window), end - first + 1
+        limit = newest + count  # the offset of the last element of the last window
+        limit = min(limit, 0) if closed else limit
+        x, last = self._elements(now, view, window, newest + 1, limit)
+        if last < min(limit, -1) and (window.lo is None or window.lo < 0):
+            # A tail may stand for times before time 0, which windows of the past reach.
+            x = self._extended(view, window, x, min(limit, -1) - last)
+            last = min(limit, -1)
+            x = x and self._since_zero(now, window, newest + 1, x)
+        ahead, width = last - newest, window.length
+        tails = tuple(view.streams[a].tail for a in window.args)
+        number = tails[0] if len(tails) == 1 and isinstance(tails[0], float) else 0.0
+        skipped, decides = number == fold.identity[-1], number == -fold.identity[-1]
+        if last < limit:
+            # Whether every window behind the last element reaches the tail.
+            reached = not closed or (window.lo or 0) <= 0
+            if decides and reached:
+                count = min(count, ahead)
+            elif not skipped:
+                x, ahead = self._extended(view, window, x, limit - last), limit - newest
+            elif width and reached:
+                count = min(count, ahead + width - 1)
+        kept = now.folds[register]
+        if self._depends[register]:
+            kept = tuple(self._rows.in_world(each, view.unknowns) for each in kept)
+        rows = self._over(fold, kept, x, ahead, count, width)
+        if width is None and not decides:
+            total = tuple(a[-1] for a in rows or kept)
+            tail = fold.combine(total, tuple(map(self._rows.array, tails)))[-1]
+        else:
+            tail = self._together(fold, tails)
+        return StreamValues(rows and rows[-1], first - 1 + count, tail)
+
+    def _over(
+        self,
+        fold: Fold,
+        kept: Elements,
+        x: Elements | None,
+        ahead: int,
+        count: int,
+        width: int | None,
+    ) -> Elements | None:
+        """The folds of windows that end at the first, second, ... element ahead; None of none."""
+        if count <= 0:
+            return None
+        parts: list[Elements] = []
+        old = count if width is None else min(count, width - 1)  # windows that began before
+        if old:
+            part = kept if width is None else tuple(a[1 : old + 1] for a in kept)
+            if x is not None:
+                begun = prefixes(self._o, fold, tuple(a[:old] for a in self._rows.even(x)))
+                begun = tuple(self._rows.filled(a, a[-1], old - ahead) for a in begun)
+                part = fold.combine(part, begun)
+            parts.append(tuple(self._rows.repeated(a, old) for a in part))
+        new = count - old
+        if new and width is not None:
+            if x is not None and ahead <= width:
+                parts.append(tuple(a[:new] for a in suffixes(self._o, fold, self._rows.even(x))))
+                new -= ahead
+            elif x is not None:
+                nothing = self._rows.identities_of(fold, new + width - 1 - ahead)
+                padded = x if nothing is None else tuple(map(self._rows.after, x, nothing))
+                parts.append(slide(fold, tuple(a[: new + width - 1] for a in padded), width))
+                new = 0
+            if (nothing := self._rows.identities_of(fold, new)) is not None:
+                parts.append(nothing)
+        whole = parts[0]
+        for part in parts[1:]:
+            whole = tuple(map(self._rows.after, whole, part))
+        return whole
+
+    def _future(self, now: Arrival, view: Worldview, register: int, window: Window) -> StreamValues:
+        """A window without an end; the fold of what has not settled is its unknown."""
+        fold, (first, end) = self._rows.fold(window), self._open(view, register)
+        closed = self._closed(view, window)
+        end = 0 if closed else end
+        x, last = self._elements(now, view, window, first, end)
+        x = self._extended(view, window, x, end - last)
+        tails = tuple(view.streams[a].tail for a in window.args)
+        later = tuple(self._rows.array(t)[None] for t in (fold.identity if closed else tails))
+        whole = later if x is None else tuple(map(self._rows.after, x, later))
+        rows = suffixes(self._o, fold, self._rows.even(whole))
+        view.unknowns[self._axes[register]] = rows[-1][0]
+        values = None if x is None else rows[-1][:-1]
+        return StreamValues(values, end, self._together(fold, tails))
+
+    def _own_elements(
+        self, now: Arrival, view: Worldview, window: Window, stream: StreamValues
+    ) -> StreamValues:
+        """After now a window of what may not be there has its own element alone."""
+        if view.world == "now" or not self._closed(view, window):
+            return stream
+        if window.lo:
+            return stream._replace(tail=self._rows.fold(window).identity[-1])
+        operand = window.args[-1]
+        rows, last = self._read(now, view, operand, 1, view.streams[operand].last)
+        if rows is None:
+            return stream._replace(tail=view.streams[operand].tail)
+        if stream.values is not None:
+            rows = self._rows.after(stream.values, rows)
+        return StreamValues(rows, last, view.streams[operand].tail)
+
+    def _recorded(
+        self, register: int, window: Window, stream: StreamValues, opened: StreamValues
+    ) -> StreamValues:
+        """The values of a trace that was cut, and open ones where nothing was recorded."""
+        first = 1 - self._shapes[register].late
+        # Behind it nothing was recorded of what the operator speaks of.
+        last = max(first - 1, -window.begin if window.endless else 0)
+        count = last - first + 1
+        rows = stream.values[:count] if count and stream.last >= first else None
+        rows = self._rows.filled(rows, stream.tail, last - max(stream.last, first - 1))
+        if opened.last <= last:
+            return StreamValues(rows, last, opened.tail)
+        rest = opened.values[count:]
+        rows = rest if rows is None else self._rows.after(rows, rest)
+        return StreamValues(rows, opened.last, opened.tail)
+
+    def _together(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:
+        """The fold of elements that are all the same."""
+        if len(tails) == 1:
+            return tails[0]
+        arrays = tuple(map(self._rows.array, tails))
+        return fold.combine(arrays, arrays)[-1]
+
+    def _at_zero(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
+        """The value of a window at time 0."""
+        value = self._folded(now, view, register, window)
+        if view.opened is None or not window.endless:
+            return value
+        opened = self._folded(now, view.opened, register, window)
+        return self._o.where(now.age < window.begin, opened, value)
+
+    def _folded(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
+        """The fold of a window at time 0: settled, open and later elements."""
+        o, fold = self._o, self._rows.fold(window)
+        total = now.initial[register]
+        if any(self._depends[a] for a in window.args):
+            total = tuple(self._rows.in_world(each, view.unknowns) for each in total)
+        begin = 1 - max(self._shapes[a].late for a in window.args)
+        closed = self._closed(view, window)
+        end = 0 if closed else max(self._shapes[a].past for a in window.args)
+        x, last = self._elements(now, view, window, begin, end)
+        if x is not None:
+            x = fold.masked(o, self._rows.inside(now.age, window, begin, last), x)
+            total = fold.combine(total, tuple(a[None] for a in fold_all(o, fold, x)))
+        hi = window.hi
+        if (last < 0 or not closed) and (hi is None or hi >= 0):
+            tail = tuple(self._rows.array(view.streams[a].tail)[None] for a in window.args)
+            if hi is not None:
+                tail = fold.masked(o, now.age < hi - last, tail)
+            if closed:
+                tail = fold.masked(o, now.age >= max(0, window.lo or 0), tail)
+            total = fold.combine(total, tail)
+        return total[-1][0][0]

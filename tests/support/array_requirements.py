@@ -1,0 +1,152 @@
+"""What requirements on arrays owe: the infos, rewards and ends of `rtamt_gym.VectorStlReward`.
+
+Both judge the same recorded steps. Where an episode ends, be it by a violation, another begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from bits import bits
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from rtamt_arrays.operations import Tensor
+from rtamt_arrays.requirements import StepJudge
+from rtamt_gym import VectorStlReward
+
+__all__ = ["RequirementContract", "RequirementLibrary"]
+
+LANES, STEPS = 5, 40
+QUARTERS = np.arange(-12, 13) / 4.0
+
+
+class RequirementLibrary(Protocol):
+    """What the contract needs of a library of arrays."""
+
+    def judge(self, specs: Any, options: Mapping[str, Any]) -> StepJudge:  # noqa: ANN401
+        """The requirements on its arrays of doubles."""
+
+    def tensor(self, values: object) -> Tensor:
+        """An array of doubles, or of booleans where the values are."""
+
+    def compiled(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function as the library compiles it, if it does."""
+
+
+class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
+    """Points whose steps are recorded; an environment is reset where a mask says so."""
+
+    single_observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
+    single_action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
+
+    def __init__(self, seed: int) -> None:
+        self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
+        self.num_envs = LANES
+        self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, LANES)
+        self.action_space = gym.vector.utils.batch_space(self.single_action_space, LANES)
+        random = np.random.default_rng(seed)
+        self.samples = random.choice(QUARTERS, (STEPS, 2, LANES, 2))  # of a step, and of a reset
+        self.rewards = random.normal(size=(STEPS, LANES))
+        self.terminated, self.truncated = random.random((2, STEPS, LANES)) < 0.08
+        self.at, self.obs = 0, self.samples[0, 1]
+
+    def reset(
+        self,
+        *,
+        seed: Any = None,  # noqa: ANN401, ARG002
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        mask = np.ones(LANES, bool) if options is None else options["reset_mask"]
+        self.obs = np.where(mask[:, None], self.samples[self.at, 1], self.obs)
+        return self.obs, {}
+
+    def step(self, actions: object) -> tuple[Any, Any, Any, Any, dict[str, Any]]:  # noqa: ARG002
+        self.at, t = self.at + 1, self.at + 1
+        self.obs = self.samples[t, 0]
+        return self.obs, self.rewards[t], self.terminated[t], self.truncated[t], {}
+
+
+RESPONDS = "always((x > -2) implies eventually[0:3](x + y < 1))"
+LATE = "always[2:inf](x >= -2.5) and eventually(y > 2 and once[1:2](x <= 0))"
+SEVERAL = {"responds": RESPONDS, "late": LATE, "near": "always(x < 2.75)"}
+CASES: list[tuple[Any, dict[str, Any]]] = [
+    (RESPONDS, {"mode": "add", "on_violation": "report"}),
+    (RESPONDS, {"mode": "progress", "at_termination": "cut", "on_violation": "truncate"}),
+    (RESPONDS, {"mode": "potential", "at_termination": "failure", "at_truncation": "open"}),
+    ("eventually[0:9](always[0:3](x < 2))", {"mode": "terminal", "on_violation": "report"}),
+    (LATE, {"mode": "replace", "at_termination": "cut", "on_violation": "report"}),
+    (SEVERAL, {"mode": "add", "weights": {"late": 0.25}, "bonus": 5.0, "penalty": 2.0}),
+]
+
+
+class RequirementContract:
+    """Of `rtamt_arrays.requirements.StepJudge`."""
+
+    library: RequirementLibrary
+
+    @pytest.mark.parametrize(("specs", "options"), CASES)
+    def test_recorded_steps_are_judged_as_vector_environments_are(
+        self,
+        specs: Any,  # noqa: ANN401
+        options: dict[str, Any],
+    ) -> None:
+        given = {"on_violation": "terminate", "at_termination": "complete", "period": 1}
+        options = {**given, "observe": "state", "clip": 3.0, **options}
+        recorded, tensor = Recorded(seed=len(str(options))), self.library.tensor
+        envs = VectorStlReward(recorded, specs, {"x": "obs[0]", "y": "obs[1]"}, **options)
+        judge = self.library.judge(specs, options)
+        step, begin = self.library.compiled(judge.step), self.library.compiled(judge.begin)
+
+        def sample(obs: NDArray[np.float64]) -> dict[str, Tensor]:
+            columns = {"x": obs[:, 0], "y": obs[:, 1]}
+            return {name: tensor(columns[name]) for name in judge.variables}
+
+        obs, infos = envs.reset()
+        state, judged = begin(judge.init(LANES), sample(recorded.obs), tensor([True] * LANES))
+        self.compare(judged, obs, infos, np.zeros(LANES, bool))
+        ended = 0
+        for t in range(1, STEPS):
+            obs, reward, terminated, truncated, infos = envs.step(np.zeros((LANES, 1)))
+            ends = tensor(recorded.terminated[t]), tensor(recorded.truncated[t])
+            state, judged = step(state, sample(recorded.obs), tensor(recorded.rewards[t]), *ends)
+            over = terminated | truncated
+            self.compare(judged, obs, infos, over)
+            assert np.array_equal(judged.terminated, terminated)
+            assert np.array_equal(judged.truncated, truncated)
+            np.testing.assert_allclose(judged.reward, reward, rtol=1e-12, atol=1e-12)
+            if over.any():
+                obs, infos = envs.reset(options={"reset_mask": over})
+                state, judged = begin(state, sample(recorded.obs), tensor(over))
+                self.compare(judged, obs, infos, np.zeros(LANES, bool), of=over)
+            ended += over.sum()
+        assert ended > LANES
+
+    def compare(
+        self,
+        judged: Any,  # noqa: ANN401
+        obs: NDArray[np.float64],
+        infos: Mapping[str, Any],
+        over: NDArray[np.bool_],
+        of: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Compare what was judged with infos and observations, in the environments of a mask."""
+        found = {key: np.asarray(value) for key, value in judged.info.items()}
+        mask = np.ones(LANES, bool) if of is None else of
+        for key in ("robustness", "stl_lower", "stl_upper"):
+            assert bits(found[key][mask]) == bits(infos[key][mask]), key
+        assert np.array_equal(found["stl_violated"][mask], infos["stl_violated"][mask])
+        shown = np.asarray(judged.features)[mask]
+        np.testing.assert_allclose(shown, obs[mask, 2:], rtol=1e-6, atol=1e-7)
+        for key in ("stl_success", "is_success", "stl_undecided"):
+            expected = infos[key] & over if over.any() else over
+            assert np.array_equal(found[key][mask], expected[mask]), key
+        if over.any():
+            there = infos.get("_stl_violated_at", np.zeros(LANES, bool))
+            at = np.where(there, infos.get("stl_violated_at", -1), -1)
+            assert np.array_equal(found["stl_violated_at"][over], at[over])
