@@ -30,8 +30,8 @@ from rtamt.program.program import Program
 from rtamt_arrays.functions import FUNCTIONS, Elements
 from rtamt_arrays.layout import Cells, Layout
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.outlook import Outlook
-from rtamt_arrays.rows import Rows
+from rtamt_arrays.outlook import EpisodeOutlook
+from rtamt_arrays.rows import EpisodeRows
 from rtamt_arrays.terms import (
     ArrayReader,
     ArraySample,
@@ -69,7 +69,7 @@ class EpisodeArrays:
         self.program = self._placement.program
         self._o = operations
         self._reader = reader
-        self._rows = Rows(operations, reader.dtype)
+        self._rows = EpisodeRows(operations, reader.dtype)
         self._axes = {register: axis for axis, register in enumerate(self._placement.unknowns)}
         self._corners = 1 << len(self._axes)
         corners = list(itertools.product((-INF, INF), repeat=len(self._axes)))
@@ -79,7 +79,9 @@ class EpisodeArrays:
         ]
         self._layout = Layout(self._placement)
         self._shapes = self._layout.shapes
-        self._outlook = Outlook(self._placement, self._layout, operations, self._rows, reader.dtype)
+        self._outlook = EpisodeOutlook(
+            self._placement, self._layout, operations, self._rows, reader.dtype
+        )
 
     def init(self, lanes: int) -> EpisodeState:
         """The state before the first sample.

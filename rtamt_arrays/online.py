@@ -201,6 +201,36 @@ class OnlineMonitor:
         following = step.following(nan, o.least(age + 1, self._oldest))
         return following, OnlineReading(robustness, nan)
 
+    def begin(
+        self, state: OnlineState, sample: ArraySample, mask: Tensor | None = None
+    ) -> tuple[OnlineState, OnlineReading]:
+        """Begin lanes anew with a sample, while the others take none.
+
+        Lanes share a clock: the sample counts as taken with the newest one of the others.
+
+        Args:
+            state: As for `update`.
+            sample: As for `update`; what it has of other lanes is ignored.
+            mask: A boolean for each lane; None: all lanes.
+
+        Returns:
+            The next state, and the reading, which says nothing of the other lanes.
+
+        Raises:
+            InputError: As `update` and `reset` do.
+            InputTypeError: As `update` and `reset` do.
+        """
+        self._check(state)
+        o, place, table = self._o, state.place, self._table
+        before = state._replace(place=o.where(place == table.begins, table.ends, place) - 1)
+        mask = self._reader.mask(mask, state.age)
+        begun, reading = self.update(self.reset(before, mask), sample)
+        parts = {
+            name: place if name == "place" else o.where(mask, new, getattr(state, name))
+            for name, new in begun._asdict().items()
+        }
+        return OnlineState(**parts), reading
+
     def _check(self, state: OnlineState) -> None:
         checked_state(
             state,

@@ -14,17 +14,17 @@ from rtamt.program.placement import Placement
 from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, fold_all, prefixes, slide, suffixes
 from rtamt_arrays.layout import Layout
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.rows import Rows
+from rtamt_arrays.rows import EpisodeRows
 from rtamt_arrays.worlds import Arrival, StreamValues, WorldName, Worldview
 
-__all__ = ["Outlook"]
+__all__ = ["EpisodeOutlook"]
 
 INF = math.inf
 _DECIDES = {"min": -INF, "max": INF}
 """What decides a function, whatever the other operand is; its negative leaves the other."""
 
 
-class Outlook:
+class EpisodeOutlook:
     """Finds the value of a program at time 0 in a world.
 
     Args:
@@ -40,7 +40,7 @@ class Outlook:
         placement: Placement,
         layout: Layout,
         operations: Operations,
-        rows: Rows,
+        rows: EpisodeRows,
         dtype: object,
     ) -> None:
         self.program = placement.program

@@ -7,20 +7,20 @@ observation. Every one of these is that of `rtamt_gym`, by the same functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, Protocol, get_args
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple, get_args
 
-from rtamt import Align, End, InputError, Period, Specification
+from rtamt import Align, End, InputError, Period
 from rtamt.errors import Argument
-from rtamt.program.instructions import Window
-from rtamt.program.program import Program
-from rtamt_arrays.episode import EpisodeArrays
+from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.worlds import BoundsReading, EpisodeState
+from rtamt_arrays.panel import ArrayPanel, PanelState, Taken
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.constants import ConstantValue
+from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import end_info, spec_state, step_info
+from rtamt_gym.judging.reading import Reading, View
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
@@ -32,11 +32,14 @@ __all__ = [
     "RequirementOptions",
     "RequirementState",
     "StepJudge",
-    "Taken",
 ]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
+
+
+_READ = ("period", "align", "view", "at_termination", "at_truncation")
+"""The options that say how samples are judged."""
 
 
 class RequirementOptions(ShapingNumbers, total=False):
@@ -52,6 +55,8 @@ class RequirementOptions(ShapingNumbers, total=False):
     on_violation: OnViolation
     at_termination: AtTermination
     at_truncation: End
+    view: View
+    cost: Cost | None
     details: bool
     observe: Literal["state"] | None
     mode: Mode | None
@@ -61,32 +66,18 @@ class RequirementState(NamedTuple):
     """What is known of the episodes; its arrays have the lanes as their last axis.
 
     Attributes:
-        monitors: The state of the monitor of each specification.
+        panel: What the monitors know.
         potential: What the shaping compares the next step with.
         outcome: What has been settled: 1 satisfied, -1 violated, 0 neither.
         violated_at: The sample that showed the first violation; -1 where there is none.
         samples: Samples since the reset.
     """
 
-    monitors: tuple[EpisodeState, ...]
+    panel: PanelState
     potential: Tensor
     outcome: Tensor
     violated_at: Tensor
     samples: Tensor
-
-
-class Taken(NamedTuple):
-    """A sample that was taken in.
-
-    Attributes:
-        monitors: The state of each monitor after it.
-        readings: The reading of each specification.
-        cut: The same if the trace is cut there.
-    """
-
-    monitors: tuple[EpisodeState, ...]
-    readings: tuple[BoundsReading, ...]
-    cut: tuple[BoundsReading, ...]
 
 
 class JudgedStep(NamedTuple):
@@ -107,46 +98,39 @@ class JudgedStep(NamedTuple):
     features: Tensor
 
 
-class MakesEpisodes(Protocol):
-    """The function ``episode`` of an array library."""
-
-    def __call__(
-        self, spec: Specification, period: Period | None, *, align: Align | None
-    ) -> EpisodeArrays:
-        """The monitor of a specification."""
-
-
 class StepJudge:
     """The requirements of an environment.
 
     Args:
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
-        episode: Makes the monitor of one.
+        monitors: Makes the monitors of one.
         operations: The operations of the array library.
         options: See `RequirementOptions`.
 
     Attributes:
+        names: The names of the specifications.
         variables: The variables of all specifications.
         features: What ``observe="state"`` shows.
         observes: Whether it is to be shown.
 
     Raises:
-        SpecificationError: As the monitors do.
+        SpecificationError: As the monitors of `rtamt_gym` do.
         InputError: If an option is none of its choices.
     """
 
     def __init__(
         self,
         specs: SpecsLike,
-        episode: MakesEpisodes,
+        monitors: ArrayMonitors,
         operations: Operations,
         options: RequirementOptions,
     ) -> None:
         given: dict[str, Any] = {**options}
-        period, align = given.pop("period", None), given.pop("align", None)
+        read = [name for name in _READ if name in given]
+        reading = Reading(**{name: given.pop(name) for name in read})
         loaded = load_specs(specs, constants=given.pop("constants", None))
         for name, spec in loaded.items():
-            if spec.timed and period is None:
+            if spec.timed and reading.period is None:
                 raise InputError(
                     f"specification {name!r} has bounds, and the environment does not say how "
                     "long a step takes; pass ",
@@ -156,52 +140,51 @@ class StepJudge:
                     " for bounds in steps",
                 )
         self._o = operations
-        self._monitors = {name: episode(s, period, align=align) for name, s in loaded.items()}
-        programs = {name: monitor.program for name, monitor in self._monitors.items()}
+        self.names = list(loaded)
         self.variables = tuple(dict.fromkeys(v for s in loaded.values() for v in s.variables))
         self._on_violation = given.pop("on_violation", "terminate")
         check_choice("on_violation", self._on_violation, get_args(OnViolation))
-        self._at_termination = given.pop("at_termination", "complete")
-        check_choice("at_termination", self._at_termination, get_args(AtTermination))
-        self._at_truncation = given.pop("at_truncation", "cut")
-        check_choice("at_truncation", self._at_truncation, get_args(End))
-        cuts = "cut" in {self._at_termination, self._at_truncation}
-        self._cuts = [cuts and _cut_by_an_end(program) for program in programs.values()]
+        cost = given.pop("cost", None)
+        check_choice("cost", cost, (None, *get_args(Cost)))
+        self._panel = ArrayPanel(loaded, reading, cost, monitors, operations)
+        self._of_instants = reading.view == "step"
         self._details = given.pop("details", False)
         observe = given.pop("observe", None)
         check_choice("observe", observe, (None, "state"))
         self.observes = observe is not None
         self._shapes = given.get("mode") is not None
-        self._optional = {"stl": self._details, "reward": self._shapes}
+        self._optional = {
+            "stl": self._details,
+            "reward": self._shapes,
+            "stl_of_instant": self._of_instants,
+        }
         shown = given if self._shapes else {**given, "mode": "add"}
         self._shaping = Shaping.of(list(loaded), **shown)
         self.features = StateFeatures(
             self._shaping.weights,
             self._shaping.clip,
-            tuple(program.latency for program in programs.values()),
+            self._panel.latencies,
+            whole=self._shaping.mode == "terminal",
         )
-
-    @property
-    def names(self) -> list[str]:
-        """The names of the specifications."""
-        return list(self._monitors)
 
     @property
     def keys(self) -> frozenset[str]:
         """The keys of the infos."""
         blank: dict[str, Any] = {**step_info({}, 0, 0, 0, 0), **end_info(0, 0, 0, 0)}
         added = [name for name, is_there in self._optional.items() if is_there]
-        return frozenset([*blank, *added])
+        return frozenset([*blank, *added]) | self._panel.cost_keys
 
-    metric_keys = frozenset({"robustness", "is_success"})
-    """The keys of `metrics`."""
+    @property
+    def metric_keys(self) -> frozenset[str]:
+        """The keys of `metrics`."""
+        return frozenset({"robustness", "is_success"}) | self._panel.cost_keys
 
     def init(self, lanes: int) -> RequirementState:
         """The state before the first sample; `begin` is to take that in every lane."""
-        o, monitors = self._o, tuple(each.init(lanes) for each in self._monitors.values())
-        zero = o.full((lanes,), 0.0, monitors[0].kept.dtype)
-        count = monitors[0].age
-        return RequirementState(monitors, zero, zero, count - 1, count)
+        panel = self._panel.init(lanes)
+        zero = self._o.full((lanes,), 0.0, panel.judges[0].rows.dtype)
+        count = panel.judges[0].age
+        return RequirementState(panel, zero, zero, count - 1, count)
 
     def begin(
         self, state: RequirementState, sample: Mapping[str, Tensor | float], mask: Tensor
@@ -221,30 +204,22 @@ class StepJudge:
             name: o.full(lanes, value, state.potential.dtype) if isinstance(value, float) else value
             for name, value in sample.items()
         }
-        pairs = zip(self._all, state.monitors, strict=True)
-        begun, readings, _ = self._taken(
-            [monitor.reset(each, mask) for monitor, each in pairs], given, [False] * len(self._all)
-        )
+        taken, never = self._panel.begin(state.panel, given, mask), mask & ~mask
         samples = o.where(mask, state.samples * 0 + 1, state.samples)
-        values = _values(readings, samples)
+        values = self._panel.values(taken, samples, never, never)
         violated = self._violated(values)
         zero = state.potential * 0.0
-        fresh = RequirementState(
-            begun,
-            self._potential(values),
-            zero,
-            o.as_integers(violated) - 1,  # sample 0, where it is violated
+        before = o.as_integers(violated) - 1  # sample 0, where it is violated
+        following = RequirementState(
+            taken.panel,
+            o.where(mask, self._potential(values), state.potential),
+            o.where(mask, zero, state.outcome),
+            o.where(mask, before, state.violated_at),
             samples,
         )
-        never = mask & ~mask
-        judged = JudgedStep(
-            zero,
-            never,
-            never,
-            self._info(values, violated, fresh.violated_at, never, zero),
-            self._shown(values),
-        )
-        return _where(o, mask, fresh, state), judged
+        costs = self._panel.unpaid(values)
+        info = self._info(values, violated, following.violated_at, never, zero, costs)
+        return following, JudgedStep(zero, never, never, info, self._shown(values))
 
     def step(
         self,
@@ -268,7 +243,7 @@ class StepJudge:
 
     def take(self, state: RequirementState, sample: Mapping[str, Tensor]) -> Taken:
         """Take in a sample in every lane: the part of `step` that asks for no ends."""
-        return self._taken(state.monitors, sample, self._cuts)
+        return self._panel.feed(state.panel, sample, state.samples)
 
     def violated(self, taken: Taken) -> Tensor:
         """Where a specification is certainly violated, however the episode goes on."""
@@ -283,22 +258,19 @@ class StepJudge:
         truncated: Tensor,
     ) -> tuple[RequirementState, JudgedStep]:
         """The rest of `step`, after `take` of the same state; the arguments are those of `step`."""
-        o, ended, certain = self._o, terminated | truncated, self.violated(taken)
-        pairs = zip(taken.readings, taken.cut, strict=True)
-        found = [self._at_end(*each, terminated, ended) for each in pairs]
-        values = _values(found, state.samples + 1)
+        o, samples, certain = self._o, state.samples + 1, self.violated(taken)
+        values = self._panel.values(taken, samples, terminated, truncated)
+        panel, costs = self._panel.charged(taken, values)
         violated = self._violated(values)
         violated_at = o.where(violated & (state.violated_at < 0), state.samples, state.violated_at)
         if self._on_violation == "terminate":
             terminated = terminated | certain
         elif self._on_violation == "truncate":
-            truncated = truncated | certain
+            truncated = truncated | (certain & ~terminated)
         over = terminated | truncated
         potential = self._potential(values)
         settled = outcome(least(values.lower), least(values.upper))
-        following = RequirementState(
-            taken.monitors, potential, settled, violated_at, state.samples + 1
-        )
+        following = RequirementState(panel, potential, settled, violated_at, samples)
         shaped = reward
         if self._shapes:
             one, zero = potential * 0.0 + 1.0, potential * 0.0
@@ -316,62 +288,21 @@ class StepJudge:
             shaped,
             terminated,
             truncated,
-            self._info(values, violated, violated_at, over, reward),
+            self._info(values, violated, violated_at, over, reward, costs),
             self._shown(values),
         )
 
     def metrics(self, judged: JudgedStep) -> dict[str, Tensor]:
-        """Numbers that are summed over an episode: those of its last step, and 0 before it."""
+        """Numbers that are summed over an episode.
+
+        Those of verdicts are of its last step, and 0 before it; costs are of every step.
+        """
         o, over = self._o, judged.terminated | judged.truncated
         robustness = clip(judged.info["robustness"], self._shaping.clip)
         zero = robustness * 0.0
         success = o.where(judged.info["is_success"], zero + 1.0, zero)
-        return {"robustness": o.where(over, robustness, zero), "is_success": success}
-
-    @property
-    def _all(self) -> Sequence[EpisodeArrays]:
-        return tuple(self._monitors.values())
-
-    def _taken(
-        self, states: Sequence[EpisodeState], sample: Mapping[str, Tensor], cuts: Sequence[bool]
-    ) -> Taken:
-        found = []
-        for monitor, state, cut in zip(self._all, states, cuts, strict=True):
-            if cut:
-                found.append(monitor.update_and_cut(state, sample))
-            else:
-                following, reading = monitor.update(state, sample)
-                found.append((following, reading, self._complete(reading)))
-        return Taken(*zip(*found, strict=True))
-
-    def _at_end(
-        self, reading: BoundsReading, cut: BoundsReading, terminated: Tensor, ended: Tensor
-    ) -> BoundsReading:
-        """The reading where the environment has ended an episode, read as the options say."""
-        found = reading
-        for lanes, end in (
-            (terminated, self._at_termination),
-            (ended & ~terminated, self._at_truncation),
-        ):
-            if end in {"complete", "cut"}:
-                closed = self._complete(reading) if end == "complete" else cut
-                found = _where(self._o, lanes, closed, found)
-            elif end == "failure":
-                failed = lanes & (reading.verdict == 0)
-                upper = self._o.where(failed, -0.0, found.upper)
-                verdict = self._o.where(failed, found.verdict * 0 - 1, found.verdict)
-                found = found._replace(upper=upper, verdict=verdict)
-        return found
-
-    def _complete(self, reading: BoundsReading) -> BoundsReading:
-        """The reading if the trace is all there is; of a nan it stays open."""
-        o, known = self._o, ~reading.nan
-        sign = 1 - 2 * o.as_integers(o.signbit(reading.robustness))
-        return reading._replace(
-            lower=o.where(known, reading.robustness, reading.lower),
-            upper=o.where(known, reading.robustness, reading.upper),
-            verdict=o.where(known, sign, reading.verdict),
-        )
+        costs = {key: judged.info[key] for key in self._panel.cost_keys}
+        return {"robustness": o.where(over, robustness, zero), "is_success": success, **costs}
 
     def _violated(self, values: MonitorValues[Any]) -> Tensor:
         return self._o.signbit(least(values.upper))
@@ -379,7 +310,8 @@ class StepJudge:
     def _potential(self, values: MonitorValues[Any]) -> Tensor:
         if self._shaping.mode == "progress":
             return self._shaping.middle(values.lower, values.upper)
-        return self._shaping.robustness(values.robustness)
+        whole = self._shaping.mode == "terminal"
+        return self._shaping.robustness(values.judged if whole else values.robustness)
 
     def _shown(self, values: MonitorValues[Any]) -> Tensor:
         return self._o.stack(self.features.rows(values)).swapaxes(0, 1)
@@ -391,14 +323,17 @@ class StepJudge:
         violated_at: Tensor,
         over: Tensor,
         reward: Tensor,
+        costs: Mapping[str, Tensor],
     ) -> dict[str, Any]:
         success, undecided = over, over & ~over
         for verdict in values.verdicts:
             success = success & (verdict > 0)
             undecided = undecided | (over & (verdict == 0))
+        of_instant = over | ~over if self._of_instants else None
         columns = (values.robustness, values.lower, values.upper, values.verdicts)
         states = {
-            name: spec_state(*each) for name, *each in zip(self._monitors, *columns, strict=True)
+            name: spec_state(*each, of_instant)
+            for name, each in zip(self.names, zip(*columns, strict=True), strict=True)
         }
         own = {"reward": reward} if self._shapes else {}
         return step_info(
@@ -408,31 +343,6 @@ class StepJudge:
             least(values.upper),
             violated,
             states if self._details else None,
+            costs,
+            of_instant,
         ) | end_info(violated_at, success, undecided, success)
-
-
-def _values(readings: Sequence[BoundsReading], samples: Tensor) -> MonitorValues[Any]:
-    robustness = [each.robustness for each in readings]
-    return MonitorValues(
-        robustness,
-        robustness,
-        [each.lower for each in readings],
-        [each.upper for each in readings],
-        [each.verdict for each in readings],
-        samples,
-    )
-
-
-def _where(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - parts of states
-    """The new state in the lanes of the mask, and the old one in the others."""
-    if not isinstance(new, tuple):
-        return o.where(mask, new, old)
-    parts = [_where(o, mask, x, y) for x, y in zip(new, old, strict=True)]
-    make: Callable[..., Any] = getattr(type(new), "_make", tuple)
-    return make(parts)
-
-
-def _cut_by_an_end(program: Program) -> bool:
-    """Whether a window can reach past an end, so that a cut trace is not read as a complete one."""
-    windows = [each for each in program.instructions if isinstance(each, Window)]
-    return any(each.lo != 0 if each.hi is None else each.hi > 0 for each in windows)

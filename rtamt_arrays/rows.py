@@ -8,10 +8,10 @@ from rtamt.program.instructions import Window
 from rtamt_arrays.functions import Elements, Fold, exact
 from rtamt_arrays.operations import Operations, Tensor
 
-__all__ = ["Rows"]
+__all__ = ["EpisodeRows"]
 
 
-class Rows:
+class EpisodeRows:
     """What is made of rows: longer ones, elements of folds, and their values in a world.
 
     Args:

@@ -41,7 +41,6 @@ from __future__ import annotations
 
 import functools
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypedDict, TypeVar, assert_never, cast, get_args
@@ -51,6 +50,7 @@ from numpy.typing import NDArray
 
 from rtamt_gym.checks.arguments import check_amount, check_choice, check_known, check_number
 from rtamt_gym.checks.levels import check_mapping, levels_of
+from rtamt_gym.libraries import library_of
 
 __all__ = [
     "Mode",
@@ -80,14 +80,6 @@ Numeric = TypeVar("Numeric", float, NDArray[np.float64])
 """A float, or an array with one float for each lane."""
 
 
-def _library_of(array: Any) -> Any:  # noqa: ANN401 - of any library
-    """The functions of the library that an array is of, which is loaded: `numpy` or one like it."""
-    if isinstance(array, np.ndarray):
-        return np
-    names = getattr(array, "__array_namespace__", None)  # torch has none
-    return sys.modules["torch"] if names is None else names()
-
-
 def clip(x: Numeric, bound: float) -> Numeric:
     """``min(max(x, -bound), bound)``; infinities become finite.
 
@@ -98,7 +90,7 @@ def clip(x: Numeric, bound: float) -> Numeric:
     if isinstance(x, float | int):
         # Calls of min() and max() would cost twice as much.
         return bound if x > bound else max(x, -bound)
-    clipped: Numeric = _library_of(x).clip(x, -bound, bound)
+    clipped: Numeric = library_of(x).clip(x, -bound, bound)
     return clipped
 
 
@@ -146,7 +138,7 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
 
 
 def _least_of_lanes(values: Sequence[Any], temperature: float | None) -> Any:  # noqa: ANN401
-    library = _library_of(values[0])
+    library = library_of(values[0])
     lowest = functools.reduce(library.minimum, values)
     # A minimum gives either zero. Only NumPy can look first whether there is one, which is cheap.
     if len(values) > 1 and not (library is np and lowest.all()):
@@ -192,7 +184,7 @@ def _of_first_negative(levels: Sequence[Numeric], values: Sequence[Numeric]) -> 
         if isinstance(level, float | int):
             value = values[rank] if math.copysign(1.0, level) < 0.0 else value
         else:
-            library = _library_of(level)
+            library = library_of(level)
             value = library.where(library.signbit(level), values[rank], value)
     return value
 
@@ -271,7 +263,7 @@ def outcome(lower: Numeric, upper: Numeric) -> Numeric:
     """
     if isinstance(lower, float | int):
         return (math.copysign(1.0, lower) + math.copysign(1.0, upper)) / 2.0
-    library = _library_of(lower)
+    library = library_of(lower)
     decided: Numeric = (
         library.copysign(library.ones_like(lower), lower)
         + library.copysign(library.ones_like(upper), upper)

@@ -15,7 +15,7 @@ from brax.envs.base import Wrapper
 from brax.envs.wrappers import training
 
 from rtamt import InputError
-from rtamt_arrays.jax.wrapping import JaxRequirements, as_period
+from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
 from rtamt_arrays.requirements import JudgedStep, RequirementOptions
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -103,7 +103,7 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
 
     def step(self, state: Any, action: jax.Array) -> Any:  # noqa: ANN401 - a state of Brax or of Playground
         """Steps all environments; those that are at the begin of an episode take sample 0 first."""
-        known = state.info[_STATE]
+        known = of_one(state.info[_STATE])
         inner = self._without(state)
         # The steps are 0 after a reset, and nothing else tells it: the resetting wrapper clears
         # `done` before this is called, and resets all, some or none of the info.
@@ -140,7 +140,8 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
 
     def _with(self, state: Any, known: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - states
         obs = self._judge.shown(state.obs, judged.features)
-        info = {**state.info, **judged.info, _STATE: known}
+        # Wrappers that reset infos take a first axis as long as there are lanes for that of lanes.
+        info = {**state.info, **judged.info, _STATE: one(known)}
         metrics = {**state.metrics, **self._judge.requirements.metrics(judged)}
         return state.replace(obs=obs, info=info, metrics=metrics)
 

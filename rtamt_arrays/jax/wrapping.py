@@ -11,8 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rtamt import InputError
-from rtamt_arrays.jax import episode
+from rtamt_arrays.jax import episode, online
 from rtamt_arrays.jax.operations import JaxOperations
+from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import RequirementOptions, RequirementState, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
@@ -43,7 +44,8 @@ class JaxRequirements:
         options: RequirementOptions,
     ) -> None:
         said = options if options.get("period") is not None else {**options, "period": period}
-        self.requirements = StepJudge(specs, partial(episode, dtype=dtype), JaxOperations(), said)
+        made = ArrayMonitors(partial(episode, dtype=dtype), partial(online, dtype=dtype))
+        self.requirements = StepJudge(specs, made, JaxOperations(), said)
         self._signals = ArraySignals(signals, self.requirements.variables, jax.vmap)
 
     def begin(self, state: RequirementState, step: ArrayStep, mask: Tensor) -> Any:  # noqa: ANN401 - a state and what is judged

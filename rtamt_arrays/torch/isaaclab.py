@@ -17,14 +17,15 @@ import torch
 from isaaclab.managers import ManagerTermBase
 
 from rtamt import InputError
+from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.panel import Taken
 from rtamt_arrays.requirements import (
     JudgedStep,
     RequirementOptions,
     RequirementState,
     StepJudge,
-    Taken,
 )
-from rtamt_arrays.torch import episode
+from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.judging.specs import SpecsLike
 
@@ -75,7 +76,7 @@ class Violated(ManagerTermBase):
         options.update(params.get("options", {}))
         self.requirements = StepJudge(
             params["specs"],
-            partial(episode, device=env.device),
+            ArrayMonitors(partial(episode, device=env.device), partial(online, device=env.device)),
             TorchOperations(torch.device(env.device)),
             options,
         )

@@ -41,12 +41,23 @@ import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.reading import Reading, SampleReading
+from rtamt_gym.libraries import library_of
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["Cost", "CostMeter", "Demand", "VectorCostMeter", "demands_of"]
+__all__ = [
+    "Cost",
+    "CostMeter",
+    "Demand",
+    "VectorCostMeter",
+    "demands_of",
+    "keyed_costs",
+    "measured_demands",
+    "options_of_parts",
+    "step_costs",
+]
 
 Cost = Literal["violation", "depth", "latched", "first"]
 """What ``info["cost"]`` measures."""
@@ -157,7 +168,7 @@ class CostMeter:
     ) -> None:
         self._kind = kind
         self._exact = reading.semantics in EXACT
-        self._demands = _measured(kind, specs, reading)
+        self._demands = measured_demands(kind, specs, reading)
         options = options_of_parts(specs, [each.spec for each in self._demands], reading)
         self._monitors = [
             rtamt.Monitor(demand.spec, **option)
@@ -211,10 +222,10 @@ class CostMeter:
         Returns:
             The keys of ``info``: ``cost``, and ``cost_NAME`` for each of several specifications.
         """
-        costs = _costs(self._kind, self._worst, violated, self._charged)
+        costs = step_costs(self._kind, self._worst, violated, self._charged)
         self._charged = violated
         self.begin()
-        return _keyed(self._names, [np.float64(cost) for cost in costs])
+        return keyed_costs(self._names, [np.float64(cost) for cost in costs])
 
 
 class VectorCostMeter:
@@ -234,7 +245,7 @@ class VectorCostMeter:
         self._kind = kind
         self._exact = reading.semantics in EXACT
         self._names = list(specs)
-        self._demands = _measured(kind, specs, reading)
+        self._demands = measured_demands(kind, specs, reading)
         options = options_of_parts(specs, [each.spec for each in self._demands], reading)
         self._monitors = [
             rtamt.VectorMonitor(demand.spec, num, **option)
@@ -274,17 +285,18 @@ class VectorCostMeter:
             violated: Whether specifications are violated, shape (specifications, environments).
             stepped: The environments that made a step; None: all.
         """
-        costs = _costs(self._kind, self._worst.copy(), violated, self._charged)
+        costs = step_costs(self._kind, self._worst.copy(), violated, self._charged)
         self._charged = violated.copy() if stepped is None else violated & stepped
-        return _keyed(self._names, costs)
+        return keyed_costs(self._names, costs)
 
 
-def _costs(
+def step_costs(
     kind: Cost, worst: Iterable[Any], violated: Iterable[Any], charged: Iterable[Any]
 ) -> list[Any]:
     """The cost of a step by each specification, and last the whole.
 
-    The arguments have a number or a truth value for each specification, or an array of them.
+    The arguments have a number or a truth value for each specification, or an array of them, of any
+    library.
 
     Args:
         kind: What is measured.
@@ -295,7 +307,8 @@ def _costs(
     costs = list(worst)
     if kind in {"latched", "first"}:
         costs = [1.0 * now for now in violated]
-    greatest: Callable[..., Any] = max if isinstance(costs[0], float) else np.maximum
+    scalar = isinstance(costs[0], float)
+    greatest: Callable[..., Any] = max if scalar else library_of(costs[0]).maximum
     whole = reduce(greatest, costs)
     if kind == "first":
         before = [1.0 * then for then in charged]
@@ -304,7 +317,7 @@ def _costs(
     return [*costs, whole]
 
 
-def _measured(
+def measured_demands(
     kind: Cost, specs: Mapping[str, rtamt.Specification], reading: Reading
 ) -> list[Demand]:
     """The demands that are monitored; none where the verdicts tell the cost."""
@@ -329,7 +342,8 @@ def options_of_parts(
     return [options[number] for number in numbered]
 
 
-def _keyed(names: Sequence[str], costs: Sequence[_V]) -> dict[str, _V]:
+def keyed_costs(names: Sequence[str], costs: Sequence[_V]) -> dict[str, _V]:
+    """The keys of ``info``, of what `step_costs` gives."""
     *each, whole = costs
     if len(names) == 1:
         return {"cost": whole}

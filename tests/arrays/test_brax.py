@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from bits import bits
-from brax.envs.base import Env, State
+from brax.envs.base import Env, State, Wrapper
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
 
+import rtamt_arrays.jax as arrays
 from rtamt import InputError, VectorEpisodeMonitor
 from rtamt_arrays.jax import brax as wrappers
 from rtamt_arrays.jax.brax import StlWrapper, training_wrapper
@@ -148,6 +149,52 @@ def test_metrics_and_sums_are_of_episodes_as_they_end_here() -> None:
     np.testing.assert_allclose(states.reward, paid, atol=1e-12)
 
 
+class FullReset(Wrapper):  # type: ignore[misc]  # Brax is untyped
+    """Resets all arrays whose first axis is as long as there are lanes, as Playground's does."""
+
+    def step(self, state: State, action: Any) -> State:  # noqa: ANN401
+        steps = jnp.where(state.done, 0.0, state.info["steps"])
+        info = {**state.info, "steps": steps}
+        after = self.env.step(state.replace(info=info, done=jnp.zeros(LANES)), action)
+        fresh = self.env.reset(jax.random.split(jax.random.PRNGKey(0), LANES))
+
+        def where_done(x: Any, y: Any) -> Any:  # noqa: ANN401
+            if x.shape[:1] != (LANES,):
+                return y
+            return jnp.where(after.done.reshape(-1, *[1] * (x.ndim - 1)) > 0, x, y)
+
+        info = jax.tree.map(where_done, fresh.info, after.info)
+        info = {name: info.get(name, value) for name, value in after.info.items()}
+        info |= {key: after.info[key] for key in KEPT}
+        parts = jax.tree.map(
+            where_done, (fresh.pipeline_state, fresh.obs), (after.pipeline_state, after.obs)
+        )
+        return after.replace(pipeline_state=parts[0], obs=parts[1], info=info)
+
+
+KEPT = ("steps", "robustness", "stl_lower", "stl_upper", "stl_violated")
+
+
+def test_a_wrapper_that_resets_infos_leaves_other_lanes_as_they_are() -> None:
+    assert arrays.episode(SPEC, 0.1).init(LANES).rows.shape[0] == LANES
+    counted = EpisodeWrapper(VmapWrapper(Drift()), 7, 1)
+    _, found, _ = rollout(FullReset(StlWrapper(counted, SPEC, SIGNALS, cost="depth")))
+    _, expected, _ = rollout(wrapped(SPEC, SIGNALS, cost="depth"))
+    for key in KEPT:
+        np.testing.assert_array_equal(found.info[key], expected.info[key])
+
+
+def test_costs_are_those_of_every_step_and_are_summed_with_the_metrics() -> None:
+    env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, cost="violation", on_violation="report")
+    first, states, _ = rollout(env)
+    goes_on = np.asarray(states.done) == 0  # the observations of others are of resets
+    cost = np.asarray(states.info["cost"])
+    assert not np.asarray(first.info["cost"]).any()
+    np.testing.assert_array_equal(cost[goes_on], np.asarray(states.obs)[goes_on, 0] >= 0.8)
+    assert cost.any()
+    np.testing.assert_array_equal(states.metrics["cost"], cost)
+
+
 def test_the_state_is_appended_to_observations_and_not_seen_by_the_environment() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, observe="state")
     first, states, _ = rollout(env)
@@ -227,7 +274,7 @@ def test_resets_of_playground_begin_episodes_whether_they_reset_infos_or_not(
     samples, seen = [], []
     for _ in range(7):
         state = step(state, jnp.ones((2, 1)))
-        samples.append(np.asarray(state.info["stl_state"].samples).tolist())
+        samples.append(np.asarray(state.info["stl_state"].samples)[0].tolist())
         seen.append((np.asarray(state.done) > 0).tolist())
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
     assert seen == [[False] * 2, [False] * 2, [True] * 2] * 2 + [[False] * 2]

@@ -15,11 +15,12 @@ from gymnasium.envs.functional_jax_env import FunctionalJaxEnv
 from gymnasium.envs.phys2d.cartpole import CartPoleFunctional
 
 from rtamt import InputError, VectorEpisodeMonitor
-from rtamt_arrays.jax import episode, functional
+from rtamt_arrays.jax import episode, functional, online
 from rtamt_arrays.jax import gymnax as wrappers
 from rtamt_arrays.jax.functional import StlFuncEnv
 from rtamt_arrays.jax.gymnax import StlEnvironment
 from rtamt_arrays.jax.operations import JaxOperations
+from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
 
@@ -36,7 +37,7 @@ class Jax:
     """JAX under ``jit``."""
 
     def judge(self, specs: Any, options: Any) -> StepJudge:  # noqa: ANN401
-        return StepJudge(specs, episode, JaxOperations(), options)
+        return StepJudge(specs, ArrayMonitors(episode, online), JaxOperations(), options)
 
     def tensor(self, values: object) -> Tensor:
         return jnp.asarray(np.array(values))

@@ -12,9 +12,10 @@ from array_requirements import RequirementContract
 from isaaclab.managers import StandInEnv, TermCfg
 
 from rtamt import InputError, VectorEpisodeMonitor
+from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
-from rtamt_arrays.torch import episode
+from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.isaaclab import Violated, monitor_state, shaped_reward
 from rtamt_arrays.torch.operations import TorchOperations
 
@@ -26,7 +27,8 @@ class Torch:
     """torch in eager mode."""
 
     def judge(self, specs: Any, options: Any) -> StepJudge:  # noqa: ANN401
-        made = partial(episode, dtype=torch.float64, device="cpu")
+        doubles = {"dtype": torch.float64, "device": "cpu"}
+        made = ArrayMonitors(partial(episode, **doubles), partial(online, **doubles))
         return StepJudge(specs, made, TorchOperations("cpu"), options)
 
     def tensor(self, values: object) -> Tensor:

@@ -130,6 +130,25 @@ class OnlineContract:
         _, reading = monitor.update(monitor.reset(state), {"x": tensor([4.0, 4.0])})
         assert reading.robustness.tolist() == [2.0, 2.0]
 
+    @pytest.mark.parametrize("text", ["historically[0:3](x > 0) and once(x > 1)", "x > 0"])
+    def test_lanes_begin_while_the_others_take_no_sample(self, text: str) -> None:
+        monitor, expected = self.library.arrays.online(text), rtamt.VectorMonitor(text, 3)
+        random, state = np.random.default_rng(7), monitor.init(3)
+        for _ in range(20):
+            mask, first, sample = (
+                random.random(3) < 0.4,
+                random.normal(size=3),
+                random.normal(size=3),
+            )
+            state, begun = monitor.begin(
+                state, {"x": self.library.tensor(first)}, self.library.tensor(mask)
+            )
+            expected.reset(mask)
+            found = np.array(begun.robustness.tolist())[mask]
+            assert bits(found) == bits(expected.update(first[:, None], mask)[mask])
+            state, reading = monitor.update(state, {"x": self.library.tensor(sample)})
+            assert bits(reading.robustness.tolist()) == bits(expected.update(sample[:, None]))
+
     def test_integers_and_booleans_are_numbers(self) -> None:
         monitor = self.library.arrays.online("x > 0")
         for sample in ([True, False], [1, 0]):

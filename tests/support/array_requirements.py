@@ -75,6 +75,11 @@ class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
 RESPONDS = "always((x > -2) implies eventually[0:3](x + y < 1))"
 LATE = "always[2:inf](x >= -2.5) and eventually(y > 2 and once[1:2](x <= 0))"
 SEVERAL = {"responds": RESPONDS, "late": LATE, "near": "always(x < 2.75)"}
+DEMANDS = {
+    "within": "always[2:9](x < 2 or once[1:3](y > 0))",
+    "soon": "eventually[0:4](x > 2.5) and always(historically[0:1](y > -2))",
+}
+INSTANTS = {"responds": "(x > 0) implies eventually[0:2](y > 0)", "near": "abs(x) <= 2.5"}
 CASES: list[tuple[Any, dict[str, Any]]] = [
     (RESPONDS, {"mode": "add", "on_violation": "report"}),
     (RESPONDS, {"mode": "progress", "at_termination": "cut", "on_violation": "truncate"}),
@@ -82,6 +87,14 @@ CASES: list[tuple[Any, dict[str, Any]]] = [
     ("eventually[0:9](always[0:3](x < 2))", {"mode": "terminal", "on_violation": "report"}),
     (LATE, {"mode": "replace", "at_termination": "cut", "on_violation": "report"}),
     (SEVERAL, {"mode": "add", "weights": {"late": 0.25}, "bonus": 5.0, "penalty": 2.0}),
+    (RESPONDS, {"mode": "add", "cost": "violation"}),
+    (DEMANDS, {"mode": "add", "cost": "violation", "on_violation": "report"}),
+    (DEMANDS, {"mode": "add", "cost": "depth", "on_violation": "report"}),
+    (SEVERAL, {"mode": "add", "cost": "latched", "on_violation": "report"}),
+    (SEVERAL, {"mode": "add", "cost": "first", "at_termination": "failure"}),
+    (INSTANTS, {"mode": "add", "view": "step", "cost": "depth", "on_violation": "report"}),
+    (INSTANTS, {"mode": "progress", "view": "step", "on_violation": "truncate"}),
+    (INSTANTS, {"mode": "terminal", "view": "step", "at_termination": "cut"}),
 ]
 
 
@@ -109,6 +122,7 @@ class RequirementContract:
 
         obs, infos = envs.reset()
         state, judged = begin(judge.init(LANES), sample(recorded.obs), tensor([True] * LANES))
+        assert judged.info.keys() == judge.keys - {"stl"}
         self.compare(judged, obs, infos, np.zeros(LANES, bool))
         ended = 0
         for t in range(1, STEPS):
@@ -141,6 +155,11 @@ class RequirementContract:
         for key in ("robustness", "stl_lower", "stl_upper"):
             assert bits(found[key][mask]) == bits(infos[key][mask]), key
         assert np.array_equal(found["stl_violated"][mask], infos["stl_violated"][mask])
+        assert ("stl_of_instant" in found) == ("stl_of_instant" in infos)
+        for key in judged.info:
+            if key.startswith("cost"):  # those of Gymnasium's resets have none
+                expected = infos.get(key, np.zeros(LANES))
+                assert np.array_equal(found[key][mask], expected[mask]), key
         shown = np.asarray(judged.features)[mask]
         np.testing.assert_allclose(shown, obs[mask, 2:], rtol=1e-6, atol=1e-7)
         for key in ("stl_success", "is_success", "stl_undecided"):

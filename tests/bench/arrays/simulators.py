@@ -20,12 +20,12 @@ from rtamt_arrays.jax.gymnax import StlEnvironment
 STEPS, RUNS = 10, 5
 
 
-def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
+def brax_steps(lanes: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
     """A rollout of inverted_pendulum in MJX."""
     env: Any = envs.get_environment("inverted_pendulum", backend="mjx")
     env = EpisodeWrapper(VmapWrapper(env), 200, 1)
     if spec is not None:
-        env = StlWrapper(env, spec, {"angle": "obs[1]"}, on_violation="report", **READ)
+        env = StlWrapper(env, spec, {"angle": "obs[1]"}, on_violation="report", period=1, **options)
     env = AutoResetWrapper(env)
     action = jax.numpy.zeros((lanes, 1))
     state = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), lanes))
@@ -35,17 +35,19 @@ def brax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
 
     def rolled(state: Any) -> Any:
         last = jax.lax.scan(step, state, None, STEPS)[0]
-        return last.obs, last.info.get("robustness")
+        return last.obs, *(last.info[key] for key in READ if key in last.info)
 
     run = jax.jit(rolled)
     return lambda: run(state)  # as an argument, for constants are computed while XLA compiles
 
 
-def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
+def gymnax_steps(lanes: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
     """A rollout of CartPole in gymnax."""
     env, params = gymnax.make("CartPole-v1")
     if spec is not None:
-        env = StlEnvironment(env, spec, {"angle": "obs[2]"}, on_violation="report", **READ)
+        env = StlEnvironment(
+            env, spec, {"angle": "obs[2]"}, on_violation="report", period=1, **options
+        )
     keys = jax.random.split(jax.random.key(0), lanes)
     _, state = jax.vmap(env.reset, in_axes=(0, None))(keys, params)
 
@@ -53,18 +55,23 @@ def gymnax_steps(lanes: int, spec: str | None) -> Callable[[], Any]:
         made = jax.vmap(env.step, in_axes=(0, 0, None, None))(
             jax.random.split(key, lanes), state, 1, params
         )
-        return made[1], made[5].get("robustness", made[2]).sum()
+        return made[1], [made[5].get(key, made[2]).sum() for key in READ]
 
     keys = jax.random.split(jax.random.key(1), STEPS)
     run = jax.jit(lambda state, keys: jax.lax.scan(step, state, keys))
     return lambda: run(state, keys)
 
 
-READ: dict[str, Any] = {"period": 1, "at_truncation": "complete"}
-SPECS = {
-    "none": None,
-    "always": "always(abs(angle) < 0.2)",
-    "response": "always((angle > 0.1) implies eventually[0:5](angle < 0.1))",
+READ = ("robustness", "stl_lower", "stl_upper", "stl_success", "cost")
+"""What is read of infos, so that no compiler leaves it out."""
+ALWAYS = "always(abs(angle) < 0.2)"
+RESPONSE = "always((angle > 0.1) implies eventually[0:5](angle < 0.1))"
+CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
+    "none": (None, {}),
+    "always": (ALWAYS, {}),
+    "response, complete": (RESPONSE, {"at_truncation": "complete"}),
+    "response, cut": (RESPONSE, {}),
+    "response, cut, cost": (RESPONSE, {"cost": "violation"}),
 }
 
 
@@ -72,8 +79,8 @@ def main() -> None:
     """Prints nanoseconds a lane and step, the least of some runs."""
     for name, made, many in (("mjx", brax_steps, (256,)), ("gymnax", gymnax_steps, (1024, 4096))):
         for lanes in many:
-            for label, spec in SPECS.items():
-                run = made(lanes, spec)
+            for label, (spec, options) in CASES.items():
+                run = made(lanes, spec, options)
                 jax.block_until_ready(run())
                 found = []
                 for _ in range(RUNS):
