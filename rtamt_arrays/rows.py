@@ -66,7 +66,9 @@ class EpisodeRows:
 
     def in_world(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
         """Polynomials in the unknowns for given values of these."""
-        count, _, lanes = rows.shape
+        count, corners, lanes = rows.shape
+        if corners == 1:  # the same at every corner
+            return rows
         values = rows.reshape((count, *(2,) * len(unknowns), 1, lanes))
         for u in unknowns:
             values = self._lattice.greater(values[:, 0], self._lattice.lesser(values[:, 1], u))

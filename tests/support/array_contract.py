@@ -238,6 +238,26 @@ class EpisodeContract:
                 found = np.ravel(reading[name])
                 assert bits(found) == bits(np.ravel(expected)), (name, formula)
 
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "always((a > 0) since[2:2] eventually(b > 0))",
+            "not always[0:2]((eventually(a > 0)) since[3:3] (b > 0))",
+        ],
+    )
+    def test_a_window_of_one_sample_may_read_what_is_known_and_what_is_still_to_come(
+        self, text: str
+    ) -> None:
+        formula, random = rtamt.parse(text).formula, np.random.default_rng(11)
+        samples = random.normal(size=(cases.SAMPLES, cases.LANES, len(s.VARIABLES)))
+        resets = random.random(samples.shape[:2]) < 0.1
+        case = cases.Case([formula], samples, resets)
+        monitor = self.library.arrays.episode(formula)
+        read = self.library.readings([monitor, Cut(monitor)], samples, resets)
+        for reading, ends in zip(read, (case.episode, case.cut), strict=True):
+            for name, expected in zip(READ, ends(formula, READ), strict=True):
+                assert bits(np.ravel(reading[name])) == bits(np.ravel(expected)), name
+
     def test_a_step_that_says_what_a_cut_trace_is_says_and_keeps_what_another_step_does(
         self,
     ) -> None:
