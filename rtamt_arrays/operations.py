@@ -73,6 +73,9 @@ class Operations(Protocol):
     def least(self, x: Tensor, most: int) -> Tensor:
         """The lesser of integers and a number."""
 
+    def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
+        """Numbers as those of the kind of others."""
+
     def concatenate(self, arrays: Sequence[Tensor]) -> Tensor:
         """Arrays one after the other along the first axis."""
 

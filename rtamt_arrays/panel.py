@@ -29,11 +29,13 @@ class PanelState(NamedTuple):
         judges: The state of the judge of each specification.
         instants: With ``view="step"``, what is known of the instants of each.
         costs: What is known of the costs.
+        held: The last value of each variable that is held.
     """
 
     judges: tuple[EpisodeState, ...]
     instants: tuple[InstantState, ...]
     costs: CostState
+    held: tuple[Tensor, ...]
 
 
 class Taken(NamedTuple):
@@ -61,6 +63,7 @@ class ArrayPanel:
         specs: Specifications by name.
         reading: How samples are judged.
         cost: What is measured; None: nothing.
+        held: The variables that keep their last value where they are nan.
         monitors: Makes the monitors.
         operations: The operations of the array library.
 
@@ -77,6 +80,7 @@ class ArrayPanel:
         specs: Mapping[str, Specification],
         reading: Reading,
         cost: Cost | None,
+        held: Sequence[str],
         monitors: ArrayMonitors,
         operations: Operations,
     ) -> None:
@@ -103,12 +107,15 @@ class ArrayPanel:
         self.latencies = tuple(judge.program.latency for judge in self._judges)
         self._costs = ArrayCosts(cost, specs, reading, monitors, operations)
         self.cost_keys = self._costs.keys
+        self._held = held
 
     def init(self, lanes: int) -> PanelState:
         """The state before the first sample."""
         judges = tuple(each.init(lanes) for each in self._judges)
         instants = tuple(each.init(lanes) for each in self._instants)
-        return PanelState(judges, instants, self._costs.init(lanes, judges[0].rows.dtype))
+        dtype = judges[0].rows.dtype
+        held = tuple(self._o.full((lanes,), 0.0, dtype) for _ in self._held)
+        return PanelState(judges, instants, self._costs.init(lanes, dtype), held)
 
     def begin(self, state: PanelState, sample: Mapping[str, Tensor], mask: Tensor) -> Taken:
         """Lanes of the mask begin with a sample, while the others take none."""
@@ -122,11 +129,19 @@ class ArrayPanel:
             instants.append(following)
             of_instants.append(robustness)
         costs = self._costs.begin(state.costs, sample, mask)
-        panel = PanelState(tuple(judges), tuple(instants), costs)
+        held = []
+        for name, last in zip(self._held, state.held, strict=True):
+            held.append(self._o.where(mask, self._o.as_kind_of(sample[name], last), last))
+        panel = PanelState(tuple(judges), tuple(instants), costs, tuple(held))
         return Taken(panel, readings, readings, of_instants, [])
 
     def feed(self, state: PanelState, sample: Mapping[str, Tensor], at: Tensor) -> Taken:
         """Every lane takes a sample, which has this number."""
+        held = []
+        for name, last in zip(self._held, state.held, strict=True):
+            value = self._o.as_kind_of(sample[name], last)
+            held.append(self._o.where(self._o.isnan(value), last, value))
+        sample = {**sample, **dict(zip(self._held, held, strict=True))}
         judged = []
         for judge, before, cuts in zip(self._judges, state.judges, self._cuts, strict=True):
             if cuts:
@@ -139,7 +154,7 @@ class ArrayPanel:
         found = [each.update(known, sample) for each, known in pairs]
         zero = self._zero(readings[0].upper)
         costs, worst = self._costs.take(state.costs, sample, at, zero)
-        panel = PanelState(judges, tuple(known for known, _ in found), costs)
+        panel = PanelState(judges, tuple(known for known, _ in found), costs, tuple(held))
         return Taken(panel, readings, cut, [robustness for _, robustness in found], worst)
 
     def values(

@@ -46,7 +46,8 @@ class RequirementOptions(ShapingNumbers, total=False):
     """The keyword arguments of every wrapper; each means what it means in `rtamt_gym.StlReward`.
 
     ``mode`` is None by default: the reward stays. ``details`` adds ``info["stl"]``, where verdicts
-    are 1, -1 and 0.
+    are 1, -1 and 0. ``nan`` is None by default: a nan in a sample makes the robustness of its lane
+    nan until the reset. With ``"hold"`` the variable keeps its last value, except at a reset.
     """
 
     period: Period | None
@@ -56,6 +57,7 @@ class RequirementOptions(ShapingNumbers, total=False):
     at_termination: AtTermination
     at_truncation: End
     view: View
+    nan: Literal["hold"] | None
     cost: Cost | None
     details: bool
     observe: Literal["state"] | None
@@ -146,7 +148,10 @@ class StepJudge:
         check_choice("on_violation", self._on_violation, get_args(OnViolation))
         cost = given.pop("cost", None)
         check_choice("cost", cost, (None, *get_args(Cost)))
-        self._panel = ArrayPanel(loaded, reading, cost, monitors, operations)
+        nan = given.pop("nan", None)
+        check_choice("nan", nan, (None, "hold"))
+        held = self.variables if nan == "hold" else ()
+        self._panel = ArrayPanel(loaded, reading, cost, held, monitors, operations)
         self._of_instants = reading.view == "step"
         self._details = given.pop("details", False)
         observe = given.pop("observe", None)

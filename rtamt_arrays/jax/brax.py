@@ -33,10 +33,11 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
     ``state.info`` gets the keys of `rtamt_gym.StlReward`: ``robustness``, ``stl_lower``,
     ``stl_upper`` and ``stl_violated`` at every step, and ``stl_success``, ``is_success``,
     ``stl_undecided`` (False before the last step of an episode) and ``stl_violated_at`` (-1 while
-    nothing is violated); with a mode, ``reward`` is the environment's own. They are arrays of shape
-    (lanes,). ``state.metrics`` gets ``robustness`` and ``is_success`` of last steps, 0 before them,
-    so that Brax's sums over episodes are the means of both: ``eval/episode_is_success`` is the rate
-    of satisfaction.
+    nothing is violated); with a mode, ``reward`` is the environment's own; with ``cost``, ``cost``
+    and those of several specifications. They are arrays of shape (lanes,). ``state.metrics`` gets
+    ``robustness`` and ``is_success`` of last steps, 0 before them, so that Brax's sums over
+    episodes are the means of both: ``eval/episode_is_success`` is the rate of satisfaction. The
+    costs are there too, of every step: ``eval/episode_cost`` is the mean of their sums.
 
     The observation of a reset is sample 0, and that in which an episode ends is judged, which the
     resetting wrapper overwrites. With ``action_repeat`` there is one sample for each action. A

@@ -53,6 +53,9 @@ class JaxOperations:
     def as_integers(self, x: Tensor) -> Tensor:
         return x.astype(jnp.int32)
 
+    def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
+        return jnp.asarray(x, like.dtype)
+
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
         return jnp.asarray(table).at[rows].get(mode="promise_in_bounds", unique_indices=True)
 

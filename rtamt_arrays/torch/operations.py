@@ -70,6 +70,9 @@ class TorchOperations:
     def least(self, x: Tensor, most: int) -> Tensor:
         return x.clamp(max=most)
 
+    def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
+        return x.to(like.dtype)
+
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
         return table.index_select(0, rows)
 

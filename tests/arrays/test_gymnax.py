@@ -54,7 +54,7 @@ class TestRequirements(RequirementContract):
 def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violation: str) -> None:
     bare, params = gymnax.make("CartPole-v1")
     params = params.replace(max_steps_in_episode=12)
-    options: Any = {**OPEN, "on_violation": on_violation}
+    options: Any = {**OPEN, "on_violation": on_violation, "cost": "latched"}
     env = StlEnvironment(bare, SPEC, SIGNALS, **options)
     steps = 60
 
@@ -87,6 +87,7 @@ def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violat
         for key, bound in (("stl_lower", monitor.lower), ("stl_upper", monitor.upper)):
             np.testing.assert_array_equal(info[key][t], np.where(closed, monitor.robustness, bound))
         np.testing.assert_array_equal(info["stl_violated"][t], violated)
+        np.testing.assert_array_equal(info["cost"][t], violated)
         np.testing.assert_array_equal(terminated[t], fallen | (early & (on_violation[1] == "e")))
         over = np.asarray(terminated[t] | truncated[t])
         np.testing.assert_array_equal(over, closed | early | (count >= 12))

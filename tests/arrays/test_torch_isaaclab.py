@@ -43,7 +43,7 @@ class TestRequirements(RequirementContract):
 
 
 def made(device: str = "cpu", **options: Any) -> StandInEnv:  # noqa: ANN401
-    chosen = {"at_truncation": "open", "period": "100ms", "mode": "add", **options}
+    chosen = {"period": "100ms", "mode": "add", "cost": "latched", **options}
     signals = {"x": lambda env: env.x, "u": (lambda env: env.action, 0.0)}
     params = {"specs": SPEC, "signals": signals, "options": chosen}
     return StandInEnv(LANES, TermCfg(Violated, params), shaped_reward, monitor_state, device)
@@ -55,7 +55,7 @@ def test_terms_equal_a_monitor_of_recorded_signals_over_resets() -> None:
     env.reset()
     monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.1)
     monitor.update(_table(monitor, env.x * 0, env.x * 0))
-    generator, ends, x = torch.Generator().manual_seed(0), 0, env.x
+    generator, ends, open_ends, x = torch.Generator().manual_seed(0), 0, 0, env.x
     for _ in range(60):
         action = torch.randn(LANES, generator=generator)
         obs, reward, over = env.step(action)
@@ -64,11 +64,12 @@ def test_terms_equal_a_monitor_of_recorded_signals_over_resets() -> None:
         violated, fallen = np.signbit(monitor.upper), env.fallen.numpy()
         info = {key: value.numpy() for key, value in env.extras["stl"].items()}
         np.testing.assert_array_equal(env.violated.numpy(), violated)
-        np.testing.assert_array_equal(info["robustness"], monitor.robustness)
-        closed = fallen & ~violated
-        np.testing.assert_array_equal(
-            info["stl_upper"], np.where(closed, monitor.robustness, monitor.upper)
-        )
+        monitor.finish(fallen & ~violated)
+        monitor.finish(env.time_outs.numpy(), end="cut")
+        for key, name in (("", "robustness"), ("stl_", "lower"), ("stl_", "upper")):
+            np.testing.assert_array_equal(info[key + name], getattr(monitor, name))
+        np.testing.assert_array_equal(info["cost"], monitor.verdict < 0)
+        open_ends += ((monitor.verdict == 0) & env.time_outs.numpy()).sum()
         np.testing.assert_array_equal(reward.numpy(), np.clip(monitor.robustness, -1.0, 1.0))
         mask = over.numpy()
         if mask.any():
@@ -80,6 +81,7 @@ def test_terms_equal_a_monitor_of_recorded_signals_over_resets() -> None:
             obs[:, 0].numpy(), np.clip(monitor.robustness, -1, 1), atol=1e-12
         )
     assert ends > LANES
+    assert open_ends  # windows that reach past an end
     torch.set_default_dtype(torch.float32)
 
 

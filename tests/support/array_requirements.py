@@ -45,13 +45,15 @@ class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
     single_observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     single_action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, *, holes: bool) -> None:
         self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
         self.num_envs = LANES
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, LANES)
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, LANES)
         random = np.random.default_rng(seed)
         self.samples = random.choice(QUARTERS, (STEPS, 2, LANES, 2))  # of a step, and of a reset
+        if holes:
+            self.samples[:, 0][random.random((STEPS, LANES, 2)) < 0.2] = np.nan
         self.rewards = random.normal(size=(STEPS, LANES))
         self.terminated, self.truncated = random.random((2, STEPS, LANES)) < 0.08
         self.at, self.obs = 0, self.samples[0, 1]
@@ -92,6 +94,7 @@ CASES: list[tuple[Any, dict[str, Any]]] = [
     (DEMANDS, {"mode": "add", "cost": "depth", "on_violation": "report"}),
     (SEVERAL, {"mode": "add", "cost": "latched", "on_violation": "report"}),
     (SEVERAL, {"mode": "add", "cost": "first", "at_termination": "failure"}),
+    (DEMANDS, {"mode": "add", "cost": "depth", "nan": "hold", "on_violation": "report"}),
     (INSTANTS, {"mode": "add", "view": "step", "cost": "depth", "on_violation": "report"}),
     (INSTANTS, {"mode": "progress", "view": "step", "on_violation": "truncate"}),
     (INSTANTS, {"mode": "terminal", "view": "step", "at_termination": "cut"}),
@@ -111,7 +114,8 @@ class RequirementContract:
     ) -> None:
         given = {"on_violation": "terminate", "at_termination": "complete", "period": 1}
         options = {**given, "observe": "state", "clip": 3.0, **options}
-        recorded, tensor = Recorded(seed=len(str(options))), self.library.tensor
+        recorded = Recorded(seed=len(str(options)), holes="nan" in options)
+        tensor = self.library.tensor
         envs = VectorStlReward(recorded, specs, {"x": "obs[0]", "y": "obs[1]"}, **options)
         judge = self.library.judge(specs, options)
         step, begin = self.library.compiled(judge.step), self.library.compiled(judge.begin)
