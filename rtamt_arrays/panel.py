@@ -19,7 +19,7 @@ from rtamt_gym.judging.monitors import make_monitors
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.values import MonitorValues
 
-__all__ = ["ArrayPanel", "PanelState", "Taken", "chosen"]
+__all__ = ["ArrayPanel", "PanelState", "Taken"]
 
 
 class PanelState(NamedTuple):
@@ -122,7 +122,7 @@ class ArrayPanel:
         judges, readings, of_instants, instants = [], [], [], []
         for judge, before in zip(self._judges, state.judges, strict=True):
             begun, reading = judge.update(judge.reset(before, mask), sample)
-            judges.append(chosen(self._o, mask, begun, before))
+            judges.append(_chosen(self._o, mask, begun, before))
             readings.append(reading)
         for each, known in zip(self._instants, state.instants, strict=True):
             following, robustness = each.begin(known, sample, mask)
@@ -205,7 +205,7 @@ class ArrayPanel:
         for lanes, end in ends:
             if end in {"complete", "cut"}:
                 closed = self._complete(reading) if end == "complete" else cut
-                found = chosen(self._o, lanes, closed, found)
+                found = _chosen(self._o, lanes, closed, found)
             elif end == "failure":
                 failed = lanes & (reading.verdict == 0)
                 upper = self._o.where(failed, -0.0, found.upper)
@@ -224,11 +224,11 @@ class ArrayPanel:
         )
 
 
-def chosen(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - parts of states
+def _chosen(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - parts of states
     """What is new in the lanes of the mask, and what is old in the others."""
     if not isinstance(new, tuple):
         return o.where(mask, new, old)
-    parts = [chosen(o, mask, x, y) for x, y in zip(new, old, strict=True)]
+    parts = [_chosen(o, mask, x, y) for x, y in zip(new, old, strict=True)]
     make: Callable[..., Any] = getattr(type(new), "_make", tuple)
     return make(parts)
 

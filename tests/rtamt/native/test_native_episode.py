@@ -106,6 +106,8 @@ CUT_SHAPES = (
     "eventually[0:20](always(eventually[0:5](once[0:40](x > 0))))",
     "always(eventually[0:9](once(x > 0) and historically[3:3](y > 0)))",
     "historically[0:3](always(x > 0)) or eventually[2:9](eventually(y > 2))",
+    "always[0:5]((eventually[3:4] true) until[2:inf] (x > 0))",
+    "eventually[0:5](not ((eventually[3:4] true) until[2:inf] (x > 0)))",
 )
 
 
