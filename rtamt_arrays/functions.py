@@ -140,7 +140,7 @@ def _holds(o: Operations, x: Tensor, y: Tensor, holds: Tensor) -> Tensor:
 
 
 FUNCTIONS: Mapping[str, Callable[..., Tensor]] = {
-    "neg": lambda _, x: -x,
+    "neg": lambda o, x: o.neg(x),
     "abs": lambda o, x: o.abs(x),
     "sqrt": lambda o, x: o.sqrt(x),
     "exp": lambda o, x: o.exp(x),

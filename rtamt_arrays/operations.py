@@ -37,6 +37,9 @@ class Operations(Protocol):
     def signbit(self, x: Tensor) -> Tensor:
         """Whether the sign bit is set."""
 
+    def neg(self, x: Tensor) -> Tensor:
+        """The negative."""
+
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
         """The lesser number, -0.0 below 0.0; at a tie one of them gets the gradient."""
 

@@ -44,6 +44,9 @@ class JaxOperations:
     concatenate = staticmethod(jnp.concatenate)
     stack = staticmethod(jnp.stack)
 
+    def neg(self, x: Tensor) -> Tensor:
+        return -x
+
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
         return jnp.where(_first(x, y), x, y)
 

@@ -8,6 +8,7 @@ from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.terms import ArraySample
 from rtamt_arrays.torch.operations import TorchOperations, TorchReader
+from rtamt_arrays.torch.ordered import OrderedFormulas
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
 __all__ = ["TorchEpisodeMonitor", "TorchOnlineMonitor"]
@@ -18,8 +19,17 @@ class TorchOnlineMonitor(OnlineMonitor):
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
-        operations = TorchOperations(reader.device, in_place=True)
-        self._writing = OnlineMonitor(program, operations, reader)
+        self._ordered, self._writing = (
+            OrderedFormulas(OnlineMonitor, program, reader, ("totals",), in_place=in_place)
+            for in_place in (False, True)
+        )
+
+    def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
+        """Take in a sample in every lane; see `rtamt_arrays.online.OnlineMonitor.update`."""
+        self._check(state)
+        found: tuple[OnlineState, OnlineReading] | None
+        found = self._ordered.run(OnlineMonitor.update, state, sample)
+        return found or super().update(state, sample)
 
     def update_(self, state: OnlineState, sample: ArraySample) -> OnlineReading:
         """Take in a sample in every lane; the state is overwritten with the next one.
@@ -32,7 +42,9 @@ class TorchOnlineMonitor(OnlineMonitor):
             InputError: As `update` does; the state is then as it was.
             InputTypeError: As `update` does.
         """
-        following, reading = self._writing.update(state, sample)
+        self._check(state)
+        written = self._writing.run(OnlineMonitor.update, state, sample)
+        following, reading = written or super().update(state, sample)
         _overwrite(state, following)
         return reading
 
@@ -55,6 +67,17 @@ class TorchEpisodeMonitor(EpisodeArrays):
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
+        tables = ("rows", "kept", "first")
+        self._ordered = OrderedFormulas(EpisodeArrays, program, reader, tables)
+
+    def update(
+        self, state: EpisodeState, sample: ArraySample
+    ) -> tuple[EpisodeState, BoundsReading]:
+        """Take in a sample in every lane; see `rtamt_arrays.episode.EpisodeArrays.update`."""
+        self._check(state)
+        found: tuple[EpisodeState, BoundsReading] | None
+        found = self._ordered.run(EpisodeArrays.update, state, sample)
+        return found or super().update(state, sample)
 
     def update_(self, state: EpisodeState, sample: ArraySample) -> BoundsReading:
         """Take in a sample in every lane; the state is overwritten with the next one.

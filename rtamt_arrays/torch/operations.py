@@ -53,14 +53,17 @@ class TorchOperations:
     def signbit(self, x: Tensor) -> Tensor:
         return _bits(x) < 0  # which compilers make vectors of
 
+    def neg(self, x: Tensor) -> Tensor:
+        return -x
+
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
-        if _differentiated(x, y):
+        if differentiated(x, y):
             return torch.where(_first(x, y), x, y)
         # Minima give one of two equal numbers, which differ in no bit but the sign of zeros.
         return (_bits(torch.minimum(x, y)) | _bits(torch.minimum(y, x))).view(x.dtype)
 
     def greater(self, x: Tensor, y: Tensor) -> Tensor:
-        if _differentiated(x, y):
+        if differentiated(x, y):
             return torch.where(_first(x, y), y, x)
         return (_bits(torch.maximum(x, y)) & _bits(torch.maximum(y, x))).view(x.dtype)
 
@@ -82,12 +85,12 @@ class TorchOperations:
         return table.index_copy(0, rows, values)
 
 
-_BITS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
+BITS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 
 
 def _bits(x: Tensor) -> Tensor:
     """The bits of numbers as integers, which are negative where the sign bit is set."""
-    return x.view(_BITS[x.dtype.itemsize])
+    return x.view(BITS[x.dtype.itemsize])
 
 
 def _first(x: Tensor, y: Tensor) -> Tensor:
@@ -95,7 +98,7 @@ def _first(x: Tensor, y: Tensor) -> Tensor:
     return (x < y) | ((x == y) & (_bits(x) < 0))
 
 
-def _differentiated(*operands: Tensor) -> bool:
+def differentiated(*operands: Tensor) -> bool:
     """Whether one of them has a gradient, or a tangent: bits have neither."""
     if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
         return True
