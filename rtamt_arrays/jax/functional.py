@@ -39,6 +39,28 @@ class StlFuncState(NamedTuple):
     terminated: jax.Array
     info: dict[str, Any]
 
+    @property
+    def at(self) -> _States:
+        """States of many environments, as an array has them: ``state.at[which].set(others)``."""
+        return _States(self)
+
+
+class _States:
+    """States of many environments, and which of them are meant."""
+
+    def __init__(self, states: StlFuncState, which: Any = None) -> None:  # noqa: ANN401 - an index
+        self._states, self._which = states, which
+
+    def __getitem__(self, which: Any) -> _States:  # noqa: ANN401 - an index
+        return _States(self._states, which)
+
+    def set(self, others: StlFuncState) -> StlFuncState:
+        """All states, those that are meant replaced with others."""
+        replaced: StlFuncState = jax.tree.map(
+            lambda x, y: x.at[self._which].set(y), self._states, others
+        )
+        return replaced
+
 
 class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     """Judges the episodes of a functional environment, on the device.
@@ -46,8 +68,8 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     ``initial`` takes sample 0 and ``transition`` every further one; ``reward``, ``terminal``,
     ``state_info`` and ``transition_info`` tell what came of it. The infos have the keys of
     `rtamt_arrays.jax.brax.StlWrapper`. The environment knows no limit of time, so that
-    ``on_violation="truncate"`` is refused. Its state is no single array: `FunctionalJaxEnv` takes
-    it, and loops under ``jit``, ``vmap`` and ``scan``, but `FunctionalJaxVectorEnv` does not.
+    ``on_violation="truncate"`` is refused. `FunctionalJaxEnv` and `FunctionalJaxVectorEnv` take it,
+    and loops under ``jit``, ``vmap`` and ``scan``.
 
     Args:
         env: The functional environment.

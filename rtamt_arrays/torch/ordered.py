@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
@@ -86,8 +86,9 @@ class OrderedFormulas(Generic[Machine]):
         following, *readings = step(self._machine, state._replace(**tables), given)
         return self._floats(following, tables), *(self._floats(each, _READ) for each in readings)
 
-    def _floats(self, arrays: Any, names: Iterable[str]) -> Any:  # noqa: ANN401 - a named tuple
-        there = set(arrays._fields).intersection(names)
+    def _floats(self, arrays: Any, names: Container[str]) -> Any:  # noqa: ANN401 - a named tuple
+        # In an order that is the same in all processes: caches of graphs know them by their text.
+        there = [name for name in arrays._fields if name in names]
         return arrays._replace(
             **{name: _numbers(getattr(arrays, name), self._reader.dtype) for name in there}
         )

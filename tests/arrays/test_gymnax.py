@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from array_requirements import RequirementContract
-from gymnasium.envs.functional_jax_env import FunctionalJaxEnv
+from gymnasium.envs.functional_jax_env import FunctionalJaxEnv, FunctionalJaxVectorEnv
 from gymnasium.envs.phys2d.cartpole import CartPoleFunctional
 
 from rtamt import InputError, VectorEpisodeMonitor
@@ -143,6 +143,40 @@ def test_functional_environments_are_judged_under_scan_and_in_a_loop() -> None:
     told = [alone.step(1) for _ in range(8)]
     assert any(terminated for _, _, terminated, _, _ in told)
     assert told[0][4].keys() == info.keys()
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
+
+
+def test_a_vector_of_functional_environments_is_judged_lane_by_lane() -> None:
+    """A lane's samples are the observations that it shows, whatever the others do."""
+    jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
+    spec = "always(abs(theta) < 0.12)"
+    made = StlFuncEnv(CartPoleFunctional(), spec, {"theta": "obs[2]"})
+    env: Any = FunctionalJaxVectorEnv(made, LANES, max_episode_steps=12)
+    env.func_env.transform(jax.jit)
+    monitor = VectorEpisodeMonitor(spec, LANES)
+    obs, info = env.reset(seed=0)
+    monitor.update(_table(monitor, obs))
+    np.testing.assert_allclose(info["robustness"], monitor.robustness, rtol=0, atol=1e-7)
+    begins, judged, violated = np.zeros(LANES, dtype=bool), 0, 0
+    for action in (np.random.default_rng(3).random((60, LANES)) < 0.8).astype(int):
+        before = np.asarray(obs)
+        obs, _, terminated, truncated, info = env.step(action)
+        # Where it begins another lane, Gymnasium leaves a lane in the state in which it was.
+        went_on = ~begins & (np.asarray(obs) != before).any(axis=1)
+        monitor.reset(begins)
+        monitor.update(_table(monitor, obs), went_on | begins)
+        for key in ("robustness", "lower", "upper"):
+            found = info[key if key == "robustness" else f"stl_{key}"]
+            np.testing.assert_allclose(
+                np.asarray(found)[went_on], getattr(monitor, key)[went_on], rtol=0, atol=1e-7
+            )
+        np.testing.assert_array_equal(
+            np.asarray(terminated)[went_on], np.signbit(monitor.upper)[went_on]
+        )
+        judged, violated = judged + went_on.sum(), violated + np.asarray(terminated).sum()
+        begins = np.asarray(terminated | truncated)
+    assert judged > 30 * LANES
+    assert violated > LANES
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
 
 
