@@ -1,16 +1,17 @@
-"""Formulas on integers that have the order of numbers, for steps that no gradient goes through.
+"""Formulas on integers that have the order of numbers, for compiled steps without a gradient.
 
 A formula takes min, max and negatives of its terms. The bits of a float, read as an integer, have
 the order of floats where these are positive, and the opposite one where they are negative; with all
 bits but the sign turned round there, the integers have the order of numbers, -0.0 below 0.0. Then
 min and max are one operation each, where those of floats take six, which keep zeros of either sign
 apart, and ``~`` is the negative. Terms are found in floats, and states and readings are floats.
+
+A graph has half as many operations so, and takes half the time to compile. In eager mode the
+turning costs more than it saves.
 """
 
 from __future__ import annotations
 
-import functools
-import math
 from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
@@ -55,8 +56,7 @@ class OrderedFormulas(Generic[Machine]):
         self._operations = TorchOperations(reader.device)
         inputs = program.instructions[: program.terms]
         self._given = [r for r, each in enumerate(inputs) if not isinstance(each, Const)]
-        constants = [each.value for each in inputs if isinstance(each, Const)]
-        ordered = _OrderedOperations(reader.device, reader.dtype, constants, in_place=in_place)
+        ordered = _OrderedOperations(reader.device, reader.dtype, in_place=in_place)
         self._machine = made(self._formulas(), ordered, _OrderedReader(reader.dtype))
 
     def _formulas(self) -> Program:
@@ -73,7 +73,9 @@ class OrderedFormulas(Generic[Machine]):
         state: Any,  # noqa: ANN401 - the machine's own
         sample: ArraySample,
     ) -> Any:  # noqa: ANN401 - what the step gives
-        """What a step of the machine gives; None if a gradient or a tangent goes through it."""
+        """What a step gives; None in eager mode, and where gradients go through."""
+        if not torch.compiler.is_compiling():
+            return None
         o, lanes = self._operations, tuple(state.age.shape)
         values = columns(self._program, self._reader, sample, lanes)
         if differentiated(*values, *state):
@@ -109,14 +111,9 @@ def _turned(bits: Tensor) -> Tensor:
     return bits ^ ((bits >> (8 * bits.dtype.itemsize - 1)) & torch.iinfo(bits.dtype).max)
 
 
-@functools.cache
-def _integer_of(text: str, dtype: object) -> int:
-    """The integer of a number in text, where -0.0 and 0.0 differ."""
-    return int(_integers(torch.tensor(float(text), dtype=dtype, device="cpu")).item())
-
-
 def _found_integer(value: float, dtype: object) -> int:
-    return _integer_of(repr(value), dtype)
+    """The integer of a number."""
+    return int(_integers(torch.tensor(value, dtype=dtype, device="cpu")).item())
 
 
 # Under torch.compile it is found while the graph is made, and is no part of it.
@@ -126,14 +123,9 @@ _integer = torch.compiler.assume_constant_result(_found_integer)
 class _OrderedOperations(TorchOperations):
     """Operations on such integers. Floats that they are given are turned into them."""
 
-    def __init__(
-        self, device: object, dtype: object, constants: Sequence[float], *, in_place: bool
-    ) -> None:
+    def __init__(self, device: object, dtype: object, *, in_place: bool) -> None:
         super().__init__(device, in_place=in_place)
         self._dtype = dtype
-        for value in (0.0, math.inf, math.nan, *constants):
-            for each in (value, -value):
-                _integer(each, dtype)  # a step is to ask no tensor for a number
 
     def full(self, shape: tuple[int, ...], value: float, dtype: Any) -> Tensor:  # noqa: ANN401
         if dtype == self._dtype:

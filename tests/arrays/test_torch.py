@@ -5,6 +5,9 @@ from __future__ import annotations
 import copy
 import doctest
 import io
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import array_cases as cases
@@ -112,6 +115,22 @@ class TestOffline(OfflineContract):
     library = Torch()
 
 
+@pytest.fixture
+def compiling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps are what a graph is made of, on integers, though none is made."""
+    monkeypatch.setattr(torch.compiler, "is_compiling", lambda: True)
+
+
+@pytest.mark.usefixtures("compiling")
+class TestCompiledOnline(OnlineContract):
+    library = Torch()
+
+
+@pytest.mark.usefixtures("compiling")
+class TestCompiledEpisode(EpisodeContract):
+    library = Torch()
+
+
 SPECS = (
     "historically[0:3](x > 0) and once[2:5](y > 1)",
     "(x > 0) since[0:4] (y > 0) or always[0:2](x * y >= 1)",
@@ -193,6 +212,38 @@ def test_what_the_compiler_makes_of_a_step_gives_the_same_bits(
         for x, y in zip((*state, *reading), (*expected[0], *expected[1]), strict=True):
             assert bits(x.numpy()) == bits(y.numpy()), i
     assert graphs.frame_count == 1
+
+
+GRAPH = """
+import sys, torch, rtamt_arrays.torch
+made, text = sys.argv[1:]
+monitor = getattr(rtamt_arrays.torch, made)(text)
+def shown(graph, _):
+    print(graph.code)
+    return graph.forward
+step = torch.compile(monitor.update, fullgraph=True, backend=shown)
+step(monitor.init(3), torch.ones(3, 2))
+"""
+
+
+@pytest.mark.parametrize(
+    ("made", "text"), [("online", SPECS[1]), ("episode", EPISODES[0])], ids=["online", "episode"]
+)
+def test_graphs_are_the_same_in_all_processes_so_that_caches_know_them(
+    made: str, text: str
+) -> None:
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", GRAPH, made, text],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    ]
+    assert "torch" in told[0]
+    assert told[0] == told[1] == told[2]
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
