@@ -17,10 +17,10 @@ from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
 
-__all__ = ["StlWrapper"]
+__all__ = ["StlManiSkillWrapper"]
 
 
-class StlWrapper(gym.Wrapper[Any, Any, Any, Any]):
+class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
     """Judges the episodes of an environment of ManiSkill, on its device.
 
     It stands between ``gym.make`` and ``ManiSkillVectorEnv``, which begins the episodes of some

@@ -19,7 +19,7 @@ from mani_skill.utils.structs.pose import Pose
 from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 from rtamt import EpisodeMonitor, InputError
-from rtamt_arrays.torch.maniskill import StlWrapper
+from rtamt_arrays.torch.maniskill import StlManiSkillWrapper
 from rtamt_gym.signals.signals import SignalLike
 
 SPEC = "always((height < 1) implies eventually[0:0.1](height < 0.9)) and always(height > 0.5)"
@@ -66,7 +66,7 @@ class FallingBall(BaseEnv):  # type: ignore[misc] # ManiSkill is untyped
         return {"success": self.ball.pose.p[:, 2] < -1e3}
 
 
-def made(signal: SignalLike = "obs[0]", **options: Any) -> StlWrapper:  # noqa: ANN401
+def made(signal: SignalLike = "obs[0]", **options: Any) -> StlManiSkillWrapper:  # noqa: ANN401
     env = gym.make(
         "FallingBall-v1",
         num_envs=1,
@@ -75,7 +75,7 @@ def made(signal: SignalLike = "obs[0]", **options: Any) -> StlWrapper:  # noqa: 
         sim_backend="physx_cpu",
         render_backend="none",
     )
-    return StlWrapper(env, SPEC, {"height": signal}, at_truncation="complete", **options)
+    return StlManiSkillWrapper(env, SPEC, {"height": signal}, at_truncation="complete", **options)
 
 
 def height(step: Any) -> torch.Tensor:  # noqa: ANN401
