@@ -10,9 +10,10 @@ import gymnasium as gym
 import torch
 
 from rtamt import InputError
+from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.requirements import JudgedStep, RequirementOptions, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
-from rtamt_arrays.torch import episode
+from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -52,9 +53,10 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
         base: Any = env.unwrapped
         said = RequirementOptions(period=round(1.0 / base.control_freq, 12))
         said.update(options)
-        self._judge = StepJudge(
-            specs, partial(episode, device=base.device), TorchOperations(base.device), said
+        monitors = ArrayMonitors(
+            partial(episode, device=base.device), partial(online, device=base.device)
         )
+        self._judge = StepJudge(specs, monitors, TorchOperations(base.device), said)
         if self._judge.observes:
             raise InputError(
                 "expected no observe, which this wrapper does not have, got observe='state'"

@@ -79,6 +79,15 @@ class TorchEpisodeMonitor(EpisodeArrays):
         found = self._ordered.run(EpisodeArrays.update, state, sample)
         return found or super().update(state, sample)
 
+    def update_and_cut(
+        self, state: EpisodeState, sample: ArraySample
+    ) -> tuple[EpisodeState, BoundsReading, BoundsReading]:
+        """Say a cut trace too; see `rtamt_arrays.episode.EpisodeArrays.update_and_cut`."""
+        self._check(state)
+        found: tuple[EpisodeState, BoundsReading, BoundsReading] | None
+        found = self._ordered.run(EpisodeArrays.update_and_cut, state, sample)
+        return found or super().update_and_cut(state, sample)
+
     def update_(self, state: EpisodeState, sample: ArraySample) -> BoundsReading:
         """Take in a sample in every lane; the state is overwritten with the next one.
 
