@@ -59,10 +59,9 @@ def test_a_float_period_means_its_simple_fraction(samples: int, steps: int) -> N
 def test_a_period_and_its_inverse_are_at_most_1e300() -> None:
     for value in (Fraction(10**300), Fraction(1, 10**300)):
         assert as_period(value) == value
-    beyond = (10**300 + 1, 10**301, Fraction(1, 10**300 + 1), Fraction(1, 10**301))
-    for value in beyond:
+    for beyond in (10**300 + 1, 10**301, Fraction(1, 10**300 + 1), Fraction(1, 10**301)):
         with pytest.raises(SpecificationError, match="expected a period from 1e-300 to 1e300 s"):
-            as_period(value)
+            as_period(beyond)
 
 
 def test_the_unit_of_the_end_holds_for_both_bounds() -> None:
