@@ -167,6 +167,28 @@ class EpisodeArrays:
         moved = self._o.greater(lower, self._o.lesser(robustness, upper))
         return following, reading, self._reading(moved, lower, upper, following.nan)
 
+    def begin(
+        self, state: EpisodeState, sample: ArraySample, mask: Tensor | None = None
+    ) -> tuple[EpisodeState, BoundsReading]:
+        """Begin lanes anew with a sample, while the others take none.
+
+        Args:
+            state: As for `update`.
+            sample: As for `update`; what it has of other lanes is ignored.
+            mask: A boolean for each lane; None: all lanes.
+
+        Returns:
+            The next state, and the reading, which says nothing of the other lanes.
+
+        Raises:
+            InputError: As `update` and `reset` do.
+            InputTypeError: As `update` and `reset` do.
+        """
+        begun, reading = self.update(self.reset(state, mask), sample)
+        mask = self._reader.mask(mask, state.age)
+        kept = (self._o.where(mask, *pair) for pair in zip(begun, state, strict=True))
+        return EpisodeState(*kept), reading
+
     def _arrived(self, state: EpisodeState, sample: ArraySample) -> tuple[Arrival, EpisodeState]:
         """What is known with a sample, and the next state."""
         self._check(state)

@@ -66,9 +66,8 @@ class ArrayInstants:
     ) -> tuple[InstantState, Tensor]:
         """Lanes of the mask begin with a sample; gives its robustness."""
         newest, reading = self._newest.begin(state.newest, sample, mask)
-        begun, sofar = self._sofar.update(self._sofar.reset(state.sofar, mask), sample)
-        kept = (self._o.where(mask, *pair) for pair in zip(begun, state.sofar, strict=True))
-        return InstantState(newest, EpisodeState(*kept)), self._known(reading, sofar.robustness)
+        sofar, of_first = self._sofar.begin(state.sofar, sample, mask)
+        return InstantState(newest, sofar), self._known(reading, of_first.robustness)
 
     def update(
         self, state: InstantState, sample: Mapping[str, Tensor]

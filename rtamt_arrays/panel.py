@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rtamt import Align, Period, Specification
@@ -121,8 +121,8 @@ class ArrayPanel:
         """Lanes of the mask begin with a sample, while the others take none."""
         judges, readings, of_instants, instants = [], [], [], []
         for judge, before in zip(self._judges, state.judges, strict=True):
-            begun, reading = judge.update(judge.reset(before, mask), sample)
-            judges.append(_chosen(self._o, mask, begun, before))
+            begun, reading = judge.begin(before, sample, mask)
+            judges.append(begun)
             readings.append(reading)
         for each, known in zip(self._instants, state.instants, strict=True):
             following, robustness = each.begin(known, sample, mask)
@@ -205,7 +205,8 @@ class ArrayPanel:
         for lanes, end in ends:
             if end in {"complete", "cut"}:
                 closed = self._complete(reading) if end == "complete" else cut
-                found = _chosen(self._o, lanes, closed, found)
+                chosen = (self._o.where(lanes, *pair) for pair in zip(closed, found, strict=True))
+                found = BoundsReading(*chosen)
             elif end == "failure":
                 failed = lanes & (reading.verdict == 0)
                 upper = self._o.where(failed, -0.0, found.upper)
@@ -222,15 +223,6 @@ class ArrayPanel:
             upper=o.where(known, reading.robustness, reading.upper),
             verdict=o.where(known, sign, reading.verdict),
         )
-
-
-def _chosen(o: Operations, mask: Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - parts of states
-    """What is new in the lanes of the mask, and what is old in the others."""
-    if not isinstance(new, tuple):
-        return o.where(mask, new, old)
-    parts = [_chosen(o, mask, x, y) for x, y in zip(new, old, strict=True)]
-    make: Callable[..., Any] = getattr(type(new), "_make", tuple)
-    return make(parts)
 
 
 def _cut_by_an_end(program: Program) -> bool:

@@ -19,7 +19,9 @@ class TorchOnlineMonitor(OnlineMonitor):
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
-        self._ordered, self._writing = (
+        writing = TorchOperations(reader.device, in_place=True)
+        self._writing = OnlineMonitor(program, writing, reader)
+        self._ordered, self._ordered_writing = (
             OrderedFormulas(OnlineMonitor, program, reader, ("totals",), in_place=in_place)
             for in_place in (False, True)
         )
@@ -43,8 +45,8 @@ class TorchOnlineMonitor(OnlineMonitor):
             InputTypeError: As `update` does.
         """
         self._check(state)
-        written = self._writing.run(OnlineMonitor.update, state, sample)
-        following, reading = written or super().update(state, sample)
+        written = self._ordered_writing.run(OnlineMonitor.update, state, sample)
+        following, reading = written or self._writing.update(state, sample)
         _overwrite(state, following)
         return reading
 

@@ -262,6 +262,36 @@ def test_steps_in_place_are_those_of_a_state_that_stays_where_it_is(
     assert [each.data_ptr() for each in state] == addresses
 
 
+class Made(TorchDispatchMode):  # type: ignore[misc] # torch has no types here
+    """Keeps the greatest number of elements of a tensor in new memory."""
+
+    def __init__(self, state: Sequence[Tensor]) -> None:
+        super().__init__()
+        self._there = {each.data_ptr() for each in state}
+        self.most = 0
+
+    def __torch_dispatch__(
+        self, func: Tensor, types: object, args: Sequence[Tensor] = (), kwargs: object = None
+    ) -> Tensor:
+        given: Mapping[str, object] = kwargs or {}  # type: ignore[assignment]
+        found = func(*args, **given)
+        if isinstance(found, torch.Tensor) and found.data_ptr() not in self._there:
+            self.most = max(self.most, found.numel())
+        return found
+
+
+def test_eager_steps_in_place_copy_no_window() -> None:
+    monitor = arrays.online("historically[0:1000](x > 0)")
+    state, sample = monitor.init(3), torch.ones(3, 1)
+    window = max(each.numel() for each in state)
+    with Made(state) as made:
+        monitor.update_(state, sample)
+    assert made.most < window / 10
+    with Made(state) as made:
+        monitor.update(state, sample)
+    assert made.most == window
+
+
 @pytest.mark.parametrize(("made", "text"), MONITORS)
 def test_a_state_is_not_changed_by_a_step_nor_by_one_that_is_refused(
     made: Callable[..., ArrayMonitor], text: str

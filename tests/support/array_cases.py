@@ -54,30 +54,24 @@ class Case(NamedTuple):
             rows.append(monitor.update(sample[:, places]))
         return np.array(rows)
 
-    def episode(self, formula: Formula, names: tuple[str, ...]) -> list[Floats]:
-        """Attributes of `rtamt.VectorEpisodeMonitor`, each with a row for each sample."""
-        monitor = VectorEpisodeMonitor(formula, LANES)
-        places = [s.VARIABLES.index(name) for name in monitor.variables]
-        rows: list[list[Floats]] = [[] for _ in names]
-        for sample, mask in zip(self.samples, self.resets, strict=True):
-            monitor.reset(mask)
-            monitor.update(sample[:, places])
-            for name, values in zip(names, rows, strict=True):
-                values.append(getattr(monitor, name))
-        return [np.array(values) for values in rows]
+    def episode(
+        self, formula: Formula, names: tuple[str, ...], *, cut: bool = False
+    ) -> list[Floats]:
+        """Attributes of `rtamt.VectorEpisodeMonitor`, each with a row for each sample.
 
-    def cut(self, formula: Formula, names: tuple[str, ...]) -> list[Floats]:
-        """The same of traces that are cut after each sample."""
+        With ``cut`` they are those of traces that are cut after each sample.
+        """
         monitor = VectorEpisodeMonitor(formula, LANES)
         places = [s.VARIABLES.index(name) for name in monitor.variables]
         rows: list[list[Floats]] = [[] for _ in names]
         for sample, mask in zip(self.samples, self.resets, strict=True):
             monitor.reset(mask)
             monitor.update(sample[:, places])
-            ended = copy.deepcopy(monitor)
-            ended.finish(end="cut")
+            shown = copy.deepcopy(monitor) if cut else monitor
+            if cut:
+                shown.finish(end="cut")
             for name, values in zip(names, rows, strict=True):
-                values.append(getattr(ended, name))
+                values.append(getattr(shown, name))
         return [np.array(values) for values in rows]
 
     def offline(self, formula: Formula) -> Floats:

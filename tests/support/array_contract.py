@@ -83,6 +83,23 @@ def places(names: Sequence[str]) -> list[int]:
     return [s.VARIABLES.index(name) for name in names]
 
 
+def begins_alone(
+    library: ArrayLibrary,
+    monitor: ArrayMonitor,
+    expected: rtamt.VectorMonitor | rtamt.VectorEpisodeMonitor,
+) -> None:
+    """Three lanes begin in turns, and take samples together between."""
+    random, state = np.random.default_rng(7), monitor.init(3)
+    for _ in range(20):
+        mask, first, sample = random.random(3) < 0.4, random.normal(size=3), random.normal(size=3)
+        state, begun = monitor.begin(state, {"x": library.tensor(first)}, library.tensor(mask))
+        expected.reset(mask)
+        found = np.array(begun.robustness.tolist())[mask]
+        assert bits(found) == bits(expected.update(first[:, None], mask)[mask])
+        state, reading = monitor.update(state, {"x": library.tensor(sample)})
+        assert bits(reading.robustness.tolist()) == bits(expected.update(sample[:, None]))
+
+
 class OnlineContract:
     """Of `online`."""
 
@@ -132,22 +149,7 @@ class OnlineContract:
 
     @pytest.mark.parametrize("text", ["historically[0:3](x > 0) and once(x > 1)", "x > 0"])
     def test_lanes_begin_while_the_others_take_no_sample(self, text: str) -> None:
-        monitor, expected = self.library.arrays.online(text), rtamt.VectorMonitor(text, 3)
-        random, state = np.random.default_rng(7), monitor.init(3)
-        for _ in range(20):
-            mask, first, sample = (
-                random.random(3) < 0.4,
-                random.normal(size=3),
-                random.normal(size=3),
-            )
-            state, begun = monitor.begin(
-                state, {"x": self.library.tensor(first)}, self.library.tensor(mask)
-            )
-            expected.reset(mask)
-            found = np.array(begun.robustness.tolist())[mask]
-            assert bits(found) == bits(expected.update(first[:, None], mask)[mask])
-            state, reading = monitor.update(state, {"x": self.library.tensor(sample)})
-            assert bits(reading.robustness.tolist()) == bits(expected.update(sample[:, None]))
+        begins_alone(self.library, self.library.arrays.online(text), rtamt.VectorMonitor(text, 3))
 
     def test_integers_and_booleans_are_numbers(self) -> None:
         monitor = self.library.arrays.online("x > 0")
@@ -234,7 +236,7 @@ class EpisodeContract:
         monitors = [Cut(self.library.arrays.episode(formula)) for formula in case.formulas]
         readings = self.library.readings(monitors, case.samples, case.resets)
         for formula, reading in zip(case.formulas, readings, strict=True):
-            for name, expected in zip(READ, case.cut(formula, READ), strict=True):
+            for name, expected in zip(READ, case.episode(formula, READ, cut=True), strict=True):
                 found = np.ravel(reading[name])
                 assert bits(found) == bits(np.ravel(expected)), (name, formula)
 
@@ -254,9 +256,14 @@ class EpisodeContract:
         case = cases.Case([formula], samples, resets)
         monitor = self.library.arrays.episode(formula)
         read = self.library.readings([monitor, Cut(monitor)], samples, resets)
-        for reading, ends in zip(read, (case.episode, case.cut), strict=True):
-            for name, expected in zip(READ, ends(formula, READ), strict=True):
+        for reading, cut in zip(read, (False, True), strict=True):
+            for name, expected in zip(READ, case.episode(formula, READ, cut=cut), strict=True):
                 assert bits(np.ravel(reading[name])) == bits(np.ravel(expected)), name
+
+    @pytest.mark.parametrize("text", ["always[0:3](x > 0) or eventually(x > 1)", "x > 0"])
+    def test_lanes_begin_while_the_others_take_no_sample(self, text: str) -> None:
+        expected = rtamt.VectorEpisodeMonitor(text, 3)
+        begins_alone(self.library, self.library.arrays.episode(text), expected)
 
     def test_a_step_that_says_what_a_cut_trace_is_says_and_keeps_what_another_step_does(
         self,

@@ -36,7 +36,7 @@ public:
             if (skips_[w]) outlook_[w] = alone(w);
             if (!is_cut(w) || !goes_over_) continue;
             const Outlook& open = outlook_[open_of(w)];
-            // The tail is that of the open reading: values before it are open, be they certain.
+            // The tail is that of the open reading, so every value before it is open, a certain one too.
             outlook_[w] = {std::max({outlook_[w].reach, open.reach, -*endless_from_}),
                            std::max(outlook_[w].floor, open.floor), open.certain, open.tail};
         }

@@ -81,7 +81,7 @@ def test_a_formula_longer_than_a_text_is_pickled_all_the_same() -> None:
     assert pickle.loads(pickle.dumps(spec)) == spec
 
 
-# The limits are those of docs/language.md.
+# docs/language.md states the limits.
 NAMES = [
     ("a." * 20_000 + "b", "a dotted name has 20001 parts; the limit is 32"),
     ("a." * 32 + "b", "a dotted name has 33 parts; the limit is 32"),
