@@ -223,6 +223,29 @@ def test_nanoseconds_are_not_taken_for_seconds(extension: str, tmp_path: Path) -
     assert read(path, ["speed"]).period() == Fraction(1, 100)
 
 
+@pytest.mark.parametrize(
+    ("kind", "first", "counted"),
+    [
+        (pa.timestamp("us"), 2**61, "64 bits of nanoseconds"),
+        (pa.timestamp("ms", "UTC"), -(2**61), "64 bits of nanoseconds"),
+        (pa.duration("s"), 2**61, "64 bits of nanoseconds"),
+        (pa.uint64(), 2**63, "64 bits with a sign"),
+    ],
+)
+def test_times_that_no_clock_counts_are_refused(
+    kind: pa.DataType, first: int, counted: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "far.parquet"
+    columns = {"time": pa.array([first, first + 1], kind), "speed": pa.array([1.0, 2.0])}
+    pq.write_table(pa.table(columns), path)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed"])
+    assert str(caught.value) == (
+        f"{path}, column 'time': expected times that {counted} can count, "
+        f"got {kind} beyond them; write seconds since the begin"
+    )
+
+
 def test_what_is_not_in_the_format_is_refused(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"bad{ending}"
     path.write_bytes(b"\xe4\x00nothing" * 20)
