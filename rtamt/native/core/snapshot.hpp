@@ -46,7 +46,7 @@ public:
     template <class T>
     void numbers(T* values, std::size_t count) {
         static_assert(sizeof(T) % sizeof(double) == 0);
-        const std::string_view bytes = rest_.substr(0, reads_ ? count * sizeof(T) : 0);
+        const std::string_view bytes = rest_.substr(0, count * sizeof(T));  // none if it writes
         array(values, count);
         for (std::size_t at = 0; at < bytes.size(); at += sizeof(double)) {
             double number;
@@ -138,17 +138,6 @@ std::string state_of(M& machine) {
     out(fingerprint);
     machine.fields(out);
     return std::move(out).written();
-}
-
-// Lets a machine go on from the state of another one of the same program.
-template <class M>
-void follow(M& machine, M& other) {
-    Snapshot out;
-    other.fields(out);
-    const std::string bytes = std::move(out).written();
-    Snapshot in{std::string_view(bytes)};
-    machine.reset();
-    machine.fields(in);
 }
 
 // Throws std::invalid_argument on bytes that are no snapshot of a machine with this program, or a

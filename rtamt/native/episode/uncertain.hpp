@@ -107,7 +107,7 @@ private:
             greatest_ = std::make_unique<EpisodeMachine>(program_.terms, variables(),
                                                          program_.formulas, program_.initial,
                                                          program_.streams);
-        follow(*greatest_, *least_);
+        restore_from(*greatest_, state_of(*least_));
         apart_ = true;
     }
 

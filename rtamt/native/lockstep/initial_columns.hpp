@@ -181,7 +181,7 @@ private:
             return std::make_unique<ClampedColumns<Order, Clamps<Order, true>>>(num, window);
         if (!best_is_top)
             return std::make_unique<ClampedColumns<Order, Clamps<Order, false>>>(num, window);
-        if (worst_is_least && begin_ == 0 && end_ == kNever)
+        if (worst_is_least && end_ == kNever)  // what has no end begins at time 0
             return std::make_unique<ReachedColumns<Order>>(num, window);
         return std::make_unique<ClampedColumns<Order, Reaches<Order>>>(num, window);
     }

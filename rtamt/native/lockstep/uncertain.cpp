@@ -97,10 +97,9 @@ void UncertainBank::part() {
     if (!greatest_)
         greatest_ = std::make_unique<EpisodeBank>(program_.terms, variables(), program_.formulas,
                                                   program_.initial, program_.streams, num());
-    follow(*greatest_, *least_);
+    restore_from(*greatest_, state_of(*least_));
     apart_ = true;
     std::fill(moved_.begin(), moved_.end(), std::nan(""));
-    publish();
 }
 
 void UncertainBank::fields(Snapshot& s) {

@@ -147,22 +147,43 @@ def test_long_episodes_of_lanes_that_fall_out_of_step(text: str, k: int, backend
 
 @pytest.mark.parametrize("k", [1, 2, 5])
 @pytest.mark.parametrize("left_out", [1, 2])
+@pytest.mark.parametrize("before", [5.0, -5.0])
 def test_a_lane_that_waits_after_its_first_sample_keeps_it(
-    k: int, left_out: int, backend: Backend
+    before: float, k: int, left_out: int, backend: Backend
 ) -> None:
     text = f"always(eventually[0:{k}](x > 0))"
     vector = VectorEpisodeMonitor(text, 2, backend=backend)
     single = EpisodeMonitor(text, backend=backend)
     for _ in range(9):  # samples of the episode before, that the lane must not see again
-        vector.update([[-1.0], [5.0]])
+        vector.update([[-1.0], [before]])
     vector.reset([False, True])
-    values = [3.0, *[-2.0] * k, 0.5, *[4.0] * k]
+    values = [3.0, *[-2.0] * k, *[4.0] * (k + 1)]
     for step, value in enumerate(values):
         vector.update([[-1.0], [value]])
         single.update(value)
-        assert vector.lower[1] == single.lower
+        for name in VALUES:
+            assert bits(getattr(vector, name)[1:]) == bits([getattr(single, name)]), name
         for _ in range(left_out if step == 0 else 0):
             vector.update([[-1.0], [0.0]], [True, False])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always(x > 0 and 2 > 1)",
+        "eventually(x > 0 or 2 > 1)",
+        "eventually[0:9](x > 0 or 2 > 1)",
+        "always[3:9](x > 0 and 2 > 1)",
+        "always(x > 0 implies eventually[0:3](y > 0 or 2 > 1))",
+    ],
+)
+def test_the_first_sample_will_be_there(text: str, backend: Backend) -> None:
+    vector, single = VectorEpisodeMonitor(text, 2, backend=backend), EpisodeMonitor(text)
+    for _ in range(3):
+        for name in VALUES:
+            assert bits(getattr(vector, name)) == bits([getattr(single, name)] * 2), name
+        vector.update(np.full((2, len(vector.variables)), 5.0))
+        single.update(*[5.0] * len(vector.variables))
 
 
 def test_a_column_of_a_lane_that_begins_anew_keeps_nothing(backend: Backend) -> None:

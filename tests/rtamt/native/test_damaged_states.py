@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rtamt
 from rtamt import (
     DenseEpisodeMonitor,
     DenseMonitor,
@@ -71,6 +72,17 @@ def test_the_greatest_count_of_samples_is_counted_on(kind: str) -> None:
     monitor._machine.restore(counting(monitor._machine.state(), LIMIT - 1))
     feed(kind, monitor, 60)
     assert np.all(monitor.samples == LIMIT + 59)
+
+
+def test_a_window_holds_no_more_than_its_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    many = 2**31  # numbers of 8 bytes each, for which there may be no memory
+    monkeypatch.setattr(rtamt.limits, "window_bytes", 2**40)
+    monitor = EpisodeMonitor(f"always(x > 0 or eventually[{many}:{many}](x > 1))", backend="native")
+    feed("episode", monitor, SAMPLES)
+    state = monitor._machine.state()
+    with pytest.raises(ValueError, match=DAMAGED):
+        monitor._machine.restore(counting(state, many))
+    assert monitor._machine.state() == state
 
 
 CHANGED: dict[str, Callable[[], Any]] = {
