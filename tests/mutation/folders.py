@@ -63,7 +63,8 @@ def _files(folder: str, *of: str) -> Iterator[str]:
 _TEXTS: Final = Covering(
     (
         *(f"tests/rtamt/{room}" for room in ("language", "program", "patterns")),
-        "tests/rtamt/monitors/test_hostile_arguments.py",
+        *_files("tests/rtamt/monitors", "dense", "hostile_arguments"),
+        "tests/rtamt/inputs/test_input_errors.py",
         "rtamt/language",
     )
 )
@@ -154,7 +155,12 @@ _STATISTICS: Final = Covering(
 FOLDERS: Final = {
     folder.name: folder
     for folder in (
-        Folder("rtamt/language", ("rtamt/language",), _TEXTS, ("tests/rtamt/language",)),
+        Folder(
+            "rtamt/language",
+            ("rtamt/language",),
+            _TEXTS,
+            ("tests/rtamt/language", "tests/rtamt/monitors/test_dense.py"),
+        ),
         *(
             Folder(f"rtamt/{room}", (f"rtamt/{room}",), covering, (f"tests/rtamt/{own}",))
             for room, covering, own in (

@@ -27,7 +27,7 @@ from changes import Site
 from native_code import Reached
 from python_code import Choices, Finder, module_name
 
-BUDGET: Final = 6.0  # seconds of tests for one mutant
+BUDGET: Final = 20.0  # seconds of tests for one mutant
 _SLOW: Final = 10.0  # a test with a mutant may take so many times its own seconds, and 5 more
 _MEMORY: Final = 4 << 30  # more than the tests have taken before
 _BLOCKED: Final = 600  # seconds of a clock, for a mutant that waits for ever

@@ -209,7 +209,7 @@ class _Scanner:
     def _is_range(self, opened: Token) -> bool:
         """Whether a bracket opens a range of a declaration, and no interval of an operator."""
         at = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
-        return at > 0 and self.tokens[at - 1].type == StlParser.NAME
+        return self.tokens[at - 1].type == StlParser.NAME
 
     def _count(self, token: Token) -> None:
         if not self.brackets or self.brackets[-1].type != StlParser.OPEN_INTERVAL:

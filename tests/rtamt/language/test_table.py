@@ -171,6 +171,13 @@ def test_a_word_has_one_meaning(add: Add, word: str) -> None:
     assert formula("weak > 1") is (variable("weak") > 1)
 
 
+def test_a_symbol_has_one_meaning_in_a_notation(add: Add) -> None:
+    with pytest.raises(AssertionError, match=r"one meaning for a word, got several for \('!', "):
+        add(Operator(("!",), "prefix", 7, "", lambda _, p: p, name="again"))
+    assert "again" not in OPERATORS
+    assert formula("!(x > 1)") is formula("not (x > 1)")
+
+
 @pytest.mark.parametrize("word", sorted({*OPERATORS.words, *KEYWORDS}))
 def test_text_and_python_agree_on_the_names_of_variables(word: str) -> None:
     row = OPERATORS.words.get(word)
