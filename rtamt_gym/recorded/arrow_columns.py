@@ -45,16 +45,22 @@ def floats_of(column: pa.ChunkedArray) -> Floats:
     return _array(column)
 
 
-def raw_times_of(column: pa.ChunkedArray) -> RawTimes:
-    """The numbers, dates or durations of a column without empty cells."""
+def raw_times_of(column: pa.ChunkedArray) -> RawTimes | None:
+    """The numbers, dates or durations of a column without empty cells.
+
+    None if 64 bits cannot count them, dates and durations in nanoseconds.
+    """
     kind = column.type
-    if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
-        dates = column.cast(pa.timestamp("ns", getattr(kind, "tz", None)))
-        return _array(dates.cast(pa.int64())).view("M8[ns]")
-    if pa.types.is_duration(kind):
-        return _array(column.cast(pa.duration("ns")).cast(pa.int64())).view("m8[ns]")
-    if pa.types.is_integer(kind):
-        return _array(column.cast(pa.int64()))
+    try:
+        if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
+            dates = column.cast(pa.timestamp("ns", getattr(kind, "tz", None)))
+            return _array(dates.cast(pa.int64())).view("M8[ns]")
+        if pa.types.is_duration(kind):
+            return _array(column.cast(pa.duration("ns")).cast(pa.int64())).view("m8[ns]")
+        if pa.types.is_integer(kind):
+            return _array(column.cast(pa.int64()))
+    except pa.ArrowInvalid:
+        return None
     return floats_of(column)
 
 

@@ -103,4 +103,6 @@ def _times(column: pa.ChunkedArray) -> RawTimes | None:
     if column.null_count or not (is_number(kind) or is_time(kind)):
         return None
     times = raw_times_of(column)
-    return None if times.dtype.kind == "f" and np.isnan(times).any() else times
+    if times is None or (times.dtype.kind == "f" and np.isnan(times).any()):
+        return None
+    return times

@@ -136,12 +136,12 @@ class ArrowRecording:
     def _times(self, column: pa.ChunkedArray, name: str) -> RawTimes:
         kind, where = column.type, f"{self.source}, column '{name}'"
         if is_number(kind) or is_time(kind):
-            try:
-                return raw_times_of(column)
-            except pa.ArrowInvalid:
+            times = raw_times_of(column)
+            if times is None:
                 counted = "64 bits of nanoseconds" if is_time(kind) else "64 bits with a sign"
                 msg = f"{where}: expected times that {counted} can count, got {kind} beyond them"
-                raise InputError(f"{msg}; write seconds since the begin") from None
+                raise InputError(f"{msg}; write seconds since the begin")
+            return times
         return times_of(np.array(column.to_pylist()), where)
 
     def _texts(

@@ -207,7 +207,10 @@ class _Scanner:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
 
     def _is_range(self, opened: Token) -> bool:
-        """Whether a bracket opens a range of a declaration, and no interval of an operator."""
+        """Whether a bracket opens a range of a declaration, and no interval of an operator.
+
+        A bracket that begins the text is refused whatever this says.
+        """
         at = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
         return self.tokens[at - 1].type == StlParser.NAME
 

@@ -317,6 +317,8 @@ def test_a_long_text_is_read_by_the_library_as_a_short_one_is(
         'x;time\n"1,5";0\n2,25;0,5\n',
         "time,x\n2024-01-01T00:00:00.123456789Z,1\n2024-01-01T00:00:01+00:00,3\n",
         "timestamp [us],x\n1700000000000001,1\n1700000000000003,2\n",
+        "time,x\n2300-01-01 00:00:00,1\n2300-01-01 00:00:01,3\n",
+        "time,x\n1500-01-01,1\n1500-01-02,3\n",
         "\ufeffx,x2\n1,\n2,3\n",
         "time,x\n0,1\n1,1_0\n",
         "time,x\n0,1\n1,nan\n",
