@@ -245,8 +245,8 @@ def _in_id(
     text: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
 ) -> ParseError:
     """The error in ``@ id(NAME, "ID")``, whose tokens are given."""
-    given = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else token
-    if token.tokenIndex >= given.tokenIndex and given.type != StlParser.STRING:
+    given = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else None
+    if given and token.tokenIndex >= given.tokenIndex and given.type != StlParser.STRING:
         hint = ID_HINT if token is given else "an id stands in quotes: " + ID_HINT
         return fail(text, given, f"expected the id in quotes, got {_got(given)}", hint)
     if StlParser.STRING in expected:
