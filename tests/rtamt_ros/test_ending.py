@@ -14,6 +14,14 @@ from rtamt_ros.ending import Ending
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+@pytest.fixture(autouse=True)
+def as_in_a_terminal() -> Iterator[None]:
+    """A shell script that runs the tests in the background has SIGINT ignored, also by what they start."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("number", SIGNALS)
 def test_signals_end_it_and_are_what_they_were_afterwards(number: signal.Signals) -> None:
     before = [signal.getsignal(each) for each in SIGNALS]
