@@ -1,0 +1,179 @@
+"""The classes of episodes over dense time in C++: what is no program, or no state, is refused."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rtamt import DenseEpisodeMonitor, DenseMonitor
+
+native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+NO_PROGRAM = "^expected a program over regions$"
+LOAD = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
+MAP = (1, "MAP", "neg", 0, 0, 0.0, 0, 0)
+LEAST = ("MAP", "min", 0, 0, None, None, False, False)
+ENDLESS = ("WINDOW", "min", 0, 0, 0, None, False, False)
+FAR = 2**62
+
+
+def regions(**changes: object) -> dict[str, Any]:
+    """`always x` as registers over regions, with changes."""
+    made: dict[str, Any] = {
+        "terms": 1,
+        "constants": (),
+        "rows": (ENDLESS,),
+        "initial": (1,),
+        "streams": (0,),
+        "unknowns": (),
+    }
+    return {**made, **changes}
+
+
+def test_registers_that_are_a_program_are_read() -> None:
+    made = native.DenseRegions(**regions())
+    made.advance(np.array([0, 2]), [np.array([3.0, 1.0])], 4)
+    assert made.t == 4
+    assert made.look(3) == (1.0, -np.inf, 1.0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"initial": ()},
+        {"initial": (2,)},
+        {"initial": (1, 1)},
+        {"streams": (2,)},
+        {"streams": (0, 0)},
+        {"streams": ()},
+        {"streams": (1,), "initial": (0,)},
+        {"constants": ((1, 2.0),)},
+        {"rows": (("JUMP", "min", 0, 0, 0, 0, False, False),)},
+        {"rows": (("MAP", "min", 1, 0, None, None, False, False),)},
+        {"rows": (("MAP", "min", 0, 1, None, None, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, None, None, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, 0, None, True, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, -1, 1, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, -1, None, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, None, 1, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, 2, 1, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, -1, -2, False, False),)},
+        {"rows": (("WINDOW", "min", 0, 0, -(2**63), 0, False, False),)},
+        {  # each alone is near enough
+            "rows": (
+                ("WINDOW", "min", 0, 0, 0, FAR, False, False),
+                ("WINDOW", "min", 1, 1, 0, FAR, False, False),
+            ),
+            "streams": (0, 1),
+            "initial": (2,),
+        },
+        {"rows": (ENDLESS, LEAST), "streams": (0, 1), "initial": (2,)},  # 1 is no unknown
+    ],
+)
+def test_registers_that_are_no_program_are_refused(changes: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=NO_PROGRAM):
+        native.DenseRegions(**regions(**changes))
+
+
+def test_a_fold_that_nobody_knows_is_refused() -> None:
+    rows = (("WINDOW", "sum", 0, 0, 0, 1, False, False),)
+    with pytest.raises(ValueError, match=r"^expected the name of a lattice fold, got sum$"):
+        native.DenseRegions(**regions(rows=rows))
+
+
+@pytest.mark.parametrize("count", [15, 16, 17])
+def test_sixteen_operators_without_an_end_may_stand_inside_others(count: int) -> None:
+    nested = range(1, count + 1)
+    last = ("WINDOW", "min", count, count, 0, 0, False, False)
+    changes = {
+        "rows": (*(("WINDOW", "min", i, i, 0, None, False, False) for i in range(count)), last),
+        "streams": (0, *nested),
+        "initial": (count + 1,),
+        "unknowns": tuple(nested),
+    }
+    if count > 16:
+        with pytest.raises(ValueError, match=NO_PROGRAM):
+            native.DenseRegions(**regions(**changes))
+        return
+    assert native.DenseRegions(**regions(**changes)).t == -1
+
+
+def episode(*terms: object, **changes: object) -> dict[str, Any]:
+    encoded = (len(terms), (), (("WINDOW", "min", 0, 0, 0, None, False, False),), (len(terms),))
+    made: dict[str, Any] = {
+        "readings": [(terms, (*encoded, (0,), ()))],
+        "variables": ("x",),
+        "clock": (1e9, 10**9, 1),
+        "declared": (np.nan,),
+        "reach": 0,
+        "reader": object(),
+    }
+    return {**made, **changes}
+
+
+@pytest.mark.parametrize(
+    ("terms", "row"),
+    [
+        ([(0, "LOAD", "x", 1, 0, 0.0, 0, 0)], 0),
+        ([(0, "WINDOW", "min", 0, 0, 0.0, 0, 0)], 0),
+        ([MAP], 0),
+        ([LOAD, (1, "MAP", "add", 1, 0, 0.0, 0, 0)], 1),
+        ([LOAD, (1, "MAP", "add", 0, 1, 0.0, 0, 0)], 1),
+        ([LOAD, (1, "MAP", "sum", 0, 0, 0.0, 0, 0)], 1),
+        ([LOAD, MAP, (2, "MAP", "add", 2, 5, 0.0, 0, 0)], 2),
+    ],
+)
+def test_what_is_no_term_is_refused(terms: list[object], row: int) -> None:
+    native.DenseEpisodeMachine(**episode(LOAD, MAP))
+    with pytest.raises(ValueError, match=f"^row {row} is no term$"):
+        native.DenseEpisodeMachine(**episode(*terms))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"readings": []}, "expected one program, or two with neutral predicates"),
+        ({"declared": ()}, "expected a declared value, or nan, for every variable"),
+        ({"reach": -1}, "the reach is out of range"),
+        ({"reach": FAR}, "the reach is out of range"),
+        ({"variables": (), "declared": ()}, "row 0 is no term"),
+        ({"clock": (1e9, -1, 1)}, "expected a clock that counts"),
+    ],
+)
+def test_what_is_no_episode_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        native.DenseEpisodeMachine(**episode(LOAD, **changes))
+
+
+TICK = 123_456_789_012_345  # of a nanosecond: no other number of a state is this one
+
+
+@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x > 0",
+        "historically[0:1](x > 0)",
+        "eventually[0:1](x > 0)",
+        "(x > 0) since (once[1:2](x > 1))",
+        "(x > 0) until[1:3] (x > 1)",
+    ],
+)
+def test_a_state_says_no_time_that_cannot_be_counted(kind: Any, text: str) -> None:  # noqa: ANN401 - of two classes
+    """Ticks are below 2^62; where a state says the present tick, a later one is refused."""
+    monitor = kind(text, backend="native")
+    monitor.update(x=[(0, 1.0), (100_000, 2.0), (TICK / 1e9, 3.0)])
+    machine = monitor._machine
+    state = machine.state()
+    held = struct.pack("=q", TICK)
+    places = [i for i in range(len(state)) if state.startswith(held, i)]
+    assert places
+    for place in places:
+        for forged in (FAR + 1, 2**63 - 1):
+            damaged = state[:place] + struct.pack("=q", forged) + state[place + 8 :]
+            with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+                machine.restore(damaged)
+    assert machine.state() == state

@@ -1,0 +1,169 @@
+"""Dense time on traces that are long beside their windows: C++ against Python, call by call.
+
+The traces of the property tests are a few steps long, so that the definition is fast. What lasts as
+long as a window begins to move in these: queues turn over, memory in front of them is given back,
+and folds of what settled stand beside folds of what is open.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from dataclasses import astuple
+from typing import get_args
+
+import pytest
+from dense_signals import Breakpoints, Signals
+
+import rtamt
+from rtamt import DenseEpisodeMonitor, DenseMonitor
+from rtamt.machines.protocols import End
+
+pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+NAMES = ("x", "y", "z")
+COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
+EVENTS = 50
+"""Of each variable, at most three times as many ticks of half a second."""
+
+RESOLUTIONS = ("1ns", "500ms")
+ROOTS = ("", "always", "eventually", "always[0:20]", "not eventually")
+
+
+def formula(rng: random.Random, depth: int, *, endless: bool) -> str:
+    """Of every operator, with windows up to 12 s, of which some are points."""
+    if not depth or rng.random() < 0.1:
+        return f"({rng.choice(NAMES)} {rng.choice(COMPARISONS)} {rng.randint(-1, 1)})"
+    p, q = (formula(rng, depth - 1, endless=endless) for _ in range(2))
+    begin = rng.choice((0, 0, 0.5, 2, 5))
+    end = begin + rng.choice((0, 0.5, 1, 3.5, 12))
+    past = f"[{begin}:{rng.choice((end, end, 'inf'))}]"
+    ahead = f"[{begin}:{rng.choice((end, end, 'inf')) if endless else end}]"
+    return rng.choice(
+        [
+            f"not({p})",
+            f"({p} {rng.choice(('and', 'or', 'implies', 'iff', 'xor'))} {q})",
+            f"(historically{past} {p})",
+            f"(once{past} {p})",
+            f"(always{ahead} {p})",
+            f"(eventually{ahead} {p})",
+            f"({p} since{past} {q})",
+            f"({p} until{ahead} {q})",
+            f"({p} unless{ahead} {q})",
+        ]
+    )
+
+
+def signals(rng: random.Random, count: int) -> Signals:
+    """Integers that differ by 0 often, in runs and in turns, 0.0 and -0.0 among them."""
+    found: Signals = {}
+    for name in NAMES:
+        ticks = itertools.accumulate(rng.choice((1, 1, 2, 3)) for _ in range(count))
+        most = rng.choice((1, 2, 5))
+        values = [
+            rng.choice((-0.0, 0.0, *map(float, range(-most, most + 1)))) for _ in range(count)
+        ]
+        found[name] = [(tick / 2, value) for tick, value in zip(ticks, values, strict=True)]
+    return found
+
+
+SIZES = (0, 1, 2, 7, 20)
+
+
+def calls(rng: random.Random, whole: Signals, sizes: tuple[int, ...] = SIZES) -> list[Signals]:
+    """The events in chunks of these sizes, which leave one variable behind the others."""
+    waiting = {name: list(events) for name, events in whole.items()}
+    found: list[Signals] = []
+    while any(waiting.values()):
+        call = {}
+        for name, events in waiting.items():
+            size = rng.choice(sizes)
+            if events[:size]:
+                call[name] = events[:size]
+                del events[:size]
+        found.append(call)
+    return found
+
+
+def bits(steps: Breakpoints) -> list[tuple[float, float, float]]:
+    return [(time, value, math.copysign(1, value)) for time, value in steps]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_a_monitor(seed: int) -> None:
+    rng = random.Random(seed)
+    text, resolution = formula(rng, 3, endless=False), rng.choice(RESOLUTIONS)
+    native, python, twin = (
+        DenseMonitor(text, resolution=resolution, backend=b) for b in ("native", "python", "native")
+    )
+    whole = {n: e for n, e in signals(rng, EVENTS).items() if n in native.variables}
+    for call in calls(rng, whole):
+        assert bits(native.update(call)) == bits(python.update(call)), text
+        if rng.random() < 0.3:
+            twin._machine.restore(native._machine.state())
+            assert twin._machine.state() == native._machine.state()
+            native, twin = twin, native
+    assert bits(native.finish()) == bits(python.finish()), text
+
+
+def agree(
+    rng: random.Random,
+    text: str,
+    resolution: str,
+    count: int = EVENTS,
+    sizes: tuple[int, ...] = SIZES,
+    restored: float = 0.3,
+) -> None:
+    """An episode in both back-ends, after each call, after a state is restored, and at each end."""
+    native, python, twin = (
+        DenseEpisodeMonitor(text, resolution=resolution, backend=b)
+        for b in ("native", "python", "native")
+    )
+    whole = {n: e for n, e in signals(rng, count).items() if n in native.variables}
+    for call in calls(rng, whole, sizes):
+        assert repr(native.update(call)) == repr(python.update(call)), text
+        assert repr(native.bounds()) == repr(python.bounds()), text
+        assert (native.decided_at, native.settled) == (python.decided_at, python.settled), text
+        if rng.random() < restored:
+            twin._machine.restore(native._machine.state())
+            assert twin._machine.state() == native._machine.state()
+            native, twin = twin, native
+    end = rng.choice(get_args(End))
+    assert repr(native.finish(end)) == repr(python.finish(end)), text
+    assert repr(native.bounds()) == repr(python.bounds()), text
+    for end in get_args(End):
+        found, expected = (
+            rtamt.judge_dense(text, whole, end, resolution=resolution, backend=b)
+            for b in ("native", "python")
+        )
+        assert repr(found) == repr(expected), (text, end)
+        assert list(map(astuple, found.asked)) == list(map(astuple, expected.asked)), (text, end)
+        assert (found.vacuous, found.untested) == (expected.vacuous, expected.untested)
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_an_episode_and_what_its_verdict_stands_on(seed: int) -> None:
+    rng = random.Random(seed)
+    text = formula(rng, 2, endless=True)
+    if rng.random() < 0.5:
+        text = f"({formula(rng, 1, endless=True)} implies {text})"
+    agree(rng, f"{rng.choice(ROOTS)} {text}", rng.choice(RESOLUTIONS))
+
+
+NESTED = (
+    "eventually(eventually[0.5:1]((x > 0) until[0.5:1.5] (y > 0)))",
+    "always(eventually[0:9](x > 0))",
+    "eventually((x > 1) and always[1:12](y > -1))",
+    "always((x > 0) until (eventually[0:2](y > 0)))",
+    "always(eventually(always(x > -2) or y > 0))",
+)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("text", NESTED)
+def test_an_episode_of_windows_that_settle_late(text: str, seed: int) -> None:
+    rng = random.Random(seed)
+    agree(rng, text, "500ms")
+    for _ in range(4):
+        agree(rng, text, "500ms", count=7, sizes=(0, 1, 1), restored=1.0)
