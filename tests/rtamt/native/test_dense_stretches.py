@@ -56,15 +56,19 @@ def formula(rng: random.Random, depth: int, *, endless: bool) -> str:
 
 
 def signals(rng: random.Random, count: int) -> Signals:
-    """Integers that differ by 0 often, in runs and in turns, 0.0 and -0.0 among them."""
+    """Integers that differ by 0 often, in runs and in turns, 0.0 and -0.0 among them.
+
+    Some rise or fall in the long run: what was least or greatest so far says nothing then.
+    """
     found: Signals = {}
     for name in NAMES:
         ticks = itertools.accumulate(rng.choice((1, 1, 2, 3)) for _ in range(count))
-        most = rng.choice((1, 2, 5))
-        values = [
-            rng.choice((-0.0, 0.0, *map(float, range(-most, most + 1)))) for _ in range(count)
+        most, slope = rng.choice((1, 2, 5)), rng.choice((0, 0, 1, -1))
+        values = (0.0, -0.0, *map(float, range(-most, most + 1)))
+        found[name] = [
+            (tick / 2, rng.choice(values) + slope * (i // 3) if slope else rng.choice(values))
+            for i, tick in enumerate(ticks)
         ]
-        found[name] = [(tick / 2, value) for tick, value in zip(ticks, values, strict=True)]
     return found
 
 
@@ -157,6 +161,9 @@ NESTED = (
     "eventually((x > 1) and always[1:12](y > -1))",
     "always((x > 0) until (eventually[0:2](y > 0)))",
     "always(eventually(always(x > -2) or y > 0))",
+    "always((x > 0) unless eventually[0.5:2](x > 0))",
+    "always(eventually[0.5:2](x > 0) or always(x > 0))",
+    "always(eventually[0:1](y > 0) unless eventually[0.5:2](x > 0))",
 )
 
 
@@ -164,6 +171,55 @@ NESTED = (
 @pytest.mark.parametrize("text", NESTED)
 def test_an_episode_of_windows_that_settle_late(text: str, seed: int) -> None:
     rng = random.Random(seed)
-    agree(rng, text, "500ms")
-    for _ in range(4):
+    agree(rng, text, "500ms", sizes=(0, 1, 2), restored=0.0)
+    for _ in range(2):
         agree(rng, text, "500ms", count=7, sizes=(0, 1, 1), restored=1.0)
+        agree(rng, text, "500ms", count=14, sizes=(0, 1, 2))
+
+
+NEUTRAL = """
+input float64 x
+output float64 y
+output float64 z
+"""
+
+
+@pytest.mark.parametrize("semantics", ["output-robustness", "input-vacuity", "output-vacuity"])
+@pytest.mark.parametrize("seed", range(12))
+def test_an_episode_of_neutral_predicates_after_its_decision(seed: int, semantics: str) -> None:
+    """Two programs, for the least and the greatest, of which each reads terms of its own."""
+    rng = random.Random(seed)
+    text = NEUTRAL + f"always[0:5]({formula(rng, 2, endless=False)} or x > y)"
+    native, python = (
+        DenseEpisodeMonitor(text, semantics=semantics, backend=b) for b in ("native", "python")
+    )
+    whole = {n: e for n, e in signals(rng, 40).items() if n in native.variables}
+    for call in calls(rng, whole, (0, 1, 1)):
+        assert repr(native.update(call)) == repr(python.update(call)), text
+        assert repr(native.bounds()) == repr(python.bounds()), text
+
+
+ENDLESS = (
+    "eventually[0.5:1](always(x > 0))",
+    "always[0.5:1](eventually(x > 0))",
+    "(y > 0) until[0.5:1] (always(x > 0))",
+    "eventually(once[0:1](x > 0))",
+)
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_what_a_verdict_stands_on(seed: int) -> None:
+    rng = random.Random(seed)
+    left = rng.choice((formula(rng, 2, endless=True), rng.choice(ENDLESS)))
+    right = formula(rng, 1, endless=True)
+    text = f"{rng.choice(('', 'always', 'always[0:3]'))}({left} implies {right})"
+    names = rtamt.parse(text).variables
+    whole = {n: e for n, e in signals(rng, rng.randint(4, 12)).items() if n in names}
+    for end in get_args(End):
+        native, python = (
+            rtamt.judge_dense(text, whole, end, resolution="500ms", backend=b)
+            for b in ("native", "python")
+        )
+        assert repr(native) == repr(python), (text, end)
+        assert list(map(astuple, native.asked)) == list(map(astuple, python.asked)), (text, end)
+        assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
