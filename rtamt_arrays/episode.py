@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, SupportsIndex
 
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
@@ -35,10 +35,14 @@ from rtamt_arrays.rows import EpisodeRows
 from rtamt_arrays.terms import (
     ArrayReader,
     ArraySample,
+    StateField,
     checked_lanes,
+    checked_mask,
     checked_state,
     columns,
+    dtype_name,
     terms,
+    zeros,
 )
 from rtamt_arrays.worlds import WORLDS, Arrival, BoundsReading, EpisodeState, Worldview
 
@@ -79,11 +83,25 @@ class EpisodeArrays:
         ]
         self._layout = Layout(self._placement)
         self._shapes = self._layout.shapes
+        o, dtype = operations, reader.dtype
+        self._fields = {
+            "rows": StateField((self._layout.sizes[False],), dtype),
+            "kept": StateField((self._layout.sizes[True], self._corners), dtype),
+            "first": StateField((len(self._layout.firsts),), dtype),
+            "age": StateField((), o.count),
+            "nan": StateField((), o.truth),
+        }
         self._outlook = EpisodeOutlook(
             self._placement, self._layout, operations, self._rows, reader.dtype
         )
 
-    def init(self, lanes: int) -> EpisodeState:
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {self.program.specification.formula}, "
+            f"{dtype_name(self._reader.dtype)}>"
+        )
+
+    def init(self, lanes: SupportsIndex) -> EpisodeState:
         """The state before the first sample.
 
         Args:
@@ -91,16 +109,9 @@ class EpisodeArrays:
 
         Raises:
             InputError: On fewer lanes than 1.
-            InputTypeError: On a number of lanes that is not an ``int``.
+            InputTypeError: On a number of lanes that is not a whole number.
         """
-        o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
-        return EpisodeState(
-            rows=o.full((self._layout.sizes[False], lanes), 0.0, dtype),
-            kept=o.full((self._layout.sizes[True], self._corners, lanes), 0.0, dtype),
-            first=o.full((len(self._layout.firsts), lanes), 0.0, dtype),
-            age=o.full((lanes,), 0, o.count),
-            nan=o.full((lanes,), 0.0, dtype) != 0.0,
-        )
+        return EpisodeState(**zeros(self._o, self._fields, checked_lanes(self._reader, lanes)))
 
     def reset(self, state: EpisodeState, mask: Tensor | None = None) -> EpisodeState:
         """The state in which the lanes of the mask have forgotten every sample.
@@ -110,11 +121,12 @@ class EpisodeArrays:
             mask: A boolean for each lane; None: all lanes.
 
         Raises:
-            InputError: On a state of another monitor, or a mask of another shape.
-            InputTypeError: On what is no state, or a mask that is not of booleans.
+            InputError: On a state of other shapes, or a mask of another shape.
+            InputTypeError: On what is no state of this kind of numbers, or a mask that is not of
+                booleans.
         """
         self._check(state)
-        keep = ~self._reader.mask(mask, state.age)
+        keep = ~checked_mask(self._reader, mask, state.age)
         return state._replace(age=state.age * self._o.as_integers(keep), nan=state.nan & keep)
 
     def update(
@@ -131,8 +143,9 @@ class EpisodeArrays:
             The next state, and the reading of each lane.
 
         Raises:
-            InputError: On a state of another monitor, a missing variable or a wrong shape.
-            InputTypeError: On what is no state, or no arrays of real numbers.
+            InputError: On a state of other shapes, a missing variable or a wrong shape.
+            InputTypeError: On what is no state of this kind of numbers, or no arrays of real
+                numbers.
         """
         now, following = self._arrived(state, sample)
         robustness, lower, upper = self._values(now, self._views(now))
@@ -185,7 +198,7 @@ class EpisodeArrays:
             InputTypeError: As `update` and `reset` do.
         """
         begun, reading = self.update(self.reset(state, mask), sample)
-        mask = self._reader.mask(mask, state.age)
+        mask = checked_mask(self._reader, mask, state.age)
         kept = (self._o.where(mask, *pair) for pair in zip(begun, state, strict=True))
         return EpisodeState(*kept), reading
 
@@ -218,15 +231,7 @@ class EpisodeArrays:
         return BoundsReading(o.where(nan, math.nan, robustness), lower, upper, verdict, nan)
 
     def _check(self, state: EpisodeState) -> None:
-        checked_state(
-            state,
-            EpisodeState,
-            {
-                "rows": self._layout.sizes[False],
-                "kept": self._layout.sizes[True],
-                "first": len(self._layout.firsts),
-            },
-        )
+        checked_state(self._reader, state, EpisodeState, self._fields)
 
     def _settled(self, state: EpisodeState, known: list[Tensor]) -> tuple[Arrival, EpisodeState]:
         """What has settled with this sample, and the state that keeps it."""

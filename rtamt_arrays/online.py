@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, assert_never
+from typing import NamedTuple, SupportsIndex, assert_never
 
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
@@ -25,10 +25,14 @@ from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.terms import (
     ArrayReader,
     ArraySample,
+    StateField,
     checked_lanes,
+    checked_mask,
     checked_state,
     columns,
+    dtype_name,
     terms,
+    zeros,
 )
 
 __all__ = ["OnlineMonitor", "OnlineReading", "OnlineState"]
@@ -100,8 +104,21 @@ class OnlineMonitor:
             o.constant(self._identities, dtype)[:, None],
             o.constant(self._totals, dtype)[:, None],
         )
+        self._fields = {
+            "ring": StateField((sum(self._lengths),), dtype),
+            "place": StateField((len(self._lengths),), o.row, lanes=False),
+            "totals": StateField((len(self._totals),), dtype),
+            "age": StateField((), o.count),
+            "nan": StateField((), o.truth),
+        }
         starts = [program.start(s) for s, each in self._schedule if isinstance(each, Window)]
         self._oldest = 1 + max(self.latency, *self._lengths, *starts, 0)
+
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {self.program.specification.formula}, latency "
+            f"{self.latency}, {dtype_name(self._reader.dtype)}>"
+        )
 
     def _delayed(self, length: int, identity: Sequence[float]) -> int:
         self._lengths += [length] * len(identity)
@@ -121,7 +138,7 @@ class OnlineMonitor:
             lengths.append(window.length - size)
         return [(self._delayed(length, identity), length) for length in lengths]
 
-    def init(self, lanes: int) -> OnlineState:
+    def init(self, lanes: SupportsIndex) -> OnlineState:
         """The state before the first sample.
 
         Args:
@@ -129,16 +146,13 @@ class OnlineMonitor:
 
         Raises:
             InputError: On fewer lanes than 1.
-            InputTypeError: On a number of lanes that is not an ``int``.
+            InputTypeError: On a number of lanes that is not a whole number.
         """
-        o, dtype, lanes = self._o, self._reader.dtype, checked_lanes(lanes)
-        return OnlineState(
-            ring=o.full((sum(self._lengths), lanes), 0.0, dtype),
-            place=o.concatenate([self._table.begins]),  # one of its own, which may be overwritten
-            totals=o.full((len(self._totals), lanes), 0.0, dtype),
-            age=o.full((lanes,), 0, o.count),
-            nan=o.full((lanes,), 0.0, dtype) != 0.0,
-        )
+        made = zeros(self._o, self._fields, checked_lanes(self._reader, lanes))
+        place = self._o.concatenate(
+            [self._table.begins]
+        )  # one of its own, which may be overwritten
+        return OnlineState(**made | {"place": place})
 
     def reset(self, state: OnlineState, mask: Tensor | None = None) -> OnlineState:
         """The state in which the lanes of the mask have forgotten every sample.
@@ -148,11 +162,12 @@ class OnlineMonitor:
             mask: A boolean for each lane; None: all lanes.
 
         Raises:
-            InputError: On a state of another monitor, or a mask of another shape.
-            InputTypeError: On what is no state, or a mask that is not of booleans.
+            InputError: On a state of other shapes, or a mask of another shape.
+            InputTypeError: On what is no state of this kind of numbers, or a mask that is not of
+                booleans.
         """
         self._check(state)
-        keep = ~self._reader.mask(mask, state.age)
+        keep = ~checked_mask(self._reader, mask, state.age)
         return state._replace(age=state.age * self._o.as_integers(keep), nan=state.nan & keep)
 
     def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
@@ -167,8 +182,9 @@ class OnlineMonitor:
             The next state, and the reading of each lane.
 
         Raises:
-            InputError: On a state of another monitor, a missing variable or a wrong shape.
-            InputTypeError: On what is no state, or no arrays of real numbers.
+            InputError: On a state of other shapes, a missing variable or a wrong shape.
+            InputTypeError: On what is no state of this kind of numbers, or no arrays of real
+                numbers.
         """
         self._check(state)
         o, age = self._o, state.age
@@ -223,7 +239,7 @@ class OnlineMonitor:
         self._check(state)
         o, place, table = self._o, state.place, self._table
         before = state._replace(place=o.where(place == table.begins, table.ends, place) - 1)
-        mask = self._reader.mask(mask, state.age)
+        mask = checked_mask(self._reader, mask, state.age)
         begun, reading = self.update(self.reset(before, mask), sample)
         parts = {
             name: place if name == "place" else o.where(mask, new, getattr(state, name))
@@ -232,15 +248,7 @@ class OnlineMonitor:
         return OnlineState(**parts), reading
 
     def _check(self, state: OnlineState) -> None:
-        checked_state(
-            state,
-            OnlineState,
-            {
-                "ring": sum(self._lengths),
-                "place": len(self._lengths),
-                "totals": len(self._totals),
-            },
-        )
+        checked_state(self._reader, state, OnlineState, self._fields)
 
 
 class _Table(NamedTuple):

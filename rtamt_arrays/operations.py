@@ -17,10 +17,12 @@ class Operations(Protocol):
     Attributes:
         count: The kind of integers that count.
         row: The kind of integers that name the rows of a table.
+        truth: The kind of booleans.
     """
 
     count: object
     row: object
+    truth: object
 
     def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
         """An array of one value."""

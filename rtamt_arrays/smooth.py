@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, SupportsIndex
+
+import numpy as np
 
 from rtamt import Align, Period
 from rtamt.errors import InputError, InputTypeError, brief, nearest
@@ -19,7 +21,7 @@ from rtamt.program.program import Program
 from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.functions import Lattice, exact
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.terms import ArrayReader
+from rtamt_arrays.terms import ArrayReader, dtype_name, refused, whole
 
 __all__ = ["RobustnessSemantics", "lattice_of", "smoothing_error"]
 
@@ -45,35 +47,53 @@ def lattice_of(
     """
     if semantics == "standard":
         if temperature is not None:
-            raise InputError(
+            text = (
                 f"expected no temperature with semantics='standard', got {brief(temperature)}; "
                 "semantics='smooth' has one"
             )
+            refused(reader, InputError, text)
         return exact(o)
     if semantics != "smooth":
         hint = nearest(str(semantics), ["standard", "smooth"])
-        raise InputError(f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}")
+        text = f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}"
+        refused(reader, InputError, text)
     if temperature is None:
-        raise InputError("expected a temperature with semantics='smooth', got none")
-    if getattr(temperature, "shape", None) == ():
-        return _smooth(o, reader.taken(temperature))
-    return _smooth(o, _checked(temperature))
+        text = "expected a temperature with semantics='smooth', got none"
+        refused(reader, InputError, text)
+    if getattr(temperature, "shape", None) == () and not isinstance(temperature, np.generic):
+        array = reader.taken(temperature)
+        if array is not None:
+            # No error can depend on what is in an array.
+            return _smooth(o, o.where((array > 0.0) & ~o.isinf(array), array, math.nan))
+    number, (least, most) = _checked(reader, temperature), reader.limits
+    if not least <= number <= most:
+        text = (
+            f"expected a temperature from {least:.3g} to {most:.3g}, in which "
+            f"{dtype_name(reader.dtype)} has all its digits, got {number}"
+        )
+        refused(reader, InputError, text)
+    return _smooth(o, number)
 
 
-def _checked(temperature: object) -> float:
-    if isinstance(temperature, bool) or not isinstance(temperature, int | float):
-        raise InputTypeError(f"expected a number as temperature, got {brief(temperature)}")
+def _checked(reader: ArrayReader | None, temperature: object) -> float:
+    if isinstance(temperature, bool) or not isinstance(
+        temperature, int | float | np.floating | np.integer
+    ):
+        text = f"expected a number as temperature, got {brief(temperature)}"
+        refused(reader, InputTypeError, text)
     if not 0.0 < temperature < math.inf:
-        raise InputError(f"expected a finite temperature above 0, got {temperature}")
-    return temperature
+        text = f"expected a finite temperature above 0, got {temperature}"
+        refused(reader, InputError, text)
+    return temperature if isinstance(temperature, int | float) else float(temperature)
 
 
 def _smooth(o: Operations, temperature: Tensor) -> Lattice:
     lattice = exact(o)
 
     def greater(x: Tensor, y: Tensor) -> Tensor:
-        # Infinite numbers are chosen: their gradients would be no numbers.
-        infinite = o.isinf(x) | o.isinf(y)
+        # Infinite numbers are chosen: their gradients would be no numbers. So are those beside
+        # which the temperature is nothing.
+        infinite = o.isinf(x / temperature) | o.isinf(y / temperature)
         both = (o.where(infinite, 0.0, each) / temperature for each in (x, y))
         return o.where(infinite, lattice.greater(x, y), temperature * o.logaddexp(*both))
 
@@ -82,7 +102,7 @@ def _smooth(o: Operations, temperature: Tensor) -> Lattice:
 
 def smoothing_error(
     spec: Spec,
-    samples: int,
+    samples: SupportsIndex,
     temperature: float,
     period: Period | None = None,
     *,
@@ -98,7 +118,7 @@ def smoothing_error(
     Args:
         spec: As for ``evaluate``.
         samples: Samples of the traces, 1 or more.
-        temperature: As for ``evaluate``.
+        temperature: A finite number above 0.
         period: As for ``evaluate``.
         align: As for ``evaluate``.
 
@@ -115,12 +135,13 @@ def smoothing_error(
         >>> round(below, 4), above  # 0.5 * log(10): the least of 10 numbers
         (1.1513, 0.0)
     """
-    if isinstance(samples, bool) or not isinstance(samples, int):
-        raise InputTypeError(f"expected a number of samples, got {brief(samples)}")
-    if samples < 1:
-        raise InputError(f"expected 1 sample or more, got {samples}")
-    scale = _checked(temperature)
-    below, above = _error(program_of(spec, period, align, online=False), samples)
+    number = whole(samples)
+    if number is None:
+        raise InputTypeError(f"expected a whole number of samples, got {brief(samples)}")
+    if number < 1:
+        raise InputError(f"expected 1 sample or more, got {number}")
+    scale = _checked(None, temperature)
+    below, above = _error(program_of(spec, period, align, online=False), number)
     return scale * below, scale * above
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
-from typing import Protocol, assert_never
+from typing import NamedTuple, NoReturn, Protocol, assert_never
 
-from rtamt.errors import InputError, InputTypeError, brief, nearest
+from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 from rtamt_arrays.functions import FUNCTIONS
@@ -14,11 +15,17 @@ from rtamt_arrays.operations import Operations, Tensor
 __all__ = [
     "ArrayReader",
     "ArraySample",
+    "StateField",
     "checked_lanes",
+    "checked_mask",
     "checked_state",
     "columns",
+    "dtype_name",
+    "refused",
     "terms",
     "traces",
+    "whole",
+    "zeros",
 ]
 
 ArraySample = Mapping[str, Tensor] | Tensor
@@ -31,12 +38,46 @@ class ArrayReader(Protocol):
     dtype: object
     kind: str
     """What the library calls its arrays, in errors."""
+    module: str
+    """How programs call the library, in errors."""
+    limits: tuple[float, float]
+    """The least and the greatest positive number of the kind, without those of fewer bits."""
 
     def taken(self, value: object) -> Tensor | None:
         """The value as an array of the kind; None if it is no array of real numbers."""
 
-    def mask(self, mask: object, like: Tensor) -> Tensor:
-        """The mask as booleans of the shape of another array; all of them if it is None."""
+    def is_array(self, value: object) -> bool:
+        """Whether it is an array that the library takes, of whatever is in it."""
+
+    def holds(self, value: object, dtype: object) -> bool:
+        """Whether it is an array of a kind, as states have them."""
+
+    def mask(self, mask: object, like: Tensor) -> Tensor | None:
+        """The mask, if it has booleans; if it is None, as many as another array has."""
+
+    def announce(self, text: str) -> None:
+        """Tell a compiler of graphs the text of an error that is about to be raised."""
+
+
+class StateField(NamedTuple):
+    """An array of a state: its shape without lanes, its kind, and whether lanes are its last axis.
+
+    Attributes:
+        rows: The axes before the lanes.
+        dtype: The kind of what is in it.
+        lanes: Whether it has lanes.
+    """
+
+    rows: tuple[int, ...]
+    dtype: object
+    lanes: bool = True
+
+
+def refused(reader: ArrayReader | None, error: type[RtamtError], text: str) -> NoReturn:
+    """Raise an error, also while a compiler of graphs reads a step; None: while none does."""
+    if reader is not None:
+        reader.announce(text)
+    raise error(text)
 
 
 def columns(
@@ -60,23 +101,29 @@ def columns(
             if name not in given:
                 listed = ", ".join(map(str, given)) or "none"
                 hint = nearest(name, [str(key) for key in given])
-                raise InputError(f"expected the variable '{name}', got {listed}{hint}")
+                text = f"expected the variable '{name}', got {listed}{hint}"
+                refused(reader, InputError, text)
         found = [_taken(reader, given[name], f"'{name}'") for name in names]
     else:
-        table = _taken(reader, given, "the variables")
+        counted = f"{len(names) or 'no'} variable{'' if len(names) == 1 else 's'}"
+        listed = f"{counted} ({', '.join(names)})" if names else counted
+        table = _taken(reader, given, f"{listed}, by name or as a last axis")
         if not table.shape or table.shape[-1] != len(names):
-            raise InputError(
-                f"expected the last axis to have {len(names)} variables ({', '.join(names)}), "
-                f"got shape {tuple(table.shape)}; a mapping gives an array for each name"
+            text = (
+                f"expected the last axis to have {listed}, got shape {tuple(table.shape)}; "
+                "a mapping gives an array for each name"
             )
+            refused(reader, InputError, text)
         found = [table[..., i] for i in range(len(names))]
     for name, array in zip(names, found, strict=True):
+        if shape is None and not array.shape:
+            text = f"expected an axis of samples in '{name}', got one number"
+            refused(reader, InputError, text)
         expected = tuple(found[0].shape if shape is None else shape)
         if tuple(array.shape) != expected:
-            raise InputError(
-                f"expected shape {expected} of '{name}', got {tuple(array.shape)}"
-                + ("; the lanes are those of init()" if shape is not None else "")
-            )
+            why = f"'{names[0]}' has it" if shape is None else "the lanes are those of init()"
+            text = f"expected shape {expected} of '{name}', got {tuple(array.shape)}; {why}"
+            refused(reader, InputError, text)
     return found
 
 
@@ -84,65 +131,132 @@ def traces(program: Program, reader: ArrayReader, signals: object) -> list[Tenso
     """An array for each variable, whose first axis is time and whose last axis was.
 
     Raises:
-        InputError: As `columns` does, and on no variable, no axis or no samples.
+        InputError: As `columns` does, and on no variable or no samples.
         InputTypeError: As `columns` does.
     """
     if not program.variables:
-        raise InputError(f"expected a variable in {program.specification.formula}, got none")
+        formula = program.specification.formula
+        text = (
+            f"expected a variable in {formula}, got none: nothing says how many samples there are"
+        )
+        refused(reader, InputError, text)
     found = columns(program, reader, signals)
     shape = tuple(found[0].shape)
-    if not shape:
-        raise InputError("expected an axis of samples, got a number for each variable")
     if not shape[-1]:
-        raise InputError(f"expected 1 sample or more, got shape {shape}")
+        refused(reader, InputError, f"expected 1 sample or more, got shape {shape}")
     return [array.swapaxes(0, -1) for array in found]
 
 
 def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
     array = reader.taken(value)
     if array is None:
-        raise InputTypeError(
-            f"expected {reader.kind} of real numbers for {what}, got {brief(value)}"
-        )
+        hint = "" if reader.is_array(value) else f"; {reader.module}.asarray makes them"
+        text = f"expected {reader.kind} of real numbers for {what}, got {brief(value)}{hint}"
+        refused(reader, InputTypeError, text)
     return array
 
 
-def checked_lanes(lanes: object) -> int:
+def checked_lanes(reader: ArrayReader, lanes: object) -> int:
     """A number of lanes.
 
     Raises:
         InputError: On fewer than 1.
-        InputTypeError: On what is no ``int``.
+        InputTypeError: On what is no whole number.
     """
-    if isinstance(lanes, bool) or not isinstance(lanes, int):
-        raise InputTypeError(f"expected a number of lanes, got {brief(lanes)}")
-    if lanes < 1:
-        raise InputError(f"expected 1 lane or more, got {lanes}")
-    return lanes
+    number = whole(lanes)
+    if number is None:
+        refused(reader, InputTypeError, f"expected a whole number of lanes, got {brief(lanes)}")
+    if number < 1:
+        refused(reader, InputError, f"expected 1 lane or more, got {number}")
+    return number
 
 
-def checked_state(state: object, kind: type, rows: Mapping[str, int]) -> None:
+def whole(value: object) -> int | None:
+    """The value as a whole number; None if it is none, or a boolean."""
+    if isinstance(value, bool):
+        return None
+    try:
+        return operator.index(value)  # type: ignore[arg-type] # what has no index has a TypeError
+    except TypeError:
+        return None
+
+
+def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
+    """A mask of lanes.
+
+    Raises:
+        InputError: On another shape than that of an array of lanes.
+        InputTypeError: On what is no array of booleans.
+    """
+    shape, array = tuple(like.shape), reader.mask(mask, like)
+    if array is None:
+        module, lanes = reader.module, shape[0]
+        text = (
+            f"expected a mask of booleans in {reader.kind} of shape {shape}, got {brief(mask)}; "
+            f"{module}.isin({module}.arange({lanes}), numbers) makes one from numbers of lanes"
+        )
+        refused(reader, InputTypeError, text)
+    if tuple(array.shape) != shape:
+        text = (
+            f"expected a mask of shape {shape}, a boolean for each lane, got {tuple(array.shape)}"
+        )
+        refused(reader, InputError, text)
+    return array
+
+
+def checked_state(
+    reader: ArrayReader, state: object, kind: type, fields: Mapping[str, StateField]
+) -> None:
     """Refuse what is no state of a monitor.
 
     Args:
+        reader: Reads the arrays of the library.
         state: What a caller handed over.
         kind: The class of its states.
-        rows: The length of the first axis of some of their arrays.
+        fields: What their arrays are; ``age`` has a number for each lane.
 
     Raises:
         InputError: On a state of another specification.
-        InputTypeError: On what is no state.
+        InputTypeError: On what is no state, or one of other kinds of numbers.
     """
     if not isinstance(state, kind):
-        raise InputTypeError(
-            f"expected a state of this monitor, got {brief(state)}; init(lanes) makes the first"
+        text = (
+            f"expected a state of this monitor, an {kind.__name__}, got {brief(state)}; "
+            "init(lanes) makes the first, and a step gives the next one and a reading"
         )
-    found = {name: getattr(state, name).shape[0] for name in rows}
-    if found != rows:
-        raise InputError(
-            f"expected a state of this monitor, whose rows are {rows}, got {found}: "
-            "it is that of another specification"
-        )
+        refused(reader, InputTypeError, text)
+    for name, field in fields.items():
+        value = getattr(state, name)
+        if not reader.holds(value, field.dtype):
+            got = value.dtype if reader.is_array(value) else type(value).__name__
+            text = (
+                f"expected a state of this monitor, with {reader.kind} of "
+                f"{dtype_name(field.dtype)} as '{name}', got {got}"
+            )
+            refused(reader, InputTypeError, text)
+    lanes = tuple(state.age.shape)[-1:] or (1,)  # type: ignore[attr-defined] # of states
+    for name, field in fields.items():
+        expected = (*field.rows, *lanes) if field.lanes else field.rows
+        found = tuple(getattr(state, name).shape)
+        if found != expected:
+            text = (
+                f"expected a state of this monitor, whose '{name}' has the shape {expected}, got "
+                f"{found}: it is that of another specification, or has other lanes"
+            )
+            refused(reader, InputError, text)
+
+
+def dtype_name(dtype: object) -> str:
+    """What errors call a kind of numbers."""
+    return getattr(dtype, "__name__", None) or str(dtype)
+
+
+def zeros(o: Operations, fields: Mapping[str, StateField], lanes: int) -> dict[str, Tensor]:
+    """The arrays of a state, with zeros."""
+    return {
+        name: o.full((*field.rows, *[lanes] * field.lanes), 0.0, field.dtype)
+        for name, field in fields.items()
+    }
 
 
 def terms(

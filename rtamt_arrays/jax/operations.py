@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.errors import InputError, InputTypeError
 from rtamt_arrays.operations import Tensor
 
 __all__ = ["JaxOperations", "JaxReader"]
@@ -18,6 +19,7 @@ class JaxOperations:
 
     count: object = jnp.int32
     row: object = jnp.int32
+    truth: object = jnp.bool_
 
     def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
         return jnp.full(shape, value, dtype)
@@ -32,7 +34,6 @@ class JaxOperations:
     where = staticmethod(jnp.where)
     signbit = staticmethod(jnp.signbit)
     isnan = staticmethod(jnp.isnan)
-    abs = staticmethod(jnp.abs)
     sqrt = staticmethod(jnp.sqrt)
     exp = staticmethod(jnp.exp)
     ln = staticmethod(jnp.log)
@@ -43,6 +44,10 @@ class JaxOperations:
     least = staticmethod(jnp.minimum)
     concatenate = staticmethod(jnp.concatenate)
     stack = staticmethod(jnp.stack)
+
+    def abs(self, x: Tensor) -> Tensor:
+        # The gradient of JAX is 1 where it is 0, that of torch is 0.
+        return jnp.where(x == 0.0, 0.0, jnp.abs(x))
 
     def neg(self, x: Tensor) -> Tensor:
         return -x
@@ -77,30 +82,42 @@ class JaxReader:
     """Arrays of JAX and of NumPy, as those of one kind of floats."""
 
     kind = "arrays"
+    module = "jnp"
 
     def __init__(self, dtype: object) -> None:
         self.dtype = jnp.dtype(jnp.result_type(float) if dtype is None else dtype)
         if not jnp.issubdtype(self.dtype, jnp.floating):
             raise InputTypeError(f"expected a dtype of floats, got {self.dtype}")
-        if jnp.zeros((), self.dtype).dtype != self.dtype:
+        self._check_enabled()
+        found = jnp.finfo(self.dtype)
+        self.limits = float(found.tiny), float(found.max)
+
+    def taken(self, value: object) -> Tensor | None:
+        self._check_enabled()
+        if not (isinstance(value, jax.Array | np.ndarray | np.generic) and _is_real(value.dtype)):
+            return None
+        return jnp.asarray(value, self.dtype)
+
+    def is_array(self, value: object) -> bool:
+        return isinstance(value, jax.Array | np.ndarray | np.generic)
+
+    def holds(self, value: object, dtype: object) -> bool:
+        return self.is_array(value) and value.dtype == dtype  # type: ignore[attr-defined]
+
+    def mask(self, mask: object, like: Tensor) -> Tensor | None:
+        if mask is None:
+            return jnp.ones_like(like, dtype=bool)
+        return jnp.asarray(mask) if self.holds(mask, jnp.bool_) else None
+
+    def announce(self, text: str) -> None:
+        """Errors are raised while JAX traces as they are."""
+
+    def _check_enabled(self) -> None:
+        if jax.dtypes.canonicalize_dtype(self.dtype) != self.dtype:
             raise InputError(
                 f"{self.dtype} is not enabled; call jax.config.update('jax_enable_x64', True) first"
             )
 
-    def taken(self, value: object) -> Tensor | None:
-        if not (hasattr(value, "dtype") and hasattr(value, "shape")):
-            return None
-        real = (jnp.floating, jnp.integer, jnp.bool_)
-        if not any(jnp.issubdtype(value.dtype, each) for each in real):
-            return None
-        return jnp.asarray(value, self.dtype)
 
-    def mask(self, mask: object, like: Tensor) -> Tensor:
-        if mask is None:
-            return jnp.ones_like(like, dtype=bool)
-        if getattr(mask, "dtype", None) != jnp.bool_:
-            raise InputTypeError(f"expected a mask of booleans, got {brief(mask)}")
-        array = jnp.asarray(mask)
-        if array.shape != like.shape:
-            raise InputError(f"expected a mask of shape {like.shape}, got {array.shape}")
-        return array
+def _is_real(dtype: object) -> bool:
+    return any(jnp.issubdtype(dtype, each) for each in (jnp.floating, jnp.integer, jnp.bool_))

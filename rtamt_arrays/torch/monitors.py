@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+import torch
+
+from rtamt.errors import InputError
 from rtamt.program.program import Program
 from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.terms import ArraySample
+from rtamt_arrays.terms import ArrayReader, ArraySample, refused
 from rtamt_arrays.torch.operations import TorchOperations, TorchReader
 from rtamt_arrays.torch.ordered import OrderedFormulas
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
@@ -41,10 +46,12 @@ class TorchOnlineMonitor(OnlineMonitor):
             sample: As for `update`.
 
         Raises:
-            InputError: As `update` does; the state is then as it was.
-            InputTypeError: As `update` does.
+            InputError: As `update` does, and if a gradient goes through the state or the sample;
+                the state is then as it was.
+            InputTypeError: As `update` does; the state is then as it was.
         """
         self._check(state)
+        _check_gradients(self._reader, self.variables, state, sample)
         written = self._ordered_writing.run(OnlineMonitor.update, state, sample)
         following, reading = written or self._writing.update(state, sample)
         _overwrite(state, following)
@@ -59,7 +66,7 @@ class TorchOnlineMonitor(OnlineMonitor):
 
         Raises:
             InputError: As `reset` does; the state is then as it was.
-            InputTypeError: As `reset` does.
+            InputTypeError: As `reset` does; the state is then as it was.
         """
         _overwrite(state, self.reset(state, mask))
 
@@ -98,9 +105,12 @@ class TorchEpisodeMonitor(EpisodeArrays):
             sample: As for `update`.
 
         Raises:
-            InputError: As `update` does; the state is then as it was.
-            InputTypeError: As `update` does.
+            InputError: As `update` does, and if a gradient goes through the state or the sample;
+                the state is then as it was.
+            InputTypeError: As `update` does; the state is then as it was.
         """
+        self._check(state)
+        _check_gradients(self._reader, self.variables, state, sample)
         following, reading = self.update(state, sample)
         _overwrite(state, following)
         return reading
@@ -114,9 +124,26 @@ class TorchEpisodeMonitor(EpisodeArrays):
 
         Raises:
             InputError: As `reset` does; the state is then as it was.
-            InputTypeError: As `reset` does.
+            InputTypeError: As `reset` does; the state is then as it was.
         """
         _overwrite(state, self.reset(state, mask))
+
+
+def _check_gradients(
+    reader: ArrayReader,
+    variables: Sequence[str],
+    state: OnlineState | EpisodeState,
+    sample: ArraySample,
+) -> None:
+    """Refuse a gradient through what is overwritten: its graph would grow, and never go back."""
+    if torch.is_grad_enabled():
+        given = [sample.get(v) for v in variables] if isinstance(sample, Mapping) else [sample]
+        if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*state, *given)):
+            text = (
+                "expected a state and a sample that require no gradient, as update_ overwrites the "
+                "state; take update, or call update_ under torch.no_grad()"
+            )
+            refused(reader, InputError, text)
 
 
 def _overwrite(state: OnlineState | EpisodeState, following: OnlineState | EpisodeState) -> None:

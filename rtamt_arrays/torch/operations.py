@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import torch
+from torch.autograd import forward_ad
 from torch.autograd.forward_ad import unpack_dual
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt_arrays.operations import Tensor
+from rtamt_arrays.terms import refused
 
 __all__ = ["TorchOperations", "TorchReader"]
 
@@ -23,6 +25,7 @@ class TorchOperations:
 
     count: object = torch.int32
     row: object = torch.int64
+    truth: object = torch.bool
 
     def __init__(self, device: object, *, in_place: bool = False) -> None:
         self._device = device
@@ -102,21 +105,33 @@ def differentiated(*operands: Tensor) -> bool:
     """Whether one of them has a gradient, or a tangent: bits have neither."""
     if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
         return True
-    # Compilers of graphs know no tangents.
-    return not torch.compiler.is_compiling() and any(
-        unpack_dual(x).tangent is not None for x in operands
-    )
+    if torch.compiler.is_compiling():  # where no tensor knows its tangent
+        return _tangents_are_made()
+    return any(unpack_dual(x).tangent is not None for x in operands)
+
+
+def _tangents() -> bool:
+    return forward_ad._current_level >= 0  # noqa: SLF001 - nothing public says it
+
+
+# Under torch.compile it is asked while the graph is made, and is no part of it.
+_tangents_are_made = torch.compiler.assume_constant_result(_tangents)
 
 
 class TorchReader:
     """Tensors of one device, as those of one kind of floats."""
 
     kind = "tensors"
+    module = "torch"
 
     def __init__(self, dtype: object, device: object) -> None:
         self.dtype = torch.get_default_dtype() if dtype is None else dtype
         if not (isinstance(self.dtype, torch.dtype) and self.dtype.is_floating_point):
-            raise InputTypeError(f"expected a dtype of floats, got {brief(self.dtype)}")
+            raise InputTypeError(
+                f"expected a dtype of floats, such as torch.float32, got {brief(self.dtype)}"
+            )
+        found = torch.finfo(self.dtype)
+        self.limits = found.tiny, found.max
         try:
             self.device = torch.empty(0, device=device).device
         except (RuntimeError, TypeError, AssertionError) as e:
@@ -128,20 +143,28 @@ class TorchReader:
         self._check_device(value)
         return value.to(self.dtype)
 
-    def mask(self, mask: object, like: Tensor) -> Tensor:
+    def is_array(self, value: object) -> bool:
+        return isinstance(value, torch.Tensor)
+
+    def holds(self, value: object, dtype: object) -> bool:
+        if not isinstance(value, torch.Tensor) or value.dtype != dtype:
+            return False
+        self._check_device(value)
+        return True
+
+    def mask(self, mask: object, like: Tensor) -> Tensor | None:
         if mask is None:
             return torch.ones_like(like, dtype=torch.bool)
-        if not isinstance(mask, torch.Tensor) or mask.dtype != torch.bool:
-            raise InputTypeError(f"expected a mask of booleans, got {brief(mask)}")
-        self._check_device(mask)
-        if mask.shape != like.shape:
-            expected = tuple(like.shape)
-            raise InputError(f"expected a mask of shape {expected}, got {tuple(mask.shape)}")
-        return mask
+        return mask if self.holds(mask, torch.bool) else None
+
+    def announce(self, text: str) -> None:
+        if torch.compiler.is_compiling():  # which shows the text of a break, and of no error
+            torch._dynamo.graph_break(msg=text)  # noqa: SLF001 - which torch documents
 
     def _check_device(self, tensor: Tensor) -> None:
         if tensor.device != self.device:
-            raise InputError(
+            text = (
                 f"expected tensors on {self.device}, got one on {tensor.device}; "
                 "give the monitor the device of the samples, or move them to its own"
             )
+            refused(self, InputError, text)

@@ -12,6 +12,7 @@ turning costs more than it saves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
@@ -163,12 +164,23 @@ class _OrderedReader:
     """Takes such integers as they are."""
 
     kind = "integers"
+    module = "torch"
+    limits = (0.0, math.inf)
 
     def __init__(self, dtype: object) -> None:
         self.dtype = dtype
 
     def taken(self, value: Tensor) -> Tensor:
         return value
+
+    def is_array(self, value: object) -> bool:  # noqa: ARG002 - they come from terms
+        return True
+
+    def holds(self, value: object, dtype: object) -> bool:  # noqa: ARG002 - they were looked at
+        return True
+
+    def announce(self, text: str) -> None:
+        """Nothing is refused here."""
 
     def mask(self, mask: object, like: Tensor) -> Tensor:  # noqa: ARG002 - nothing is reset here
         msg = "lanes are reset in floats"

@@ -18,6 +18,7 @@ from bits import bits
 from numpy.typing import NDArray
 
 import rtamt_arrays.jax as arrays
+from rtamt.errors import InputError, InputTypeError
 from rtamt.program.algebra import FUNCTIONS
 from rtamt_arrays import functions, smooth
 from rtamt_arrays.operations import Tensor
@@ -168,6 +169,33 @@ def test_the_gradient_through_steps_is_that_of_the_sample_that_decides(
     resets = jnp.zeros((3, 1), dtype=bool)
     gradient = jax.grad(lambda x: stepped(monitor, x, resets, every=True).robustness[-1, 0])
     assert np.ravel(gradient(samples)).tolist() == [0.0, 1.0, 0.0]
+
+
+def test_numbers_of_64_bits_are_refused_where_they_are_not_enabled() -> None:
+    monitor, x = arrays.online("x > 0"), {"x": np.zeros(2)}
+    state = monitor.init(2)
+    with jax.enable_x64(new_val=False):
+        for call in (
+            lambda: arrays.online("x > 0", dtype="float64"),
+            lambda: arrays.evaluate("x > 0", x, dtype=float),
+            lambda: monitor.update(state, x),
+        ):
+            with pytest.raises(InputError, match=r"float64 is not enabled; call jax\.config"):
+                call()
+
+
+def test_a_file_of_numpy_loses_what_bfloat16_is_and_that_is_refused() -> None:
+    monitor, file = arrays.online("once[0:1](x > 0)", dtype=jnp.bfloat16), io.BytesIO()
+    state, _ = monitor.update(monitor.init(2), jnp.array([[3.0], [1.0]]))
+    np.savez(file, **state._asdict())
+    file.seek(0)
+    loaded = type(state)(**np.load(file))
+    with pytest.raises(InputTypeError, match="with arrays of bfloat16 as 'ring', got"):
+        monitor.reset(loaded)
+    kinds = {name: x.dtype for name, x in state._asdict().items()}
+    viewed = type(state)(**{name: x.view(kinds[name]) for name, x in loaded._asdict().items()})
+    _, reading = monitor.update(viewed, jnp.array([[2.0], [2.0]]))
+    assert reading.robustness.tolist() == [3.0, 2.0]
 
 
 DEVICES = """

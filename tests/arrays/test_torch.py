@@ -24,7 +24,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 import rtamt
 import rtamt_arrays.torch as arrays
-from rtamt.errors import InputError
+from rtamt.errors import InputError, InputTypeError, RtamtError
 from rtamt_arrays import smooth
 from rtamt_arrays.operations import Tensor
 
@@ -373,6 +373,74 @@ def test_tangents_go_through_min_and_max() -> None:
     assert torch.func.jvp(least, (x,), (torch.tensor([5.0, 7.0, 9.0]),))[1].item() == 7.0
 
 
+# Of torch itself, where it first makes tangents.
+@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
+@pytest.mark.parametrize(("made", "text"), [(None, "always(x >= 0)"), *MONITORS])
+def test_tangents_go_through_compiled_graphs(
+    made: Callable[..., ArrayMonitor] | None, text: str
+) -> None:
+    torch.compiler.reset()
+    samples, tangents = torch.from_numpy(np.random.default_rng(4).normal(size=(2, 3, 2)))
+    monitor = None if made is None else made(text)
+
+    def robustness(x: Tensor) -> Tensor:
+        if monitor is None:
+            return arrays.evaluate(text, {"x": x[:, 0]})
+        return monitor.update(monitor.init(3), x)[1].robustness
+
+    def pushed(x: Tensor, tangent: Tensor) -> Tensor:
+        return torch.func.jvp(robustness, (x,), (tangent,))
+
+    compiled = torch.compile(pushed, fullgraph=True, backend="aot_eager")
+    for found, expected in zip(compiled(samples, tangents), pushed(samples, tangents), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+WRONG: list[tuple[Callable[..., object], str]] = [
+    (lambda m, s, _: m.update(s, torch.ones(4, 2)), "expected shape (3,) of 'x', got (4,)"),
+    (lambda m, s, _: m.update(s, {"x": [1.0, 2.0, 3.0]}), "expected the variable 'y', got x"),
+    (lambda m, s, _: m.update_(s, torch.ones(3, 2, dtype=torch.complex64)), "real numbers"),
+    (lambda m, s, _: m.reset_(s, torch.ones(3)), "expected a mask of booleans"),
+    (lambda m, s, x: m.update_(s, x), "expected a state and a sample that require no gradient"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_what_is_wrong_is_said_while_a_graph_is_made(
+    made: Callable[..., ArrayMonitor], text: str, call: Callable[..., object], message: str
+) -> None:
+    monitor, x = made(text), torch.ones(3, 2, requires_grad=True)
+    state = monitor.init(3)
+    for fullgraph, error in ((True, torch._dynamo.exc.Unsupported), (False, RtamtError)):
+        torch.compiler.reset()
+        compiled = torch.compile(call, fullgraph=fullgraph, backend="eager")
+        with pytest.raises(error) as refused:
+            compiled(monitor, state, x)
+        assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_a_gradient_through_what_is_overwritten_is_refused_before_it_is(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, plain = made(text), torch.ones(3, 2)
+    sample, state = plain.clone().requires_grad_(), monitor.init(3)
+    before, (following, _) = copy.deepcopy(state), monitor.update(state, sample)
+    grown = following if any(each.requires_grad for each in following) else state
+    x, y = sample.T
+    given = [(state, sample), (state, {"x": x, "y": y}), *[(grown, plain)] * (grown is not state)]
+    for old, taken in given:
+        with pytest.raises(InputError, match=r"take update, or call update_ under torch\.no_grad"):
+            monitor.update_(old, taken)
+    for found, expected in zip(state, before, strict=True):
+        assert bits(found.numpy()) == bits(expected.numpy())
+    with torch.no_grad():
+        monitor.update_(state, sample)
+    monitor.update_(state, {"x": x.detach(), "y": y.detach(), "z": x})  # which is not read
+    assert not any(each.requires_grad for each in state)
+
+
 @pytest.mark.parametrize(("made", "text"), MONITORS)
 def test_a_state_that_was_saved_goes_on_where_it_was(
     made: Callable[..., ArrayMonitor], text: str
@@ -425,6 +493,24 @@ def test_tensors_of_another_device_are_refused() -> None:
         monitor.update(monitor.init(2), {"x": torch.zeros(2, device="meta")})
     with pytest.raises(InputError, match="expected a device of torch, got 'nowhere'"):
         arrays.online("x > 0", device="nowhere")
+    with torch.device("meta"):
+        elsewhere = arrays.online("x > 0").init(2)
+    for call in (lambda: monitor.reset(elsewhere), lambda: monitor.update_(elsewhere, None)):
+        with pytest.raises(InputError, match="tensors on cpu, got one on meta"):
+            call()
+
+
+def test_what_another_library_made_is_refused() -> None:
+    monitor, x = arrays.online("once[0:1](x > 0)"), torch.ones(2, 1)
+    state = type(monitor.init(2))(*(each.numpy() for each in monitor.init(2)))
+    with pytest.raises(
+        InputTypeError, match=r"with tensors of torch.float64 as 'ring', got ndarray"
+    ):
+        monitor.update(state, x)
+    with pytest.raises(InputTypeError, match=r"got array\(\[1., 1.\]\); torch.asarray makes them"):
+        monitor.update(monitor.init(2), {"x": np.ones(2)})
+    with pytest.raises(InputTypeError, match=r"such as torch\.float32, got 'float32'"):
+        arrays.online("x > 0", dtype="float32")
 
 
 def test_the_examples_of_docstrings_show_what_happens() -> None:

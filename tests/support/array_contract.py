@@ -162,8 +162,17 @@ class OnlineContract:
         [
             (lambda m, s, t: m.update(s, {"y": t([1.0] * 2)}), InputError, "variable 'x', got y"),
             (lambda m, s, t: m.update(s, {"x": t([1.0] * 3)}), InputError, "shape (2,) of 'x'"),
-            (lambda m, s, t: m.update(s, t([[1.0] * 3] * 2)), InputError, "1 variables (x)"),
-            (lambda m, s, _: m.update(s, {"x": [1.0, 2.0]}), InputTypeError, "of real numbers"),
+            (
+                lambda m, s, t: m.update(s, t([[1.0] * 3] * 2)),
+                InputError,
+                "1 variable (x), got shape (2, 3)",
+            ),
+            (lambda m, s, _: m.update(s, {"x": [1.0, 2.0]}), InputTypeError, ".asarray makes them"),
+            (
+                lambda m, s, _: m.update(s, None),
+                InputTypeError,
+                "for 1 variable (x), by name or as",
+            ),
             (lambda m, s, t: m.update(s, {"x": t([1j, 1])}), InputTypeError, "of real numbers"),
             (
                 lambda m, s, t: m.update((s,), {"x": t([1.0] * 2)}),
@@ -171,9 +180,15 @@ class OnlineContract:
                 "init(lanes) makes",
             ),
             (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
+            (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "got [True, True]; "),
+            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), numbers) makes"),
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
+            (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
+            (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
+            (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "other lanes"),
             (lambda m, *_: m.init(0), InputError, "expected 1 lane or more, got 0"),
-            (lambda m, *_: m.init(2.0), InputTypeError, "expected a number of lanes, got 2.0"),
+            (lambda m, *_: m.init(2.0), InputTypeError, "a whole number of lanes, got 2.0"),
+            (lambda m, *_: m.init(True), InputTypeError, "a whole number of lanes, got True"),  # noqa: FBT003
         ],
     )
     def test_what_is_wrong_is_refused_when_it_is_traced(
@@ -183,6 +198,26 @@ class OnlineContract:
         with pytest.raises(error) as refused:
             self.library.traced(lambda: call(monitor, monitor.init(2), self.library.tensor))
         assert message in str(refused.value)
+
+    def test_lanes_may_be_a_whole_number_of_any_kind(self) -> None:
+        assert self.library.arrays.online("x > 0").init(np.int64(3)).age.shape == (3,)
+
+    @pytest.mark.parametrize("made", ["online", "episode"])
+    def test_states_of_other_kinds_of_numbers_are_refused(self, made: str) -> None:
+        make, x = getattr(self.library.arrays, made), {"x": self.library.tensor([1.0, 1.0])}
+        monitor, other = (make("once[0:1](x > 0)", dtype=d) for d in self.library.kinds)
+        for call in (
+            lambda: monitor.update(other.init(2), x),
+            lambda: monitor.reset(other.init(2)),
+        ):
+            with pytest.raises(InputTypeError, match=r"float32 as '.*', got .*bfloat16"):
+                call()
+
+    def test_a_monitor_shows_its_formula_its_latency_and_its_kind_of_numbers(self) -> None:
+        monitor = self.library.arrays.online("eventually[0:2](x > 0)")
+        assert "Monitor of eventually[0:2](x > 0), latency 2, " in repr(monitor)
+        assert repr(monitor).endswith("float64>")
+        assert " of always(x > 0), " in repr(self.library.arrays.episode("always(x > 0)"))
 
     def test_states_of_another_specification_are_refused(self) -> None:
         monitor, other = map(self.library.arrays.online, ("once[0:1](x > 0)", "once[0:9](x > 0)"))
@@ -427,6 +462,14 @@ class OfflineContract:
         (found,) = self.library.gradients([least], np.array([2.0, 0.0, 0.0]))
         assert sorted(np.abs(found)) == [0.0, 0.0, 1.0]
 
+    @pytest.mark.parametrize("text", ["abs(x) >= 0", "x == 0", "x != 0"])
+    def test_the_gradient_of_an_absolute_value_is_0_at_0(self, text: str) -> None:
+        def total(x: Tensor) -> Tensor:
+            return self.library.arrays.evaluate(text, {"x": x}).sum()
+
+        (found,) = self.library.gradients([total], np.array([0.0, -0.0, 2.0, -2.0]))
+        assert np.abs(found).tolist() == [0.0, 0.0, 1.0, 1.0]
+
     def test_the_gradient_is_that_of_finite_differences_where_there_is_no_tie(self) -> None:
         self.check_gradients({})
 
@@ -474,6 +517,27 @@ class OfflineContract:
     def test_the_smooth_gradient_is_that_of_finite_differences(self) -> None:
         self.check_gradients({"semantics": "smooth", "temperature": 0.5})
 
+    @pytest.mark.parametrize("temperature", [-1.0, 0.0, math.nan, math.inf])
+    def test_a_temperature_in_an_array_that_is_none_makes_all_that_depends_on_it_nan(
+        self, temperature: float
+    ) -> None:
+        smooth = {"semantics": "smooth", "temperature": self.library.tensor(temperature)}
+        assert np.isnan(self.value("always(x > 0)", [1.0, 2.0, 3.0], **smooth)).all()
+
+    @pytest.mark.parametrize("text", ["always(x >= 0)", "eventually(x >= 0)"])
+    def test_numbers_beside_which_the_temperature_is_nothing_are_chosen(self, text: str) -> None:
+        x, smooth = [3.0, 1.0, 2.0], {"semantics": "smooth", "temperature": 1e-307}
+        x = [1e10 * each for each in x]
+        assert self.value(text, x, **smooth).tolist() == self.value(text, x).tolist()
+
+    @pytest.mark.parametrize("kind", [np.float32, np.float64, np.int64])
+    def test_temperatures_and_samples_may_be_numbers_of_numpy(self, kind: type) -> None:
+        given, x = {"semantics": "smooth"}, [[1.0, 2.0]]
+        one, other = (self.value("always(x > 0)", x, **given, temperature=t) for t in (1, kind(1)))
+        assert one.tolist() == other.tolist()
+        error = self.library.arrays.smoothing_error
+        assert error("always(x > 0)", 2, 1) == error("always(x > 0)", np.int64(2), kind(1))
+
     def check_gradients(self, more: dict[str, Any]) -> None:
         """Compare gradients along a direction with central differences."""
         random = np.random.default_rng(3)
@@ -507,6 +571,13 @@ class OfflineContract:
             ([1.0], {"semantics": "smooth", "temperature": 0}, InputError, "above 0, got 0"),
             ([1.0], {"semantics": "smooth", "temperature": math.inf}, InputError, "finite"),
             ([1.0], {"semantics": "smooth", "temperature": "1"}, InputTypeError, "a number as"),
+            ([1.0], {"semantics": "smooth", "temperature": True}, InputTypeError, "a number as"),
+            (
+                [1.0],
+                {"semantics": "smooth", "temperature": 5e-324},
+                InputError,
+                "from 2.23e-308 to",
+            ),
         ],
     )
     def test_what_is_wrong_is_refused(
@@ -518,6 +589,29 @@ class OfflineContract:
                     "x > 0", {"x": self.library.tensor(signals)}, **more
                 )
             )
+        assert message in str(refused.value)
+
+    def test_traces_of_other_shapes_are_refused(self) -> None:
+        x, y = self.library.tensor([1.0, 2.0, 3.0]), self.library.tensor([1.0, 2.0])
+        with pytest.raises(
+            InputError, match=r"expected shape \(3,\) of 'y', got \(2,\); 'x' has it"
+        ):
+            self.library.arrays.evaluate("x > y", {"x": x, "y": y})
+
+    @pytest.mark.parametrize(
+        ("samples", "temperature", "error", "message"),
+        [
+            (2.0, 1.0, InputTypeError, "a whole number of samples, got 2.0"),
+            (0, 1.0, InputError, "1 sample or more, got 0"),
+            (2, 0.0, InputError, "above 0, got 0.0"),
+            (2, None, InputTypeError, "a number as temperature, got None"),
+        ],
+    )
+    def test_what_has_no_smoothing_error_is_refused(
+        self, samples: object, temperature: object, error: type[Exception], message: str
+    ) -> None:
+        with pytest.raises(error) as refused:
+            self.library.arrays.smoothing_error("always(x > 0)", samples, temperature)
         assert message in str(refused.value)
 
     def test_formulas_without_variables_are_refused(self) -> None:
