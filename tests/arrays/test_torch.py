@@ -380,7 +380,8 @@ def test_tangents_go_through_compiled_graphs(
     made: Callable[..., ArrayMonitor] | None, text: str
 ) -> None:
     torch.compiler.reset()
-    samples, tangents = torch.from_numpy(np.random.default_rng(4).normal(size=(2, 3, 2)))
+    drawn = np.random.default_rng(4).normal(size=(2, 3, 2))
+    samples, tangents = (torch.from_numpy(each.copy()) for each in drawn)
     monitor = None if made is None else made(text)
 
     def robustness(x: Tensor) -> Tensor:
