@@ -193,7 +193,8 @@ def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
         module, lanes = reader.module, shape[0]
         text = (
             f"expected a mask of booleans in {reader.kind} of shape {shape}, got {brief(mask)}; "
-            f"{module}.isin({module}.arange({lanes}), numbers) makes one from numbers of lanes"
+            f"numbers != 0 are one, and {module}.isin({module}.arange({lanes}), lanes) makes one "
+            "from numbers of lanes"
         )
         refused(reader, InputTypeError, text)
     if tuple(array.shape) != shape:

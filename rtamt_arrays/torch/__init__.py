@@ -130,12 +130,13 @@ def evaluate(
             the nearer to min and max.
 
     Returns:
-        A tensor of shape (..., samples); nan throughout a trace in which a variable or a term is.
+        A tensor of shape (..., samples); nan throughout a trace in which a variable or a term is,
+        and where it depends on a temperature in a tensor that is not finite and above 0.
 
     Raises:
         SpecificationError: On bounds that are no whole number of samples.
         InputError: On a missing variable, other shapes, no samples, no variable at all, or a
-            temperature that is missing, not wanted, or not finite and above 0.
+            temperature that is missing, not wanted, or a number that is not finite and above 0.
         InputTypeError: On what are no tensors of real numbers.
 
     Example:

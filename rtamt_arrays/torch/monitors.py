@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import torch
 
@@ -18,9 +19,17 @@ from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
 __all__ = ["TorchEpisodeMonitor", "TorchOnlineMonitor"]
 
+ArrayReading = TypeVar("ArrayReading", OnlineReading, BoundsReading)
+
 
 class TorchOnlineMonitor(OnlineMonitor):
-    """`rtamt.VectorMonitor` as functions of tensors; made by ``online``."""
+    """`rtamt.VectorMonitor` as functions of tensors; made by ``online``.
+
+    Attributes:
+        program: The compiled program.
+        variables: Names of the variables, in the order of the last axis of a sample.
+        latency: Samples by which the robustness is late.
+    """
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
@@ -36,7 +45,8 @@ class TorchOnlineMonitor(OnlineMonitor):
         self._check(state)
         found: tuple[OnlineState, OnlineReading] | None
         found = self._ordered.run(OnlineMonitor.update, state, sample)
-        return found or super().update(state, sample)
+        following, reading = found or super().update(state, sample)
+        return following, _kept(reading)
 
     def update_(self, state: OnlineState, sample: ArraySample) -> OnlineReading:
         """Take in a sample in every lane; the state is overwritten with the next one.
@@ -72,7 +82,12 @@ class TorchOnlineMonitor(OnlineMonitor):
 
 
 class TorchEpisodeMonitor(EpisodeArrays):
-    """`rtamt.VectorEpisodeMonitor` as functions of tensors; made by ``episode``."""
+    """`rtamt.VectorEpisodeMonitor` as functions of tensors; made by ``episode``.
+
+    Attributes:
+        program: The compiled program.
+        variables: Names of the variables, in the order of the last axis of a sample.
+    """
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
@@ -86,7 +101,8 @@ class TorchEpisodeMonitor(EpisodeArrays):
         self._check(state)
         found: tuple[EpisodeState, BoundsReading] | None
         found = self._ordered.run(EpisodeArrays.update, state, sample)
-        return found or super().update(state, sample)
+        following, reading = found or super().update(state, sample)
+        return following, _kept(reading)
 
     def update_and_cut(
         self, state: EpisodeState, sample: ArraySample
@@ -95,7 +111,8 @@ class TorchEpisodeMonitor(EpisodeArrays):
         self._check(state)
         found: tuple[EpisodeState, BoundsReading, BoundsReading] | None
         found = self._ordered.run(EpisodeArrays.update_and_cut, state, sample)
-        return found or super().update_and_cut(state, sample)
+        following, reading, cut = found or super().update_and_cut(state, sample)
+        return following, _kept(reading), _kept(cut)
 
     def update_(self, state: EpisodeState, sample: ArraySample) -> BoundsReading:
         """Take in a sample in every lane; the state is overwritten with the next one.
@@ -144,6 +161,11 @@ def _check_gradients(
                 "state; take update, or call update_ under torch.no_grad()"
             )
             refused(reader, InputError, text)
+
+
+def _kept(reading: ArrayReading) -> ArrayReading:
+    """The reading with flags of its own, which stay when the state is overwritten."""
+    return reading._replace(nan=reading.nan.clone())
 
 
 def _overwrite(state: OnlineState | EpisodeState, following: OnlineState | EpisodeState) -> None:

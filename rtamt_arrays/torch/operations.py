@@ -106,12 +106,12 @@ def differentiated(*operands: Tensor) -> bool:
     if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
         return True
     if torch.compiler.is_compiling():  # where no tensor knows its tangent
-        return _tangents_are_made()
+        return bool(_tangents_are_made())
     return any(unpack_dual(x).tangent is not None for x in operands)
 
 
 def _tangents() -> bool:
-    return forward_ad._current_level >= 0  # noqa: SLF001 - nothing public says it
+    return bool(forward_ad._current_level >= 0)  # noqa: SLF001 - nothing public says it
 
 
 # Under torch.compile it is asked while the graph is made, and is no part of it.

@@ -262,6 +262,22 @@ def test_steps_in_place_are_those_of_a_state_that_stays_where_it_is(
     assert [each.data_ptr() for each in state] == addresses
 
 
+@pytest.mark.parametrize(("made", "text"), MONITORS)
+def test_steps_in_place_leave_the_readings_before_them_as_they_were(
+    made: Callable[..., ArrayMonitor], text: str
+) -> None:
+    monitor, (samples, _) = made(text), played()
+    nan, state = torch.full((3, 2), torch.nan), monitor.init(3)
+    state, *readings = monitor.update(state, nan)
+    if made is arrays.episode:
+        state, *more = monitor.update_and_cut(state, nan)
+        readings += more
+    readings.append(monitor.update_(state, nan))
+    monitor.reset_(state)
+    monitor.update_(state, samples[0])
+    assert [each.nan.tolist() for each in readings] == [[True] * 3] * len(readings)
+
+
 class Made(TorchDispatchMode):  # type: ignore[misc] # torch has no types here
     """Keeps the greatest number of elements of a tensor in new memory."""
 

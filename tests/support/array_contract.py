@@ -181,7 +181,7 @@ class OnlineContract:
             ),
             (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
             (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "got [True, True]; "),
-            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), numbers) makes"),
+            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), lanes) makes"),
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
             (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
@@ -206,10 +206,11 @@ class OnlineContract:
     def test_states_of_other_kinds_of_numbers_are_refused(self, made: str) -> None:
         make, x = getattr(self.library.arrays, made), {"x": self.library.tensor([1.0, 1.0])}
         monitor, other = (make("once[0:1](x > 0)", dtype=d) for d in self.library.kinds)
-        for call in (
+        calls: list[Callable[[], object]] = [
             lambda: monitor.update(other.init(2), x),
             lambda: monitor.reset(other.init(2)),
-        ):
+        ]
+        for call in calls:
             with pytest.raises(InputTypeError, match=r"float32 as '.*', got .*bfloat16"):
                 call()
 
