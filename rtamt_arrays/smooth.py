@@ -14,7 +14,7 @@ from typing import Literal, SupportsIndex
 import numpy as np
 
 from rtamt import Align, Period
-from rtamt.errors import InputError, InputTypeError, brief, nearest
+from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
@@ -48,13 +48,13 @@ def lattice_of(
     if semantics == "standard":
         if temperature is not None:
             text = (
-                f"expected no temperature with semantics='standard', got {brief(temperature)}; "
-                "semantics='smooth' has one"
+                "expected no temperature with semantics='standard', got "
+                f"{reader.shown(temperature)}; semantics='smooth' has one"
             )
             refused(reader, InputError, text)
         return exact(o)
     if semantics != "smooth":
-        hint = nearest(str(semantics), ["standard", "smooth"])
+        hint = reader.nearest(str(semantics), ["standard", "smooth"])
         text = f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}"
         refused(reader, InputError, text)
     if temperature is None:
@@ -79,7 +79,8 @@ def _checked(reader: ArrayReader | None, temperature: object) -> float:
     if isinstance(temperature, bool) or not isinstance(
         temperature, int | float | np.floating | np.integer
     ):
-        text = f"expected a number as temperature, got {brief(temperature)}"
+        shown = brief if reader is None else reader.shown
+        text = f"expected a number as temperature, got {shown(temperature)}"
         refused(reader, InputTypeError, text)
     if not 0.0 < temperature < math.inf:
         text = f"expected a finite temperature above 0, got {temperature}"

@@ -6,7 +6,7 @@ import operator
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, NoReturn, Protocol, assert_never
 
-from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
+from rtamt.errors import InputError, InputTypeError, RtamtError
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 from rtamt_arrays.functions import FUNCTIONS
@@ -55,6 +55,12 @@ class ArrayReader(Protocol):
     def mask(self, mask: object, like: Tensor) -> Tensor | None:
         """The mask, if it has booleans; if it is None, as many as another array has."""
 
+    def shown(self, value: object) -> str:
+        """A value in an error, as far as a compiler of graphs knows it."""
+
+    def nearest(self, name: str, names: Sequence[str]) -> str:
+        """The name that was meant, as the end of an error; nothing if none is near."""
+
     def announce(self, text: str) -> None:
         """Tell a compiler of graphs the text of an error that is about to be raised."""
 
@@ -100,7 +106,7 @@ def columns(
         for name in names:
             if name not in given:
                 listed = ", ".join(map(str, given)) or "none"
-                hint = nearest(name, [str(key) for key in given])
+                hint = reader.nearest(name, [str(key) for key in given])
                 text = f"expected the variable '{name}', got {listed}{hint}"
                 refused(reader, InputError, text)
         found = [_taken(reader, given[name], f"'{name}'") for name in names]
@@ -135,10 +141,7 @@ def traces(program: Program, reader: ArrayReader, signals: object) -> list[Tenso
         InputTypeError: As `columns` does.
     """
     if not program.variables:
-        formula = program.specification.formula
-        text = (
-            f"expected a variable in {formula}, got none: nothing says how many samples there are"
-        )
+        text = "expected a variable in the formula, got none: nothing says how many samples it has"
         refused(reader, InputError, text)
     found = columns(program, reader, signals)
     shape = tuple(found[0].shape)
@@ -151,7 +154,7 @@ def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
     array = reader.taken(value)
     if array is None:
         hint = "" if reader.is_array(value) else f"; {reader.module}.asarray makes them"
-        text = f"expected {reader.kind} of real numbers for {what}, got {brief(value)}{hint}"
+        text = f"expected {reader.kind} of real numbers for {what}, got {reader.shown(value)}{hint}"
         refused(reader, InputTypeError, text)
     return array
 
@@ -165,7 +168,8 @@ def checked_lanes(reader: ArrayReader, lanes: object) -> int:
     """
     number = whole(lanes)
     if number is None:
-        refused(reader, InputTypeError, f"expected a whole number of lanes, got {brief(lanes)}")
+        text = f"expected a whole number of lanes, got {reader.shown(lanes)}"
+        refused(reader, InputTypeError, text)
     if number < 1:
         refused(reader, InputError, f"expected 1 lane or more, got {number}")
     return number
@@ -192,9 +196,9 @@ def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
     if array is None:
         module, lanes = reader.module, shape[0]
         text = (
-            f"expected a mask of booleans in {reader.kind} of shape {shape}, got {brief(mask)}; "
-            f"numbers != 0 are one, and {module}.isin({module}.arange({lanes}), lanes) makes one "
-            "from numbers of lanes"
+            f"expected a mask of booleans in {reader.kind} of shape {shape}, got "
+            f"{reader.shown(mask)}; numbers != 0 are one, and "
+            f"{module}.isin({module}.arange({lanes}), lanes) makes one from numbers of lanes"
         )
         refused(reader, InputTypeError, text)
     if tuple(array.shape) != shape:
@@ -222,7 +226,7 @@ def checked_state(
     """
     if not isinstance(state, kind):
         text = (
-            f"expected a state of this monitor, an {kind.__name__}, got {brief(state)}; "
+            f"expected a state of this monitor, an {kind.__name__}, got {reader.shown(state)}; "
             "init(lanes) makes the first, and a step gives the next one and a reading"
         )
         refused(reader, InputTypeError, text)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rtamt.errors import InputError, InputTypeError
+from rtamt.errors import InputError, InputTypeError, brief, nearest
 from rtamt_arrays.operations import Tensor
 
 __all__ = ["JaxOperations", "JaxReader"]
@@ -108,6 +108,12 @@ class JaxReader:
         if mask is None:
             return jnp.ones_like(like, dtype=bool)
         return jnp.asarray(mask) if self.holds(mask, jnp.bool_) else None
+
+    def shown(self, value: object) -> str:
+        return brief(value)
+
+    def nearest(self, name: str, names: Sequence[str]) -> str:
+        return nearest(name, names)
 
     def announce(self, text: str) -> None:
         """Errors are raised while JAX traces as they are."""

@@ -36,13 +36,14 @@ class TorchOnlineMonitor(OnlineMonitor):
         writing = TorchOperations(reader.device, in_place=True)
         self._writing = OnlineMonitor(program, writing, reader)
         self._ordered, self._ordered_writing = (
-            OrderedFormulas(OnlineMonitor, program, reader, ("totals",), in_place=in_place)
+            OrderedFormulas(
+                OnlineMonitor, program, reader, ("totals",), self._check, in_place=in_place
+            )
             for in_place in (False, True)
         )
 
     def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
         """Take in a sample in every lane; see `rtamt_arrays.online.OnlineMonitor.update`."""
-        self._check(state)
         found: tuple[OnlineState, OnlineReading] | None
         found = self._ordered.run(OnlineMonitor.update, state, sample)
         following, reading = found or super().update(state, sample)
@@ -60,7 +61,6 @@ class TorchOnlineMonitor(OnlineMonitor):
                 the state is then as it was.
             InputTypeError: As `update` does; the state is then as it was.
         """
-        self._check(state)
         _check_gradients(self._reader, self.variables, state, sample)
         written = self._ordered_writing.run(OnlineMonitor.update, state, sample)
         following, reading = written or self._writing.update(state, sample)
@@ -92,13 +92,12 @@ class TorchEpisodeMonitor(EpisodeArrays):
     def __init__(self, program: Program, reader: TorchReader) -> None:
         super().__init__(program, TorchOperations(reader.device), reader)
         tables = ("rows", "kept", "first")
-        self._ordered = OrderedFormulas(EpisodeArrays, program, reader, tables)
+        self._ordered = OrderedFormulas(EpisodeArrays, program, reader, tables, self._check)
 
     def update(
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading]:
         """Take in a sample in every lane; see `rtamt_arrays.episode.EpisodeArrays.update`."""
-        self._check(state)
         found: tuple[EpisodeState, BoundsReading] | None
         found = self._ordered.run(EpisodeArrays.update, state, sample)
         following, reading = found or super().update(state, sample)
@@ -108,7 +107,6 @@ class TorchEpisodeMonitor(EpisodeArrays):
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading, BoundsReading]:
         """Say a cut trace too; see `rtamt_arrays.episode.EpisodeArrays.update_and_cut`."""
-        self._check(state)
         found: tuple[EpisodeState, BoundsReading, BoundsReading] | None
         found = self._ordered.run(EpisodeArrays.update_and_cut, state, sample)
         following, reading, cut = found or super().update_and_cut(state, sample)
@@ -126,7 +124,6 @@ class TorchEpisodeMonitor(EpisodeArrays):
                 the state is then as it was.
             InputTypeError: As `update` does; the state is then as it was.
         """
-        self._check(state)
         _check_gradients(self._reader, self.variables, state, sample)
         following, reading = self.update(state, sample)
         _overwrite(state, following)
@@ -155,7 +152,8 @@ def _check_gradients(
     """Refuse a gradient through what is overwritten: its graph would grow, and never go back."""
     if torch.is_grad_enabled():
         given = [sample.get(v) for v in variables] if isinstance(sample, Mapping) else [sample]
-        if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*state, *given)):
+        kept = state if isinstance(state, tuple) else ()  # if it is none, a step says so
+        if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*kept, *given)):
             text = (
                 "expected a state and a sample that require no gradient, as update_ overwrites the "
                 "state; take update, or call update_ under torch.no_grad()"

@@ -8,7 +8,7 @@ import torch
 from torch.autograd import forward_ad
 from torch.autograd.forward_ad import unpack_dual
 
-from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.errors import InputError, InputTypeError, brief, nearest
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.terms import refused
 
@@ -114,8 +114,9 @@ def _tangents() -> bool:
     return bool(forward_ad._current_level >= 0)  # noqa: SLF001 - nothing public says it
 
 
-# Under torch.compile it is asked while the graph is made, and is no part of it.
+# Under torch.compile they are asked while the graph is made, and are no part of it.
 _tangents_are_made = torch.compiler.assume_constant_result(_tangents)
+_nearest = torch.compiler.assume_constant_result(nearest)
 
 
 class TorchReader:
@@ -127,9 +128,9 @@ class TorchReader:
     def __init__(self, dtype: object, device: object) -> None:
         self.dtype = torch.get_default_dtype() if dtype is None else dtype
         if not (isinstance(self.dtype, torch.dtype) and self.dtype.is_floating_point):
-            raise InputTypeError(
-                f"expected a dtype of floats, such as torch.float32, got {brief(self.dtype)}"
-            )
+            got = self.shown(self.dtype)
+            text = f"expected a dtype of floats, such as torch.float32, got {got}"
+            refused(self, InputTypeError, text)
         found = torch.finfo(self.dtype)
         self.limits = found.tiny, found.max
         try:
@@ -156,6 +157,14 @@ class TorchReader:
         if mask is None:
             return torch.ones_like(like, dtype=torch.bool)
         return mask if self.holds(mask, torch.bool) else None
+
+    def shown(self, value: object) -> str:
+        if torch.compiler.is_compiling() and not isinstance(value, str | int | float | None):
+            return type(value).__name__
+        return brief(value)
+
+    def nearest(self, name: str, names: Sequence[str]) -> str:
+        return str(_nearest(name, names))
 
     def announce(self, text: str) -> None:
         if torch.compiler.is_compiling():  # which shows the text of a break, and of no error

@@ -41,6 +41,7 @@ class OrderedFormulas(Generic[Machine]):
         program: The program.
         reader: Reads the floats of a caller.
         tables: The numbers of the machine's state, but for a ring of which a step reads few.
+        check: Refuses what is no state of the machine.
         in_place: Whether a step may write into that ring.
     """
 
@@ -50,10 +51,12 @@ class OrderedFormulas(Generic[Machine]):
         program: Program,
         reader: TorchReader,
         tables: Sequence[str],
+        check: Callable[[Any], None],
         *,
         in_place: bool = False,
     ) -> None:
         self._program, self._reader, self._tables = program, reader, tables
+        self._check = check
         self._operations = TorchOperations(reader.device)
         inputs = program.instructions[: program.terms]
         self._given = [r for r, each in enumerate(inputs) if not isinstance(each, Const)]
@@ -77,6 +80,7 @@ class OrderedFormulas(Generic[Machine]):
         """What a step gives; None in eager mode, and where gradients go through."""
         if not torch.compiler.is_compiling():
             return None
+        self._check(state)
         o, lanes = self._operations, tuple(state.age.shape)
         values = columns(self._program, self._reader, sample, lanes)
         if differentiated(*values, *state):
@@ -178,6 +182,12 @@ class _OrderedReader:
 
     def holds(self, value: object, dtype: object) -> bool:  # noqa: ARG002 - they were looked at
         return True
+
+    def shown(self, value: object) -> str:  # noqa: ARG002 - nothing is refused here
+        return ""
+
+    def nearest(self, name: str, names: Sequence[str]) -> str:  # noqa: ARG002
+        return ""
 
     def announce(self, text: str) -> None:
         """Nothing is refused here."""

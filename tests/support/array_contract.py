@@ -180,7 +180,7 @@ class OnlineContract:
                 "init(lanes) makes",
             ),
             (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
-            (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "got [True, True]; "),
+            (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "of shape (2,), got "),
             (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), lanes) makes"),
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
