@@ -146,7 +146,7 @@ class TorchEpisodeMonitor(EpisodeArrays):
 def _check_gradients(
     reader: ArrayReader,
     variables: Sequence[str],
-    state: OnlineState | EpisodeState,
+    state: object,
     sample: ArraySample,
 ) -> None:
     """Refuse a gradient through what is overwritten: its graph would grow, and never go back."""
