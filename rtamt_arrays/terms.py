@@ -66,12 +66,12 @@ class ArrayReader(Protocol):
 
 
 class StateField(NamedTuple):
-    """An array of a state: its shape without lanes, its kind, and whether lanes are its last axis.
+    """What an array of a state is.
 
     Attributes:
         rows: The axes before the lanes.
         dtype: The kind of what is in it.
-        lanes: Whether it has lanes.
+        lanes: Whether its last axis has the lanes.
     """
 
     rows: tuple[int, ...]
