@@ -1,5 +1,9 @@
 """Chasing cars: closed solutions, guards within a period, and what Euler steps make of it."""
 
+import os
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -190,3 +194,32 @@ def test_euler_steps_violate_what_holds() -> None:
     assert violations[1] >= 50
     finer = _euler(inputs[:, :10], PERIOD / 5)
     assert np.abs(finer - exact[:, :10])[..., 1:].max() > 2.0
+
+
+def test_all_modes_give_the_same_numbers_without_numba() -> None:
+    program = (
+        "import numpy as np\n"
+        "from rtamt_envs import chasing_cars as cars\n"
+        "state, seen = np.zeros(cars.SCENARIO.state), np.empty(5)\n"
+        "state[:5], state[5:10] = [0, 5.15, 15, 25, 41], [2.5, 0.5, 0, 1, 1]\n"
+        "state[11:15], state[cars._BEGUN] = cars._KEEPING, 1.0\n"
+        "rest = np.zeros(2), cars.SCENARIO.defaults, np.zeros(0), state, seen\n"
+        "for step in range(400):\n"
+        "    if step == 300:\n"
+        "        state[0], state[5] = state[1] - 19.9, -2.0\n"
+        "    cars.SCENARIO.step(*rest)\n"
+        "    print(*map(float.hex, seen.tolist()), *map(int, state[11:15]))\n"
+    )
+    compiled, interpreted = (
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for disabled in ("0", "1")
+    )
+    modes = {mode for line in compiled.splitlines() for mode in line.split()[5:]}
+    assert modes == {"0", "1", "2"}
+    assert compiled == interpreted

@@ -1,10 +1,13 @@
 """What every scenario promises, held against each of the registry."""
 
+import dataclasses
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from copy import deepcopy
 
 import gymnasium as gym
@@ -13,6 +16,9 @@ import pytest
 import scenario_courses
 from gymnasium.utils.env_checker import check_env
 from rtamt_envs import SCENARIOS, scenario_of
+from rtamt_envs.compiled import compiled
+from rtamt_envs.environment import ScenarioEnv
+from rtamt_envs.pictures import figure_of
 from scenario_courses import course, courses, made, middle, random_actions, read_signals
 
 import rtamt
@@ -233,3 +239,52 @@ def test_a_picture_shows_the_episode(name: str) -> None:
     assert (frame != env.render()).any()
     with pytest.warns(UserWarning, match="make the environment with render_mode"):
         assert made(name).render() is None
+
+
+def test_a_scenario_without_a_drawing_shows_the_course_of_each_observation() -> None:
+    env = made("RequestGrant", render_mode="rgb_array")
+    course(env, random_actions(env.scenario, (20,), 5))
+    episode = env.episode()
+    figure = figure_of(dataclasses.replace(env.scenario, draw=None), episode)
+    assert [ax.get_ylabel() for ax in figure.axes] == ["req", "gnt"]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    for ax, values in zip(figure.axes, episode.observations.T, strict=True):
+        (line,) = ax.lines
+        np.testing.assert_array_equal(line.get_xydata(), np.stack([episode.times, values], axis=1))
+
+
+def test_a_function_stays_as_it_is_where_numba_is_not_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    assert compiled(middle) is middle
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: scenario_of("ChasingCar"),
+            "there is no scenario 'ChasingCar'; did you mean 'ChasingCars'?; there are ",
+        ),
+        (
+            lambda: ScenarioEnv("RequestGrant", render_mode="ansi"),  # type: ignore[arg-type]
+            "expected render_mode None or 'rgb_array', got 'ansi'",
+        ),
+        (
+            lambda: made("RequestGrant").episode(),
+            "of an environment with render_mode='rgb_array', got render_mode=None",
+        ),
+        (
+            lambda: made("RequestGrant", render_mode="rgb_array").episode(),
+            "expected an episode of an environment with render_mode='rgb_array', got none",
+        ),
+        (
+            lambda: made("RequestGrant").reset(options={"delay": "long"}),
+            "expected a number as parameter 'delay' of rtamt/RequestGrant-v0, got 'long'",
+        ),
+    ],
+)
+def test_wrong_arguments_say_what_is_expected(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(rtamt.RtamtError, match=re.escape(message)):
+        call()

@@ -1,6 +1,9 @@
 """The first crossing of a polynomial, held against its roots."""
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -48,3 +51,28 @@ def test_a_touch_counts_and_what_misses_by_a_little_does_not(at: float) -> None:
     below = 1e-12
     assert first([at * at - below, -2 * at, 1.0]) == pytest.approx(at, abs=2e-6)
     assert first([at * at + below, -2 * at, 1.0]) == 2.0
+
+
+def test_crossings_are_the_same_without_numba() -> None:
+    program = (
+        "import numpy as np\n"
+        "from rtamt_envs.crossings import first_crossing\n"
+        "rows = np.random.default_rng(0).uniform(-8, 8, (400, 4)).round(3).tolist()\n"
+        "rows += [[1 / 9 + 1e-12, -2 / 3, 1.0], [1.0, -6.0, 8.0], [0.957, -2.339, -2.941, 2.247]]\n"
+        "for row in rows:\n"
+        "    for sign in (-1.0, 1.0):\n"
+        "        print(first_crossing(np.array(row), len(row), 0.0, sign).hex())\n"
+    )
+    compiled, interpreted = (
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for disabled in ("0", "1")
+    )
+    assert len(compiled.split()) == 806
+    assert {0.0, 2.0} < {float.fromhex(each) for each in compiled.split()}
+    assert compiled == interpreted

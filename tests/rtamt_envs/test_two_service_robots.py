@@ -138,6 +138,15 @@ def test_agents_are_judged_together_as_the_joint_environment_is(seed: int) -> No
     assert monitored.agents == []
 
 
+def test_agents_are_drawn_and_closed_as_the_joint_environment_is() -> None:
+    agents = parallel_env(render_mode="rgb_array")
+    joint = gym.make("rtamt/TwoServiceRobots-v0", render_mode="rgb_array")
+    agents.reset(seed=5)
+    joint.reset(seed=5)
+    np.testing.assert_array_equal(agents.render(), joint.render())
+    agents.close()
+
+
 def test_wrong_calls_say_what_is_expected() -> None:
     env = parallel_env()
     still = dict.fromkeys(AGENTS, np.zeros(2))
