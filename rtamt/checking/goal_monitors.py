@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Final
 
 from rtamt.checking.witness import Goal
+from rtamt.errors import InputError
 from rtamt.machines.protocols import End
 from rtamt.monitors.monitor import EpisodeMonitor
 
@@ -44,11 +45,14 @@ class GoalMonitors:
         self.work = 1 + samples * len(self._monitors) // _PER_PART
 
     def __call__(self, columns: Mapping[str, Sequence[float]]) -> bool:
-        """Whether they judge a trace as demanded."""
+        """Whether they judge a trace as demanded; not one on which a term is no number."""
         for monitor, holds in self._monitors:
             monitor.reset()
-            for row in zip(*(columns[name] for name in monitor.variables), strict=True):
-                monitor.update(*row)
+            try:
+                for row in zip(*(columns[name] for name in monitor.variables), strict=True):
+                    monitor.update(*row)
+            except InputError:  # a term is no number there
+                return False
             monitor.finish(self._end)
             if (monitor.verdict > 0) is not holds:
                 return False

@@ -33,20 +33,14 @@ class _Unknown:
         self._numbers: dict[tuple[Program, int, int], TermKey] = {}
 
     def __call__(self, program: Program, register: int, sample: int) -> Truth:
-        instruction = program.instructions[register]
+        instruction = program.term(register)
         if isinstance(instruction, Const):
             return TRUE if _clear(instruction.value) else FALSE
-        if not isinstance(instruction, Map):
-            msg = f"{instruction} is read as a formula"
-            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours
-        function, args = instruction.function, instruction.args
+        function, args = cast("Map", instruction).function, cast("Map", instruction).args
         if function == "neg":
             return self._graph.no(self(program, args[0], sample))
         x, *others = (self._number(program, a, sample) for a in args)
         y = others[0] if others else ("const", 0.0)
-        if x[0] == y[0] == "const":
-            values = (cast("float", x[1]), cast("float", y[1]))[: len(args)]
-            return TRUE if _clear(FUNCTIONS[function].apply(*values)) else FALSE
         return self._compared(function, x, y)
 
     def _compared(self, function: str, x: TermKey, y: TermKey) -> Truth:
@@ -66,27 +60,15 @@ class _Unknown:
     def _number(self, program: Program, register: int, sample: int) -> TermKey:
         key = program, register, sample
         if key not in self._numbers:
-            match program.instructions[register]:
+            match program.term(register):
                 case Load(variable):
                     number: TermKey = ("load", variable, sample)
                 case Const(value):
                     number = ("const", value)
                 case Map(function, args):
-                    parts = tuple(self._number(program, a, sample) for a in args)
-                    number = _counted(function, parts) or (function, *parts)
-                case other:
-                    msg = f"{other} among terms"
-                    raise AssertionError(msg)
+                    number = (function, *(self._number(program, a, sample) for a in args))
             self._numbers[key] = number
         return self._numbers[key]
-
-
-def _counted(function: str, parts: Sequence[TermKey]) -> TermKey | None:
-    """The value of a function of constants, counted with doubles."""
-    if any(part[0] != "const" for part in parts):
-        return None
-    value = FUNCTIONS[function].apply(*(cast("float", part[1]) for part in parts))
-    return None if math.isnan(value) else ("const", value)
 
 
 def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
@@ -97,7 +79,7 @@ def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
     """
 
     def value(program: Program, register: int, sample: int) -> float:
-        match program.instructions[register]:
+        match program.term(register):
             case Load(variable):
                 return columns[variable][sample]
             case Const(found):
@@ -108,9 +90,6 @@ def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
                     msg = f"'{program.sources[register]}' is nan at sample {sample}"
                     raise ValueError(msg)
                 return found
-            case other:
-                msg = f"{other} among terms"
-                raise AssertionError(msg)
 
     def holds(program: Program, register: int, sample: int) -> Truth:
         return TRUE if _clear(value(program, register, sample)) else FALSE

@@ -315,13 +315,12 @@ class _Written:
                 return call.many(function, [x, y])
             case "sub" | "minus":
                 return call.many("sub", [x, y])
-            case "div":
+            case _:
                 return call("div", x, y)
-        return None
 
 
 _ROUNDS: Final = frozenset({"add", "sub", "mul", "div"})
-_LINEAR: Final = frozenset({"load", "const", "neg", "abs", "min", "max", "add", "sub", "minus"})
+_LINEAR: Final = frozenset({"neg", "abs", "min", "max", "add", "sub", "minus"})
 
 
 def is_linear(term: TermKey) -> bool:

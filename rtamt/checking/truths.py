@@ -309,9 +309,6 @@ class _Folds:
                 self._suffixes[begin] = folded
             else:
                 for i in range(self.start - 1, time - 1, -1):
-                    if i in self._suffixes:
-                        folded = self._suffixes[i]
-                        continue
                     folded = self._combine(self._element(i), folded)
                     self._suffixes[i] = folded
         return self._suffixes[begin]

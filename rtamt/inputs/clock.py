@@ -36,6 +36,8 @@ _UNITS = {
     },
 }
 """The units of `numpy.datetime64` in seconds, except years and months, whose lengths differ."""
+_FINEST_FIRST = ("as", "fs", "ps", "ns", "us", "ms", "s")
+"""Those that dates of ticks have."""
 
 
 class Clock:
@@ -143,17 +145,21 @@ class Clock:
 
     def _dates(self, ticks: Ticks) -> Times:
         unit, count = self._unit()
-        if len(ticks) and max(-ticks.min(), ticks.max()) > (2**63 - 1) // count:
+        farthest = int(max(-ticks.min(), ticks.max())) if len(ticks) else 0
+        if farthest > (2**63 - 1) // count:
+            # Of a unit that is a tick every time has as few ticks as a datetime64 holds.
+            far = farthest * self.resolution
+            would_do = next((u for u in _FINEST_FIRST if far < MAX_TICKS * _UNITS[u]), "s")
             raise InputError(
                 f"expected times that datetime64[{unit}] holds, as the resolution is "
                 f"{duration_text(self.resolution)}",
-                Advice("; ", Argument("resolution", f"1{unit}"), " would do"),
+                Advice("; ", Argument("resolution", f"1{would_do}"), " would do"),
             )
         return (ticks * np.int64(count)).astype(f"M8[{unit}]")
 
     def _unit(self) -> tuple[str, int]:
         """The longest unit of dates of which a tick is a whole number, and that number."""
-        for unit in ("s", "ms", "us", "ns", "ps", "fs", "as"):
+        for unit in reversed(_FINEST_FIRST):
             count = self.resolution / _UNITS[unit]
             if count.denominator == 1:
                 return unit, int(count)

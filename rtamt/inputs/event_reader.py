@@ -201,11 +201,7 @@ class EventReader:
             if len(times):
                 dates = are_dates(times)
                 if dated not in (None, dates):
-                    expected = "datetime64" if dated else "a number"
-                    raise InputError(
-                        f"expected {expected} as the time of event 0{of_name}, as before, got "
-                        f"{'datetime64 ' if dates else ''}{shown(times[0])}"
-                    )
+                    _refuse_kind(times[0], 0, of_name)
                 dated = dates
             check_times(times, of_name)
             ticks = self.clock.ticks(times, of_name)
@@ -429,11 +425,7 @@ def _pairs(events: Sequence[object], name: str) -> Given:
     dates = [isinstance(time, np.datetime64) for time in times]
     if any(dates) and not all(dates):
         i = dates.index(not dates[0])
-        expected = "datetime64" if dates[0] else "a number"
-        got = kind_of(times[i])
-        raise InputError(
-            f"expected {expected} as the time of event {i} of '{name}', as before, got {got}"
-        )
+        _refuse_kind(times[i], i, f" of '{name}'")
     line: Times = np.array(times) if any(dates) else np.empty(len(times), object)
     if not any(dates):
         line[:] = times
@@ -441,6 +433,15 @@ def _pairs(events: Sequence[object], name: str) -> Given:
             line = line.astype(np.float64)
     ends = np.array(values, np.float64).reshape(len(values), 2)
     return Given(line, as_ends(*ends.T.copy()))
+
+
+def _refuse_kind(time: object, i: int, of_name: str) -> NoReturn:
+    """Raises the error of a date among times that are numbers, or of a number among dates."""
+    dated = isinstance(time, np.datetime64)
+    raise InputError(
+        f"expected {'a number' if dated else 'datetime64'} as the time of event {i}{of_name}, "
+        f"as before, got {'datetime64 ' if dated else ''}{shown(time)}"
+    )
 
 
 def _messages(given: object, name: str) -> list[list[object]]:

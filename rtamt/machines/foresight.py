@@ -61,22 +61,19 @@ Array = NDArray[np.float64]
 
 
 class Flags(NamedTuple):
-    """Whether something is the case at each time: not before ``start``, and the last one stays."""
+    """Whether something is the case at each time; the last one stays."""
 
-    start: int
     values: NDArray[np.bool_]
 
     def at(self, time: int) -> bool:
-        place = min(time - self.start, len(self.values) - 1)
-        return place >= 0 and bool(self.values[place])
+        return bool(self.values[min(time, len(self.values) - 1)])
 
     def first(self, begin: int, end: int) -> int | None:
         """The first time from begin to end at which it is."""
-        last = self.start + len(self.values) - 1
-        low = max(begin, self.start)
-        found = np.flatnonzero(self.values[low - self.start : max(0, end + 1 - self.start)])
+        last = len(self.values) - 1
+        found = np.flatnonzero(self.values[begin : max(0, end + 1)])
         if len(found):
-            return low + int(found[0])
+            return begin + int(found[0])
         return max(begin, last) if end > last and self.values[-1] else None
 
 
@@ -252,18 +249,11 @@ class Foresight:
         """Where some registers of the formulas may be of either sign; for a trace that goes on."""
         lower, low = self._worst.inputs(registers, LOWER, cut=end == "cut")
         upper, high = self._best.inputs(registers, UPPER, cut=end == "cut")
-        if low is high and same(
-            *([signal.recorded for signal in signals] for signals in (lower, upper))
-        ):
-            pairs = zip(
-                low.values(lower, LOWER, self.n), high.values(upper, UPPER, self.n), strict=True
-            )
-            return [Flags(low.settled, _differ(low.rest, high.rest)) for low, high in pairs]
         both = zip(
             low.signals(lower, LOWER, self.n), high.signals(upper, UPPER, self.n), strict=True
         )
         return [
-            Flags(0, np.concatenate([_differ(*pair) for pair in zip(*signals, strict=True)]))
+            Flags(np.concatenate([_differ(*pair) for pair in zip(*signals, strict=True)]))
             for signals in both
         ]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Generic, NoReturn, TypeVar, assert_never
+from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.state import Retiring, StateFields
 from rtamt.program.algebra import FUNCTIONS
-from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.instructions import Const, Load, Map
 from rtamt.program.program import Program
 
 __all__ = [
@@ -50,19 +50,14 @@ class Terms(Generic[_Place]):
         self._loads: list[tuple[int, int]] = []
         self._operations: list[Operation] = []
         self._constants: Registers = [0.0] * program.terms
-        for out, instruction in enumerate(program.instructions[: program.terms]):
-            match instruction:
+        for out in range(program.terms):
+            match program.term(out):
                 case Load(variable):
                     self._loads.append((out, program.variables.index(variable)))
                 case Const(value):
                     self._constants[out] = value
                 case Map(function, args):
                     self._operations.append(map_operation(out, function, args))
-                case Window():
-                    msg = f"register {out} is a window among the terms"
-                    raise AssertionError(msg)
-                case _ as never:
-                    assert_never(never)
 
     @property
     def initial(self) -> Registers:
@@ -145,11 +140,6 @@ class PythonSampleMachine(Retiring, StateFields):
 
     def take(self, terms: Registers, values: list[float]) -> None:
         """Take in a sample whose terms are known."""
-        raise NotImplementedError
-
-    @property
-    def result(self) -> float:
-        """What `update` returned for the last sample."""
         raise NotImplementedError
 
     def reset(self) -> None:

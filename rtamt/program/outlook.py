@@ -115,17 +115,14 @@ def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
     def numbered(program: Program) -> list[int]:
         """A number for every term; equal ones for equal terms."""
         numbers: list[int] = []
-        for instruction in program.instructions[: program.terms]:
-            match instruction:
+        for register in range(program.terms):
+            match program.term(register):
                 case Load(variable):
                     key: tuple[object, ...] = "load", variable
                 case Const(value):
                     key = "const", repr(value)  # which tells 0.0 from -0.0
                 case Map(function, args):
                     key = function, *(numbers[a] for a in args)
-                case Window():
-                    msg = "a window among terms"
-                    raise AssertionError(msg)
             numbers.append(known.setdefault(key, len(known)))
         return numbers
 

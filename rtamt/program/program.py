@@ -65,6 +65,14 @@ class Program:
         """Samples by which the robustness is late; None if it needs the whole future."""
         return self.latencies[self.result]
 
+    def term(self, register: int) -> Load | Const | Map:
+        """The instruction of a register of the terms."""
+        instruction = self.instructions[register]
+        if isinstance(instruction, Window):
+            msg = f"register {register} is a window among the terms"
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
+        return instruction
+
     def formula(self, register: int) -> Map | Window:
         """The instruction of a register after the terms."""
         instruction = self.instructions[register]

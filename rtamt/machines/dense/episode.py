@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, assert_never
+from typing import Any, Protocol, assert_never, cast
 
 import numpy as np
 
@@ -147,14 +147,9 @@ class Regions(StateFields):
         fold = self._folds.get(register)
         if fold is not None:
             return [fold.value(world, self.t, self.unknowns) for world in worlds]
-        match self.program.formula(register):
-            case Map(function, args):
-                choose = FUNCTIONS[function].apply
-                return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
-            case Window():
-                raise AssertionError
-            case _ as never:
-                assert_never(never)
+        function, args = cast("Map", instruction).function, cast("Map", instruction).args
+        choose = FUNCTIONS[function].apply
+        return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
 
     def seen(self, register: int, world: int) -> Runs:
         """All runs of a register that is a stream, in a world; if nothing has settled."""

@@ -60,10 +60,6 @@ class Runs(NamedTuple):
         """The run in which each position lies."""
         return np.searchsorted(self.starts, positions, "right") - 1
 
-    def shifted(self, offset: int) -> Runs:
-        """The same runs, later by an offset."""
-        return Runs(self.starts + offset, self.values)
-
     def merged(self) -> Runs:
         """The same signal without runs that are equal to the one before, to the sign of zeros."""
         if len(self.starts) < 2:

@@ -33,8 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import MemberDescriptorType
-from typing import Any, NoReturn, assert_never
+from typing import NoReturn, assert_never, cast
 
 import numpy as np
 
@@ -55,7 +54,7 @@ from rtamt.machines.episode.streams import (
     UnboundedPast,
 )
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import Readout, moved
+from rtamt.machines.readout import moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Map, Window
@@ -101,7 +100,6 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
         self._values_of_unknowns = np.zeros((5, len(self._axes)))
-        self._readout: Readout | None = None
         self.reset()
 
     def _made(self, register: int) -> Stream:
@@ -122,25 +120,10 @@ class PythonEpisodeMachine(PythonSampleMachine):
             case _ as never:
                 assert_never(never)
 
-    def update(self, *args: object, **named: object) -> float:
-        if self.finished:
-            refuse_update()
-        values = self.reader.read(args, named, self.samples, self.inputs)
-        self.require_current()
-        if self.finished:  # by what a value runs when it is read
-            refuse_update()
-        self.take(self.terms(values), values)
-        return self.robustness
-
     def take(self, terms: Registers, values: list[float]) -> None:
         self.inputs = values
         self.samples += 1
         self._advance(terms)
-        self._show()
-
-    @property
-    def result(self) -> float:
-        return self.robustness
 
     def _advance(self, terms: Registers) -> None:
         t = self.samples - 1
@@ -185,23 +168,9 @@ class PythonEpisodeMachine(PythonSampleMachine):
         fold = self._folds.get(register)
         if fold is not None:
             return [fold.value(world, t, self._values_of_unknowns) for world in worlds]
-        if not isinstance(instruction, Map):
-            msg = f"register {register} is not read at time 0"
-            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
-        choose = FUNCTIONS[instruction.function].apply
-        return [
-            choose(*values) for values in zip(*(found[a] for a in instruction.args), strict=True)
-        ]
-
-    def show_in(
-        self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
-    ) -> None:
-        self._readout = Readout(monitor, slots, verdicts)
-        self._show()
-
-    def _show(self) -> None:
-        if self._readout is not None:
-            self._readout.show(self.robustness, self.lower, self.upper)
+        function, args = cast("Map", instruction).function, cast("Map", instruction).args
+        choose = FUNCTIONS[function].apply
+        return [choose(*values) for values in zip(*(found[a] for a in args), strict=True)]
 
     def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
@@ -213,7 +182,6 @@ class PythonEpisodeMachine(PythonSampleMachine):
                 self._cut()
                 self.robustness = moved(self.robustness, self.lower, self.upper)
             self.finished = True
-        self._show()
         return self.robustness
 
     def _cut(self) -> None:
@@ -231,8 +199,3 @@ class PythonEpisodeMachine(PythonSampleMachine):
         for stream in self._streams.values():
             stream.look(-1, self._values_of_unknowns)
         self._conclude(-1)
-        self._show()
-
-    def restore(self, state: list[Any]) -> None:
-        super().restore(state)
-        self._show()

@@ -7,10 +7,14 @@ import sys
 
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from small_texts import VALUES, texts
 
 import rtamt
-from rtamt import Answer, ExampleTrace, InputError, Verdict, judge
+from rtamt import Answer, ExampleTrace, InputError, InputTypeError, Verdict, judge
+from rtamt.checking.check import _fewest
+from rtamt.checking.questions import impossible
+from rtamt.checking.search import SearchAnswer
 
 
 def verdicts(text: str, most: int = 4) -> set[Verdict]:
@@ -247,3 +251,67 @@ def test_what_is_assumed_is_named_where_it_clashes() -> None:
     assert str(error.value) == (
         "assume: expected what some trace fulfils, got always(x < 0 and x > 1), which none does"
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "satisfiable", "falsifiable"),
+    [
+        ("min(x, y) > 3 and max(x, y) < 2", "no", "yes"),
+        ("min(x, y) > 3 and max(x, y) < 3.5", "yes", "yes"),
+        ("min(x, y) <= x", "yes", "no"),
+        ("-x > 3 and x > -3", "no", "yes"),
+        ("-x > 3", "yes", "yes"),
+        ("float x in [0, 8]; x / 2 > 3 and x / 4 < 1", "no", "yes"),
+        ("float x in [0, 8]; x / 2 > 3", "yes", "yes"),
+        ("x <= 3 and (x > 1 / 0 or x > 2 * 3 + 1)", "no", "yes"),
+        ("1 > 2 or x > 3 * 2", "yes", "yes"),
+    ],
+)
+def test_functions_that_are_linear_are_decided(
+    text: str, satisfiable: str, falsifiable: str
+) -> None:
+    found = only(text)
+    assert (found.satisfiable.says, found.falsifiable.says) == (satisfiable, falsifiable)
+
+
+def test_of_a_pair_that_is_not_linear_it_is_said_why_nobody_knows() -> None:
+    found = rtamt.check({"a": "x * y > z", "b": "y * x > z"})
+    assert found.unknown == {("a", "b"): "it is not linear (mul)"}
+    assert found.implied == {}
+    assert found.equal == ()
+
+
+@given(
+    clashes=st.sets(st.frozensets(st.integers(0, 5), min_size=1, max_size=4), min_size=1),
+    core=st.sets(st.integers(0, 5)),
+)
+def test_of_what_clashes_nothing_can_be_left_out(
+    clashes: set[frozenset[int]], core: set[int]
+) -> None:
+    def find(places: list[int]) -> SearchAnswer:
+        none = any(clash <= {*places} for clash in clashes)
+        guessed = tuple(i for i, place in enumerate(places) if place in core)
+        return SearchAnswer(none=none, core=guessed)
+
+    kept = _fewest([*range(6)], find)
+    assert impossible(find(kept))
+    for place in kept:
+        assert kept == [place] or not impossible(find([each for each in kept if each != place]))
+
+
+def test_a_name_that_is_no_text_is_refused() -> None:
+    with pytest.raises(InputTypeError) as error:
+        rtamt.check({3: "x > 0"})  # type: ignore[dict-item]
+    assert str(error.value) == "expected names of specifications as text, got int"
+
+
+def test_traces_of_other_requirements_on_which_a_term_is_no_number_are_no_witnesses() -> None:
+    found = rtamt.check({"a": "x < 0", "b": "sqrt(x) > 2", "c": "sqrt(x) <= 2"})
+    for name, each in found.requirements.items():
+        for answer, expected in (
+            (each.satisfiable, Verdict.SATISFIED),
+            (each.falsifiable, Verdict.VIOLATED),
+        ):
+            assert answer.trace is not None or answer.why == "it is not linear (sqrt)"
+            if answer.trace is not None:
+                assert judge(each.text, answer.trace.columns).verdict is expected, name

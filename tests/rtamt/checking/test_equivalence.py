@@ -141,3 +141,23 @@ def test_requirements_without_a_namesake_are_refused() -> None:
     assert str(error.value) == (
         "one: expected one requirement, got a, b; give spec.requirements[NAME]"
     )
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "samples"),
+    [
+        (  # the part that looks back is no proof, what differs in it is
+            "always(eventually historically(x > 0 and y > 0))",
+            "always(eventually historically(y > 0 and x > 0))",
+            0,
+        ),
+        (  # no part is proved, and below they have different numbers of operands
+            "always(eventually(x > 0) and eventually(y > 0) and eventually(x > 0))",
+            "always(eventually(x > 0) and eventually(y > 0))",
+            16,
+        ),
+    ],
+)
+def test_parts_prove_as_much_as_they_can(one: str, other: str, samples: int) -> None:
+    found = rtamt.equivalent(one, other)
+    assert (found.says, found.samples) == ("yes", samples)

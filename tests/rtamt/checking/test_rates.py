@@ -1,6 +1,7 @@
 """Rates of change, against every trace over a grid of values that keeps them."""
 
 import itertools
+import math
 from fractions import Fraction
 
 import pytest
@@ -9,7 +10,8 @@ from hypothesis import strategies as st
 from small_texts import VALUES, texts
 
 import rtamt
-from rtamt import InputError, Verdict, judge
+from rtamt import InputError, InputTypeError, Verdict, judge
+from rtamt.checking.limits import VariableLimits
 
 RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5, 1.0)])
 
@@ -101,3 +103,28 @@ def test_wrong_rates_are_refused(rates: dict[str, tuple[float, float]], message:
     with pytest.raises(InputError) as error:
         rtamt.check("x > 0", rates=rates)
     assert str(error.value) == message
+
+
+def test_rates_that_are_no_mapping_are_refused() -> None:
+    with pytest.raises(InputTypeError) as error:
+        rtamt.check("x > 0", rates=[("x", 1)])  # type: ignore[arg-type]
+    assert str(error.value) == "rates= expected a mapping of variables, got list"
+
+
+@pytest.mark.parametrize(
+    ("values", "loop", "kept"),
+    [
+        ((0.0, 1.0, 2.0), 0, True),
+        ((0.0, 1.0, 2.0), 3, False),  # from 2 back to 0
+        ((0.0, 1.0, 2.0), 1, True),
+        ((0.0, 2.0), 0, False),
+        ((2.0, 3.5), 0, False),  # out of range
+        ((math.inf, math.inf), 0, True),
+        ((0.0, math.inf), 0, False),
+        ((math.inf, 0.0), 0, False),
+    ],
+)
+def test_values_keep_ranges_and_rates(values: tuple[float, ...], loop: int, *, kept: bool) -> None:
+    upper = math.inf if math.inf in values else 3.0
+    limits = VariableLimits({"x": (0.0, upper)}, {"x": (-1.0, 1.0)})
+    assert limits.kept({"x": values}, loop) is kept

@@ -3,6 +3,7 @@
 import itertools
 import re
 import sys
+from fractions import Fraction
 
 import pytest
 from hypothesis import given, settings
@@ -11,6 +12,7 @@ from small_texts import texts_of
 
 import rtamt
 from rtamt import Example, InputError, Verdict, judge
+from rtamt.checking import plain
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
@@ -248,3 +250,52 @@ def test_an_equality_has_near_misses_on_either_side() -> None:
         near = by_why[f"y != 1 just holds, from {side}"]
         assert near.verdict is Verdict.SATISFIED
         assert value in near.trace.columns["y"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["sqrt(x) < 2 and y > sqrt(x)", "sqrt(x) >= 2", "always[0:3](sqrt(x - 1) <= y or y > 2)"],
+)
+def test_examples_have_no_values_at_which_a_term_is_no_number(text: str) -> None:
+    found = only(text, count=30)
+    assert found.examples
+    for each in found.examples:
+        said = judged(text, each)
+        assert (said.verdict, said.robustness) == (each.verdict, each.robustness)
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "just"),
+    [
+        ("3 < x", 3.0, 4.0),
+        ("3 >= x", 3.0, 4.0),
+        ("x > 5e-324", 5e-324, None),  # of whose last digit there is no half
+        ("2.5 > x", 2.5, 2.4),
+    ],
+)
+def test_a_threshold_may_stand_on_either_side(text: str, at: float, just: float | None) -> None:
+    wanted = {at, just} - {None}
+    found = only(text, count=30).examples
+    shown = {each.trace.columns["x"] for each in found if "threshold" in each.kinds}
+    assert shown == {(value,) for value in wanted}
+
+
+def test_a_sample_that_no_bound_in_decimals_adds_has_no_example() -> None:
+    third = only("eventually[0:1](x > 0)", period=Fraction(1, 3), count=30)
+    half = only("eventually[0:1](x > 0)", period=Fraction(1, 2), count=30)
+    kinds = [{kind for each in found.examples for kind in each.kinds} for found in (third, half)]
+    assert kinds[1] - kinds[0] == {"last moment", "too late", "first moment"}
+    assert kinds[0] < kinds[1]
+
+
+@pytest.mark.parametrize("work", [0, 2000])
+def test_examples_for_which_there_is_no_work_left_are_judged_as_they_say(
+    monkeypatch: pytest.MonkeyPatch, work: int
+) -> None:
+    monkeypatch.setattr(plain, "_WORK", work)
+    text = "always[0:6](x > 3 implies eventually[0:4](y < x / 7)) and eventually[0:9](x > 3)"
+    found = only(text, count=30)
+    assert len(found.examples) > 5
+    for each in found.examples:
+        said = judged(text, each)
+        assert (said.verdict, said.robustness) == (each.verdict, each.robustness)

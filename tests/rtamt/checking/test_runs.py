@@ -46,3 +46,20 @@ def test_traces_change_where_windows_begin_and_end(text: str, times: list[list[i
     found = [*change_times([program], 141)]
     assert found[: len(times)] == times
     assert all(each == sorted({*each}) and each[-1] < 141 for each in found)
+
+
+def test_a_trace_of_one_sample_does_not_change() -> None:
+    assert [*change_times([compile_program(parse("always[0:100](x > 0)"))], 1)] == [[0]]
+
+
+def test_of_many_corners_some_are_tried() -> None:
+    text = "x > 0"
+    for power in range(9):
+        text = f"eventually[{2**power}:{3**power + 2**power}]({text})"
+    program = compile_program(parse(text))
+    most = 1 + sum(3**power + 2**power for power in range(9))
+    found = [*change_times([program], most)]
+    assert found[0] == [0]
+    assert all(each == sorted({*each}) and each[-1] < most for each in found)
+    assert 64 <= len(found[1]) <= 129
+    assert found[1][-1] > most // 2

@@ -6,8 +6,11 @@ from strategies import Trace, formulas, length, traces
 
 from rtamt import Formula, holds, judge, parse
 from rtamt.checking.graph import FALSE, TRUE, Graph
-from rtamt.checking.samples import known_samples
+from rtamt.checking.plain import Plainness, made_plain
+from rtamt.checking.pool import KnownTrace, TracePool
+from rtamt.checking.samples import function_of, known_samples, unknown_samples
 from rtamt.checking.truths import World, truth
+from rtamt.checking.witness import ExampleTrace, Goal, judged_so
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.program.lowering import compile_program
@@ -56,3 +59,72 @@ def test_an_endless_trace_goes_on_where_one_that_ends_does_not() -> None:
     again = parse("always(eventually(a > 0)) and not eventually(always(a < 0))").formula
     assert found(again, trace, World.ENDLESS, 2)
     assert not found(again, trace, World.ENDLESS, 1)
+
+
+def test_folds_without_bounds_are_those_of_a_longer_trace() -> None:
+    trace = {"a": [1.0, -1.0, 2.0, -1.0, -1.0, 3.0]}
+    longer = {"a": trace["a"] + trace["a"][4:] * 20}
+    for text in (
+        "eventually[12:13](historically(a > -2))",
+        "always[9:14](once(a > 2) and historically(a < 3))",
+        "always[3:4](eventually(a > 2)) and eventually(a > 2)",
+        "always[4:9](a since[3:inf] a > 1) or next(eventually[2:inf](a > 2))",
+    ):
+        formula = parse(text).formula
+        for negated in (formula, ~formula):
+            judged = judge(negated, longer, end="complete")
+            assert found(negated, trace, World.ENDLESS, 2) == holds(judged.robustness), text
+
+
+def test_on_a_trace_on_which_a_term_is_no_number_nobody_knows() -> None:
+    graph = Graph()
+    program = compile_program(parse("sqrt(x) > 2"))
+    asked = truth(graph, unknown_samples(graph), program, 1, World.COMPLETE)
+    for value, above, below in ((9.0, True, False), (1.0, False, True), (-1.0, False, False)):
+        known = KnownTrace(graph, {"x": (value,)}, lambda _: 0.0)
+        assert known.fulfils([asked]) is above
+        assert known.fulfils([graph.no(asked)]) is below
+    assert function_of("sqrt")(-1.0) != function_of("sqrt")(-1.0)  # nan
+
+
+def test_the_newest_200_traces_are_known() -> None:
+    pool = TracePool(Graph(), lambda _: 0.0)
+    for value in range(203):
+        pool.add({"x": (float(value),)})
+    assert [columns["x"] for columns, _ in pool.of_length(1)] == [
+        (float(value),) for value in range(202, 2, -1)
+    ]
+
+
+def test_a_trace_on_which_a_term_is_no_number_is_no_witness() -> None:
+    program = compile_program(parse("sqrt(x) > 2"))
+    for value, expected in ((9.0, (True, False)), (1.0, (False, True)), (-1.0, (False, False))):
+        for loop in (0, 1):
+            trace = ExampleTrace({"x": (value,)}, 1, loop)
+            said = tuple(
+                judged_so(trace, [Goal(program, holds)], None, "complete")
+                for holds in (True, False)
+            )
+            assert said == expected, (value, loop)
+
+
+def test_a_plainer_trace_is_one_on_which_truths_hold() -> None:
+    graph = Graph()
+    spec = parse("sqrt(x) < 2")
+    asked = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.ENDLESS, loop=1)
+    plainness = Plainness([spec.formula], frozenset(), {})
+    assert -2.0 in plainness.of("x")  # at which sqrt(x) is no number
+    trace = ExampleTrace({"x": (3.25, 3.25)}, 2, 1)
+    assert made_plain(trace, graph, [asked], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
+    assert made_plain(trace, graph, [graph.no(asked)], plainness) == trace
+
+
+def test_long_traces_that_change_often_become_plainer_too() -> None:
+    graph = Graph()
+    spec = parse("always[0:38](x > 3 iff next(x <= 3))")
+    program = compile_program(spec)
+    asked = truth(graph, unknown_samples(graph), program, 40, World.COMPLETE)
+    before = ExampleTrace({"x": (7.625, -2.375) * 20}, 40, 0)
+    found = made_plain(before, graph, [asked], Plainness([spec.formula], frozenset(), {}))
+    assert judge(spec, found.columns).robustness > 0
+    assert {*found.columns["x"]} == {0.0, 4.0}

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from rtamt import DenseMonitor, Events, evaluate_dense
+from rtamt import DenseMonitor, Events, InputError, evaluate_dense
 
 Backend = Literal["native", "python"]
 
@@ -74,3 +74,22 @@ def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
     table += 1  # nor does the monitor keep it
     assert monitor.update({}) == []
     assert evaluate_dense(text, given_away | {"y": PAIRS}, backend=backend) == first
+
+
+def test_integers_of_numpy_are_exact_times(backend: Backend) -> None:
+    first = 2**60 + 1  # of which no double is one
+    found = evaluate_dense(
+        "x > 0",
+        {"x": [(np.int64(first), 1), (np.int64(first + 2), 2)]},
+        resolution="1s",
+        backend=backend,
+    )
+    assert found.values.tolist() == [1.0, 2.0]
+
+
+def test_events_from_last_to_first_are_refused() -> None:
+    events = Events([0.0, 1.0], [1, 2])
+    assert events[:1:-1] == Events([], [])
+    assert events[:0:-1] == events[1:]
+    with pytest.raises(InputError, match=r"^expected a time after 1.0 at event 1, got 0.0$"):
+        events[::-1]

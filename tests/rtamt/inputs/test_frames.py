@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rtamt
+from rtamt.inputs.frames import named_columns
 
 SPEC = "always[0:2](x > 1 implies y < 3)"
 
@@ -146,3 +147,21 @@ def test_no_library_of_frames_is_imported() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_what_has_columns_that_are_no_names_is_no_frame() -> None:
+    class Table:
+        columns = 3
+
+        def __getitem__(self, name: str) -> list[float]:
+            return [1.0, 2.0]
+
+    with pytest.raises(rtamt.InputTypeError, match=r"^expected an array of numbers for the block,"):
+        rtamt.evaluate("x > 0", Table())  # type: ignore[arg-type]
+
+
+def test_a_table_is_the_mapping_of_its_columns() -> None:
+    table = named_columns(pl.DataFrame({"x": [1.0], "y": [2.0]}))
+    assert isinstance(table, Mapping)
+    assert (len(table), [*table]) == (2, ["x", "y"])
+    assert {name: [*column] for name, column in table.items()} == {"x": [1.0], "y": [2.0]}

@@ -327,6 +327,13 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
 ]
 
 
+def test_of_a_long_name_no_similar_one_is_sought(backend: Backend) -> None:
+    name = "r" * 1000
+    with pytest.raises(InputError) as error:
+        Monitor("req > 0", backend=backend).update({name: 1.0, "req": 1.0})
+    assert str(error.value) == f"unknown variable '{name}'; the variables are req"
+
+
 def test_one_value_is_counted_in_the_singular(backend: Backend) -> None:
     with pytest.raises(InputError, match=r"^expected 1 value \(x\), got 2$"):
         Monitor("x > 0", backend=backend).update(1.0, 2.0)

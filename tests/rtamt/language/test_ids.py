@@ -102,3 +102,10 @@ def test_parts_leave_out_topics_of_what_they_do_not_have() -> None:
         part = spec.requirements[name]
         assert part.topics == topics
         assert rtamt.parse(str(part)).topics == topics
+
+
+@pytest.mark.parametrize("parts", [(3,), ("SYS-1", 3), (None,)])
+def test_an_id_that_is_no_text_is_refused(parts: tuple[object, ...]) -> None:
+    with pytest.raises(rtamt.InputTypeError) as error:
+        RequirementId(*parts)  # type: ignore[arg-type]
+    assert str(error.value) == f"expected id and link as text, got {parts[-1]!r}"

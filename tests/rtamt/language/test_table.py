@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import random
 from collections.abc import Callable, Iterator
@@ -195,3 +196,50 @@ def test_text_and_python_agree_on_the_names_of_variables(word: str) -> None:
     assert rtamt.parse(text).variables == (word,)
     assert str(formula(f"const float {word} = 3; G[0:{word}] x > {word}")) == "always[0:3](x > 3)"
     assert list(rtamt.parse(f"{word} = x > 1\nx > 0 or {word}").formulas) == [word]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"notation": "prefix", "arity": (2, 2)},
+        {"notation": "prefix", "grouping": "left"},
+        {"notation": "infix", "arity": (3, 3)},
+        {"notation": "call", "timed": True},
+        {"operands": "term", "timed": True},
+    ],
+)
+def test_a_row_that_contradicts_itself_is_a_bug(changes: dict[str, object]) -> None:
+    with pytest.raises(AssertionError, match=r"^the row of later contradicts itself$"):
+        dataclasses.replace(LATER, **changes)  # type: ignore[arg-type]
+
+
+def test_a_row_is_shown_by_its_name() -> None:
+    assert repr(LATER) == "<operator later>"
+
+
+CAPPED = Operator(
+    ("capped",),
+    "prefix",
+    7,
+    "min(p, 1), held for a sample",
+    lambda b, p: b.window("max", -1, 0, b.window("min", 0, 1, b.map("min", p, b.constant(1.0)))),
+    sampled=True,
+    future=True,
+)
+
+
+@pytest.mark.parametrize("backend", ["python", "auto"])
+def test_a_row_of_windows_over_a_constant_is_explained(
+    add: Add, backend: Literal["python", "auto"]
+) -> None:
+    add(CAPPED)
+    capped = rtamt.parse("always capped(x > 0)")
+    for x in ([3.0, 0.5, 2.0, 4.0], [3.0, -2.0, -0.5, 4.0], [5.0, 6.0, 7.0]):
+        value = rtamt.evaluate(capped, {"x": x}, backend=backend)[0]
+        held = [min(*(min(v, 1.0) for v in x[i : i + 2]), 1.0) for i in range(len(x))]
+        expected = min(max(held[max(0, i - 1) : i + 1]) for i in range(len(x)))
+        assert value == expected
+        found = rtamt.explain(capped, {"x": x}, backend=backend)
+        assert found.robustness == expected
+        if expected != 1.0:
+            assert [x[at.sample] for at in found.causes] == [expected]

@@ -1,6 +1,7 @@
 """What the clock of dense time refuses, in exact words, with a resolution that would do."""
 
 import re
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from rtamt import (
     SpecificationError,
     StlDenseTimeSpecification,
     evaluate_dense,
+    explain_dense,
     judge_dense,
 )
 
@@ -90,6 +92,76 @@ def test_times_are_counted(before: Any, event: Any, words: str, backend: Backend
         monitor.update({"x": [(event, 2.0)]})
     assert monitor.settled == before
     assert monitor.finish() == [(before, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("events", "words"),
+    [
+        ([(LAST, 1), (2, 1)], "datetime64 as the time of event 1 of 'x', as before, got 2.0"),
+        (
+            [(0.5, 1), (Fraction(1), 1), (LAST, 1)],
+            f"a number as the time of event 2 of 'x', as before, got datetime64 {LAST}",
+        ),
+    ],
+)
+def test_dates_and_numbers_are_not_mixed(events: Any, words: str, backend: Backend) -> None:  # noqa: ANN401
+    with pytest.raises(InputError, match=f"^expected {re.escape(words)}$"):
+        evaluate_dense("x > 0", {"x": events}, backend=backend)
+
+
+@pytest.mark.parametrize(
+    ("dates", "resolution", "words", "would_do"),
+    [
+        (
+            ["2026-01-01T00", "2500-01-01T00"],
+            "10ns",
+            "times that datetime64[ns] holds, as the resolution is 10ns",
+            "1us",
+        ),
+        (
+            ["2026-01-01T00", "2026-01-02T00"],
+            Fraction(1, 3),
+            "numbers as times, because no datetime64 counts ticks of 1/3s",
+            "1ns",
+        ),
+    ],
+)
+def test_a_resolution_that_no_date_has_is_refused_and_the_named_one_would_do(
+    dates: list[str],
+    resolution: str | Fraction,
+    words: str,
+    would_do: str,
+    backend: Backend,
+) -> None:
+    signals = {"x": Events(np.array(dates, "datetime64[h]"), [1, -1])}
+    said = f"expected {words}; resolution={would_do!r} would do"
+    with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+        evaluate_dense("x > 0", signals, resolution=resolution, backend=backend)
+    found = evaluate_dense("x > 0", signals, resolution=would_do, backend=backend)
+    np.testing.assert_array_equal(found.times, signals["x"].times)
+
+
+@pytest.mark.parametrize("unit", ["Y", "M"])
+def test_years_and_months_are_dates(unit: str, backend: Backend) -> None:
+    monitor = DenseMonitor("x > 0", backend=backend)
+    first = np.datetime64("2026", unit)
+    monitor.update({"x": [(first, 1.0)]})
+    with pytest.raises(InputError, match="expected a time after 2026"):
+        monitor.update({"x": [(np.datetime64("2026-01-01", "s"), 2.0)]})
+    monitor.update({"x": [(np.datetime64("2026-01-01T00:00:01", "s"), -1.0)]})
+    assert [value for _, value in monitor.finish()] == [-1.0]
+
+
+@pytest.mark.parametrize("judge_it", [explain_dense, judge_dense])
+def test_a_trace_that_is_too_long_with_its_bounds_is_refused(
+    judge_it: Callable[..., object], backend: Backend
+) -> None:
+    words = (
+        "expected a trace that lasts less than 2**62 ticks of 1ns with the bounds of the "
+        "formula, got 8500000000000000000; resolution='10ns' would do"
+    )
+    with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
+        judge_it("always[0:4e9](x > 0)", {"x": [(-2e9, 1), (2.5e9, 1)]}, backend=backend)
 
 
 @pytest.mark.parametrize(

@@ -144,7 +144,8 @@ def test_no_episode_keeps_more_numbers(formula: Formula, trace: Trace) -> None:
     placement = place(program)
     numbers = episode_numbers(placement)
     for i in range(length(trace)):
-        machine.update(*sample(trace, i, program.variables).values())
+        values = [*sample(trace, i, program.variables).values()]
+        machine.take(machine.terms(values), values)
         for register, stream in machine._streams.items():
             kept = stream.kept[0].size + sum(map(len, stream.open))
             assert kept <= numbers[register] + 1  # its newest value
