@@ -197,6 +197,8 @@ def check_names(recording: Recording, needed: Sequence[str]) -> None:
 
 def _check_header(recording: Recording, needed: Sequence[str]) -> None:
     source, names = recording.source, recording.names
+    if not names:
+        raise InputError(f"{source}: expected columns with names, got none")
     if all(map(_is_number, names)):
         raise InputError(
             f"{source}, line 1: expected the names of the columns, got {listed(names)}; "

@@ -136,12 +136,12 @@ class ULogRecording:
         said: dict[str, None] = {}
         for name, (topic, times, values) in fields.items():
             stamped = times > 0
-            last = np.append(times[stamped][1:] != times[stamped][:-1], np.True_)
-            kept[name] = field = _Field(topic, times[stamped][last], values[stamped][last])
-            if len(field.times) == 0:
+            if not stamped.any():
                 raise InputError(
                     f"{self.source}: expected records of {topic} with a time, got none"
                 )
+            last = np.append(times[stamped][1:] != times[stamped][:-1], np.True_)
+            kept[name] = field = _Field(topic, times[stamped][last], values[stamped][last])
             back = field.times[1:] < field.times[:-1]
             if back.any():
                 at = int(back.argmax())

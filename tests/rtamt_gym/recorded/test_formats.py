@@ -285,6 +285,77 @@ def test_an_array_alone_is_no_archive(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [
+        ({}, ": expected columns with names, got none"),
+        ({"plan": np.zeros((2, 2))}, ": expected columns with names, got none"),
+        (
+            {"time": np.arange(3.0), "speed": np.arange(2.0)},
+            ": expected columns of one length, got speed: 2, time: 3",
+        ),
+        ({"speed": np.array(["a", "b"])}, ", column 'speed': expected numbers, got <U1"),
+        (
+            {"time": np.array(["a", "b"]), "speed": np.arange(2.0)},
+            ", column 'time': expected numbers or dates, got <U1",
+        ),
+        (
+            {"time": np.array([False, True]), "speed": np.arange(2.0)},
+            ", column 'time': expected numbers or dates, got bool",
+        ),
+    ],
+)
+def test_arrays_that_are_no_columns_are_refused(arrays: Table, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "trace.npz"
+    np.savez(path, allow_pickle=False, **arrays)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed"])
+    assert str(caught.value) == f"{path}{said}"
+
+
+def test_structures_of_numpy_have_dotted_names_and_no_variable_reads_the_longest_array(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "trace.npz"
+    car = np.array([(0.5, 1), (1.5, 2), (2.5, 3)], [("speed", "f8"), ("gear", "i4")])
+    np.savez(path, allow_pickle=False, car=car)
+    trace = read(path, ["car.gear"])
+    assert trace.columns["car.gear"].tolist() == [1.0, 2.0, 3.0]
+    assert read(path, []).samples == 3
+
+
+@pytest.mark.parametrize("extension", [".npz", ".parquet", ".ndjson"])
+def test_dates_in_texts_are_times(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"dated{extension}"
+    dates = [f"2024-02-29T23:59:{second}.5Z" for second in (57, 58, 59)]
+    if extension == ".npz":
+        np.savez(path, allow_pickle=False, time=np.array(dates), speed=np.arange(3.0))
+    elif extension == ".parquet":
+        pq.write_table(pa.table({"time": dates, "speed": [0.0, 1.0, 2.0]}), path)
+    else:
+        rows = ({"time": date, "speed": at} for at, date in enumerate(dates))
+        path.write_text("\n".join(map(json.dumps, rows)))
+    trace = read(path, ["speed"])
+    assert (trace.period(), trace.columns["speed"].tolist()) == (1, [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [
+        (pa.array([0.0, None, 2.0]), ", row 2, column 'time': expected a number, got none"),
+        (pa.array(["a", "b", "c"]), ", column 'time': expected numbers or dates, got <U1"),
+        (pa.array([], pa.int64()), ": expected at least one sample below the line of names"),
+        (pa.array([], pa.float64()), ": expected at least one sample below the line of names"),
+    ],
+)
+def test_a_table_without_times_is_refused(time: pa.Array, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "trace.parquet"
+    pq.write_table(pa.table({"time": time, "speed": pa.array([1.0] * len(time))}), path)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed"])
+    assert str(caught.value) == f"{path}{said}"
+
+
 def test_a_missing_column_is_named_in_every_format(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"trace{extension}"
     WRITERS[extension](path, TABLE)
@@ -334,15 +405,20 @@ def test_a_long_text_is_read_by_the_library_as_a_short_one_is(
     path = tmp_path / "t.csv"
     for text in texts:
         path.write_text(text, encoding="utf-8")
-        for columns in (Columns(), Columns(missing="hold")):
+        # A formula may read the times, which are no numbers if they are dates.
+        for variable, columns in [
+            ("x", Columns()),
+            ("x", Columns(missing="hold")),
+            ("time", Columns()),
+        ]:
             said: list[object] = []
             for long in (1 << 30, 0):
                 monkeypatch.setattr(csv_reader, "_LONG", long)
                 try:
-                    trace = read(path, ["x"], columns)
+                    trace = read(path, [variable], columns)
                     times = None if trace.times is None else trace.times.since.tolist()
                     where = [trace.where(i) for i in range(trace.samples)]
-                    said.append((trace.columns["x"].tolist(), times, where, [*trace.notes]))
+                    said.append((trace.columns[variable].tolist(), times, where, [*trace.notes]))
                 except rtamt.InputError as error:
                     said.append(str(error))
             assert said[0] == said[1], text

@@ -201,6 +201,14 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
         f"{path}: expected times of vehicle_local_position that increase, got 0.00025 s after "
         "0.0003 s"
     )
+    log = Ulog()
+    log.records(POSITION, [(0, [1, 0, 0]), (0, [2, 0, 0])])
+    log.save(path)
+    with pytest.raises(rtamt.InputError) as caught:
+        events(path, text)
+    assert str(caught.value) == (
+        f"{path}: expected records of vehicle_local_position with a time, got none"
+    )
 
 
 def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
