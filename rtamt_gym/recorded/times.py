@@ -133,7 +133,8 @@ class TimeAxis:
         """The times of the rows of a recording.
 
         Raises:
-            InputError: If a time is not finite, or if the name of the column has an unknown unit.
+            InputError: If a time or its distance to the first is not finite, or if the name of the
+                column has an unknown unit.
         """
         raw = rows.times
         assert raw is not None, "the column was read"  # noqa: S101 - for mypy
@@ -157,8 +158,15 @@ class TimeAxis:
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
         unit = UNITS[said or "s"]
-        with np.errstate(over="ignore"):  # times so far apart are refused later, by their distance
+        with np.errstate(over="ignore"):
             since = _scaled(raw - raw[0], unit)
+        far = ~np.isfinite(since)
+        if far.any():
+            at = int(far.argmax())
+            raise InputError(
+                f"{rows.where(at)}, column '{column}': expected times whose distances are finite, "
+                f"got {raw[at]} after {raw[0]}"
+            )
         most = float(np.abs(raw).max())
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(_scaled(raw[:1], unit)[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import shutil
 import sqlite3
@@ -17,6 +18,7 @@ from rosbags.highlevel import AnyReader
 import rtamt
 from rtamt_gym import Reading
 from rtamt_gym.__main__ import main
+from rtamt_gym.recorded import bag_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.ruled import read_ruled
@@ -267,6 +269,18 @@ def test_a_missing_package_names_its_extra(
     assert capsys.readouterr().err == (
         "rtamt: error: rosbags is not installed; from the checkout: pip install '.[bags]'\n"
     )
+
+
+def test_a_bag_that_may_not_be_read_is_an_error_of_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", "run.mcap")
+
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    monkeypatch.setattr(bag_reader, "AnyReader", refuse)  # root may read everything
+    assert main(["monitor", "always(x < 1)", "--dense", str(path)]) == 2
+    assert capsys.readouterr().err == "rtamt: error: cannot open run.mcap: Permission denied\n"
 
 
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag"])

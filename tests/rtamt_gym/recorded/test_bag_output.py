@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bags import START, Said, twist, write_bag
+from bags import START, Said, message, store_of, twist, write_bag
 from command_line import run_unread
 from memory_middleware import MemoryMiddleware
 from memory_nodes import topics
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer
 
 import rtamt
 from rtamt import EpisodeMonitor, Verdict
@@ -187,7 +188,7 @@ def test_only_a_bag_is_copied_to_a_file_of_its_own(
     table.write_text("time,x\n0,1\n1,2\n")
     more = tmp_path / "more.csv"
     more.write_text("time,x\n0,1\n1,2\n")
-    for traces, out, message in (
+    for traces, out, words in (
         (
             [str(table)],
             "copy.mcap",
@@ -207,7 +208,30 @@ def test_only_a_bag_is_copied_to_a_file_of_its_own(
     ):
         command = ["monitor", "--write-mcap", str(tmp_path / out), "always(x < 9)", *traces]
         assert main(command) == 2
-        assert capsys.readouterr().err == f"rtamt: error: {message}\n"
+        assert capsys.readouterr().err == f"rtamt: error: {words}\n"
+
+
+def test_a_message_that_cannot_be_copied_leaves_no_copy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, copy, store = tmp_path / "run.bag", tmp_path / "copy.mcap", store_of(1, {})
+    kind = "geometry_msgs/msg/Twist"
+    with Writer(bag) as writer:
+        to = writer.add_connection("/robot0/cmd_vel", kind, typestore=store)
+        other = writer.add_connection("/name", "std_msgs/msg/String", typestore=store)
+        for i in range(3):
+            raw = store.serialize_ros1(message(store, kind, {}), kind)
+            writer.write(to, START + i * STEP, raw)
+        writer.write(other, START + STEP, b"\xff\xff\xff\x7fann")  # a text longer than the message
+    command = ["monitor", "always(x < 9)", str(bag), "--signal", "x=/robot0/cmd_vel.linear.x"]
+    assert main([*command, "--period", "0.1"]) == 0
+    capsys.readouterr()
+    assert main([*command, "--period", "0.1", "--write-mcap", str(copy)]) == 2
+    said = (
+        f"rtamt: error: {bag}: expected a whole bag of ROS 1, got an error: Invalid string length"
+    )
+    assert capsys.readouterr().err.startswith(said)
+    assert not copy.exists()
 
 
 def test_names_of_topics_have_letters_of_ros(

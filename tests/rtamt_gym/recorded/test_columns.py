@@ -12,6 +12,7 @@ import rtamt
 from rtamt_gym.recorded.columns import Columns, Missing, read_columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
+from rtamt_gym.recorded.times import simple
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
 
 
@@ -209,6 +210,14 @@ def test_a_sample_off_the_grid_is_refused_or_resampled_by_holding() -> None:
     assert trace.where(6) == "t.csv, line 7"
 
 
+def test_long_times_are_told_since_the_first() -> None:
+    times = [1.7e9 + i + 0.5 * (i > 3) for i in range(8)]
+    assert refused(timed("time", times)).startswith(
+        "t.csv, line 6: expected samples at even distances, got time 4.5 s since the first after "
+        "3 s since the first, elsewhere 1 s; give "
+    )
+
+
 @given(st.lists(st.integers(1, 12), min_size=2, max_size=40), st.integers(0, 4))
 def test_resampling_holds_the_last_value_at_every_sample(steps: list[int], late: int) -> None:
     """Against a walk over the grid: times in hundredths, a grid of the usual step."""
@@ -229,6 +238,24 @@ def test_resampling_holds_the_last_value_at_every_sample(steps: list[int], late:
         at = i * float(period)
         assert times[int(held)] <= at + near + 1e-9
         assert int(held) + 1 == len(times) or times[int(held) + 1] > at + near - 1e-9
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(jitter=0.05, time_unit="s")])
+def test_times_whose_distance_is_no_number_are_refused(columns: Columns) -> None:
+    begin = -1.7e308
+    times = [begin, begin + 1e300, begin + 2e300, begin + 3e300, 1.7e308]
+    assert refused(timed("t", times), columns) == (
+        "t.csv, line 6, column 't': expected times whose distances are finite, got 1.7e+308 after "
+        "-1.7e+308"
+    )
+    text = timed("t [h]", [0, 1e305])
+    assert refused(text).endswith("are finite, got 1e+305 after 0.0")
+
+
+@given(st.floats(1e-300, 1e300), st.floats(1e-12, 0.01))
+def test_a_simple_fraction_lies_within_the_blur(value: float, blur: float) -> None:
+    assert abs(simple(value, blur * value) - Fraction(value)) <= Fraction(blur * value)
+    assert simple(0.1 + blur / 1000, 0.02) == Fraction(1, 10)
 
 
 def test_a_gap_too_long_to_resample_is_refused() -> None:

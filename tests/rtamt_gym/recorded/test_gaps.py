@@ -189,10 +189,15 @@ def test_a_gap_is_long_above_ten_usual_steps(steps: int, capsys: Output) -> None
     ],
 )
 @pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("options", [[], ["--missing", "hold"]])
 def test_times_that_contradict_the_period_are_said(
-    rows: list[tuple[float, ...]], period: str, said: str | None, capsys: Output
+    rows: list[tuple[float, ...]],
+    period: str,
+    said: str | None,
+    options: list[str],
+    capsys: Output,
 ) -> None:
-    assert main(["monitor", "always(x > 0)", write(rows), "--period", period]) == 0
+    assert main(["monitor", "always(x > 0)", write(rows), "--period", period, *options]) == 0
     out = " ".join(capsys.readouterr().out.split())
     head = "note: --period leaves the column 'time' aside, which has the rows "
     assert (head in out) is (said is not None)
@@ -225,6 +230,13 @@ def test_whole_times_without_a_unit_are_noted_with_the_length_they_give(
         "are milliseconds, --time-unit ms"
     )
     assert " ".join(capsys.readouterr().out.split()).count(said) == noted
+
+
+@pytest.mark.usefixtures("folder")
+def test_times_of_which_a_late_one_is_no_whole_number_are_seconds(capsys: Output) -> None:
+    write([(i + 0.5 * (i == 150), 1.0) for i in range(200)])
+    assert main(["monitor", "always(x > 0)", "run.csv", "--dense"]) == 0
+    assert "the times have no unit" not in capsys.readouterr().out
 
 
 def test_a_saved_run_has_seconds(folder: Path, capsys: Output) -> None:
@@ -509,6 +521,22 @@ def test_a_topic_that_falls_silent_is_unknown_after_the_gap(folder: Path, capsys
     assert np.flatnonzero(np.isnan(trace.columns["speed"])).tolist() == list(range(20, 60))
     assert main(["monitor", text, path, "--dense", *words[4:], "--max-gap", "1s"]) == 3
     assert "(a hole of 4.1 s after 1.9 s)" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_topic_with_one_message_has_no_hole(folder: Path) -> None:
+    said = [twist(START + i * 10**8, 0.5) for i in (0, 20)]
+    said.append(Said(START + 20 * 10**8, "/v", "std_msgs/Float64", {"data": 1.0}))
+    path = str(write_bag(folder / "once.bag", said))
+    signals = {"speed": "/robot0/cmd_vel.linear.x", "v": "/v.data"}
+    columns = Columns(signals, max_gap=Fraction(1))
+    spec = rtamt.parse("always(speed < v)")
+    trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1, 10)), columns)
+    assert isinstance(trace, Trace)
+    assert {name: values.tolist() for name, values in trace.columns.items()} == {
+        "speed": [0.5],
+        "v": [1.0],
+    }
+    assert trace.notes[-1].endswith("more than 1 s (speed: a hole of 2 s after 0 s)")
 
 
 def test_a_topic_is_unknown_after_its_last_message(folder: Path, capsys: Output) -> None:

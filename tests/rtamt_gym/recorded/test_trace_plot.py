@@ -14,12 +14,15 @@ N = 40
 SIGNALS = {f"v{i}": np.full(N, float(i)) for i in range(15)}
 
 
-def drawn(texts: dict[str, str], *, everything: bool = False) -> Figure:
+def drawn(
+    texts: dict[str, str], *, everything: bool = False, reading: Reading | None = None
+) -> Figure:
     times = TimeAxis("time", np.arange(N) / 10, 0.0, 1e-12, certain=True)
     specs = {name: rtamt.parse(text) for name, text in texts.items()}
     names = dict.fromkeys(v for spec in specs.values() for v in spec.variables)
     trace = Trace("made", {name: SIGNALS[name] for name in names}, N, times, str)
-    judgements = {name: judge(s, trace, trace.period(), Reading()) for name, s in specs.items()}
+    rules = reading or Reading()
+    judgements = {name: judge(s, trace, trace.period(), rules) for name, s in specs.items()}
     reads = {name: spec.variables for name, spec in specs.items()}
     signals = signals_of(trace, trace.period())
     return draw_trace(signals, judgements, "made", reads, everything=everything)
@@ -52,6 +55,16 @@ def test_of_many_requirements_the_worst_are_drawn_and_the_others_counted() -> No
         "the worst 6 of 16 requirements; others: 10 SATISFIED; 11 signals not shown; "
         "--all draws everything"
     )
+
+
+def test_a_curve_says_how_it_reads_the_end_where_that_is_another_verdict() -> None:
+    texts = {"late": "eventually[50:90](true) or v3 > 5", "now": "always(v3 < 5)"}
+    axes = drawn(texts, reading=Reading(end="cut")).axes
+    assert [ax.get_xlabel() for ax in axes] == [
+        "",
+        "SATISFIED, inf (curve: --end complete)",
+        "SATISFIED, 2",
+    ]
 
 
 def test_all_can_be_drawn() -> None:
