@@ -364,9 +364,7 @@ def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: 
         head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
         return head + str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
-    if trace is None:
-        msg = "a trace that was not read has no judgement to explain"
-        raise AssertionError(msg)
+    assert trace is not None, "it was judged"  # noqa: S101 - for mypy
     trace = trace.known(whole.variables)
     explanation = rtamt.explain(
         whole,
@@ -383,9 +381,7 @@ def _judge(
 ) -> TraceJudgement:
     if isinstance(judged.trace, Trace):
         return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
-    if judged.trace is None:
-        msg = "a trace that was not read cannot be judged"
-        raise AssertionError(msg)
+    assert judged.trace is not None, "it was read"  # noqa: S101 - for mypy
     return judge.judge_events(spec, judged.trace, reading, formulas=formulas)
 
 

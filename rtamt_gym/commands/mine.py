@@ -141,9 +141,7 @@ def _read(asked: TracesAsked, path: str) -> Samples:
     from rtamt_gym.search.mining.traces import Samples
 
     trace, period = read_trace_of(asked, path)
-    if not isinstance(trace, Trace):
-        msg = "dense traces are refused before"
-        raise TypeError(msg)
+    assert isinstance(trace, Trace), "dense time was refused"  # noqa: S101 - for mypy
     return Samples(
         path,
         path,

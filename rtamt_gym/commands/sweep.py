@@ -202,8 +202,6 @@ def _check_map(
 def _worst(done: Sweep) -> Iterator[str]:
     """A line for each requirement: its least robustness, and where that is."""
     for name in done.requirements:
-        if all(name not in row.outcomes for row in done.record):
-            continue
         worst = done.worst(name)
         number = next(i for i, row in enumerate(done.record) if row is worst)
         columns = worst.case.columns()

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO, NoReturn, TextIO, cast
+from typing import BinaryIO, TextIO, cast
 
 import numpy as np
 
@@ -211,12 +211,12 @@ class CsvRecording:
         while block := list(itertools.islice(self.rows, _BLOCK)):
             places, rows = zip(*block, strict=True)
             if set(map(len, rows)) != {len(self.names)}:
-                self._refuse(block, wanted)
+                raise next(self._errors(block, wanted))
             cells = dict(zip(self.names, zip(*rows, strict=True), strict=False))
             for name in wanted.numbers:
                 column = self._floats(cells[name], name, wanted)
                 if column is None:
-                    self._refuse(block, wanted)
+                    raise next(self._errors(block, wanted))
                 parts[name].append(column)
             for name in wanted.texts:
                 texts[name] += map(str.strip, cells[name])
@@ -255,23 +255,23 @@ class CsvRecording:
         commas = any(map(DECIMAL_COMMA.fullmatch, cells))
         return "," if commas and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
 
-    def _refuse(self, block: Sequence[tuple[int, list[str]]], wanted: Wanted) -> NoReturn:
-        """Raises the error of the first row in the block that cannot be read."""
+    def _errors(
+        self, block: Sequence[tuple[int, list[str]]], wanted: Wanted
+    ) -> Iterator[InputError]:
+        """The errors of the rows in the block that cannot be read."""
         for line, row in block:
             if len(row) != len(self.names):
-                raise InputError(
+                yield InputError(
                     f"{self.source}, line {line}: expected {len(self.names)} values "
                     f"({listed(self.names)}), got {len(row)}"
                 )
             for name in wanted.numbers:
                 cell = row[self.names.index(name)]
                 if self._floats([cell], name, wanted) is None:
-                    raise InputError(
+                    yield InputError(
                         f"{self.source}, line {line}, column '{name}': expected a number, "
                         f"got {cell!r}{self._advice(cell.strip(), wanted)}"
                     )
-        msg = "every row can be read"
-        raise AssertionError(msg)
 
     def _advice(self, cell: str, wanted: Wanted) -> str:
         if not cell or cell.lower() == "nan":

@@ -279,9 +279,7 @@ class Simulation:
     def go(self) -> Run:
         """Runs the simulation until it is over."""
         self.play()
-        if self.run is None:
-            msg = "a simulation that is asked for its trial alone makes no run"
-            raise AssertionError(msg)
+        assert self.run is not None, "it was not asked for its trial alone"  # noqa: S101 - for mypy
         return self.run
 
     def play(self) -> None:

@@ -1,12 +1,17 @@
 """`rtamt check`: what it prints, writes and exits with."""
 
 import json
+import math
+from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import run_without
 
+from rtamt.checking.witness import ExampleTrace
 from rtamt_gym.__main__ import main
+from rtamt_gym.commands.trace_pictures import draw
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
@@ -49,6 +54,54 @@ def test_what_is_unknown_is_no_pass(capsys: pytest.CaptureFixture[str]) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert "  violated   unknown: it is not linear (mul)" in lines
     assert lines[-1] == "nothing wrong was found, but not all is known: see above"
+
+
+def test_parts_of_which_nothing_is_known_are_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "a = y * y >= 1", "b = x * x * y > 3 and y * y >= 0"]) == 3
+    out = " ".join(capsys.readouterr().out.split())
+    assert "parts unknown whether y * y >= 0 decides something: it is not linear (mul)" in out
+    assert "unknown whether a or b implies the other: it is not linear (mul)" in out
+    assert "nothing wrong was found, but not all is known: see above" in out
+
+
+def test_what_requirements_say_of_each_other_is_printed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    texts = [
+        "a = always[0:5](x > 0 implies y > 0)",
+        "b = always[0:5](x <= 0)",
+        "c = always[0:5](x <= 1)",
+        "d = always[0:5](not (x > 0))",
+    ]
+    assert main(["check", *texts]) == 1
+    out = capsys.readouterr().out
+    assert (
+        """\
+  together   yes, in 6 samples
+  asked      a, where all are satisfied: no: x > 0 implies y > 0
+  implied    a by b
+  implied    c by b
+  equal      b and d
+"""
+        in out
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "drawn"),
+    [
+        (["eventually[0:2](false)"], "spec violated:\n  any 1 sample\n"),
+        (
+            ["always(eventually(x > 0))", "--end", "open"],
+            "  x         0\n  the last 1 sample again and again\n",
+        ),
+    ],
+)
+def test_a_trace_may_have_no_variables_and_no_end(
+    options: list[str], drawn: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["check", *options])
+    assert drawn in capsys.readouterr().out
 
 
 def test_a_trace_is_drawn_by_its_changes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,6 +164,13 @@ def test_rates_are_read_and_named(capsys: pytest.CaptureFixture[str]) -> None:
                 "'x in [-2, 2]', got 'x < 2'"
             ),
         ),
+        (
+            ["x in [-2, fast]"],
+            (
+                "--rate: expected a variable and what it changes by at least and at most, such as "
+                "'x in [-2, 2]', got 'x in [-2, fast]'"
+            ),
+        ),
         (["x in [0, 1]", "x in [0, 2]"], "--rate: 'x' has two rates; give one of them"),
         (
             ["y in [0, 1]"],
@@ -142,6 +202,37 @@ def test_traces_are_drawn_in_a_file(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert not (tmp_path / "none.png").exists()
     assert main(["check", text, "--plot", "traces.txt"]) == 2
     assert "expected a name that ends in .png, .svg or .pdf" in capsys.readouterr().err
+
+
+def test_a_picture_has_a_point_for_each_change_and_shades_what_repeats() -> None:
+    named: list[tuple[str, ExampleTrace]] = [
+        ("moving", ExampleTrace({"x": (1.0, 1.0, 3.0, 3.0, 2.0)}, 5, 2)),
+        ("infinite", ExampleTrace({"x": (math.inf, 0.0)}, 2, 0)),
+        ("empty", ExampleTrace({}, 3, 0)),
+    ]
+    figure = draw(named, Fraction(1, 2))
+    moving, infinite, empty = (part.axes[0] for part in figure.subfigs)
+    (line,) = moving.lines
+    assert np.asarray(line.get_xdata()).tolist() == [0.0, 1.0, 2.0, 2.5]
+    assert np.asarray(line.get_ydata()).tolist() == [1.0, 3.0, 2.0, 2.0]
+    (shade,) = moving.patches
+    assert shade.get_extents().transformed(moving.transData.inverted()).intervalx == pytest.approx(
+        [1.5, 2.5]
+    )
+    assert moving.get_xlabel() == "time in s; shaded: again and again"
+    assert np.asarray(infinite.lines[0].get_ydata()).tolist() == [1.0, 0.0, 0.0]  # at the edge
+    assert infinite.get_xlabel() == "time in s"
+    assert not infinite.patches
+    assert ([text.get_text() for text in empty.texts], empty.axison) == (["any 3 samples"], False)
+
+
+def test_a_picture_has_twelve_traces() -> None:
+    trace = ExampleTrace({"x": (1.0,)}, 1, 0)
+    for count, title in ((12, ""), (13, "12 of 13 traces")):
+        figure = draw([(str(i), trace) for i in range(count)], None)
+        assert len(figure.subfigs) == 12
+        assert figure.get_suptitle() == title
+        assert figure.subfigs[0].axes[0].get_xlabel() == "samples"
 
 
 def test_saved_traces_are_judged_as_they_show(

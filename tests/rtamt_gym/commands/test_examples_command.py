@@ -74,6 +74,27 @@ def test_an_answer_that_is_missing_is_said(capsys: pytest.CaptureFixture[str]) -
     assert "no trace shows it: asked and answered" in capsys.readouterr().out
 
 
+def test_what_nobody_knows_and_the_next_requirement_are_said(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["examples", "a = x > 0 and y * y >= 0", "b = eventually[0:2](true)"]) == 1
+    out = capsys.readouterr().out
+    assert (
+        """
+not known whether there is one: broken by y * y >= 0 alone (it is not linear
+  (mul))
+not known whether there is one: y * y >= 0 just fails (it is not linear (mul))
+
+b: eventually[0:2] true
+no trace violates it: rtamt check says more
+
+1 satisfied, robustness inf: a trace that satisfies it
+  any 3 samples
+"""
+        in out
+    )
+
+
 def test_bounds_with_units_need_a_period(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["examples", "eventually[0:1s](x > 1)"]) == 2
     assert "--period" in capsys.readouterr().err

@@ -100,6 +100,25 @@ def test_a_file_has_a_mark_or_a_constant(capsys: Output) -> None:
     )
 
 
+UNASKED = ["always(speed > ?v implies gnt < 0)", "--range", "v=0:100", "--", "runs"]
+NEVER = "never asked: v = 31.5 was put to the test in 0 of 2 traces\n"
+
+
+def test_a_constant_that_is_never_asked_is_said_beside_the_json(capsys: Output) -> None:
+    assert main(["mine", *UNASKED[:-2], "--json", *UNASKED[-2:]]) == 0
+    output = capsys.readouterr()
+    assert output.err == NEVER
+    assert json.loads(output.out)["asked"] == 0
+
+
+def test_nobody_who_reads_what_is_said_ends_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(_text: str) -> int:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(sys.stderr, "write", closed)
+    assert main(["mine", *UNASKED[:-2], "--json", *UNASKED[-2:]]) == 141  # as of SIGPIPE
+
+
 def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None:
     assert refused([BELOW, "--range", "v=0:30", "--", "runs"], capsys) == (
         "none of the 17 values of 'v' that were tried from 0 to 30 satisfies the requirement on "

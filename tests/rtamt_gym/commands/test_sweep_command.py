@@ -15,6 +15,7 @@ from rtamt_gym.results.codec import trials_of
 from rtamt_gym.search.sweeps.samplers import Sampler
 
 SYSTEM = "rtamt/RequestGrant-v0"
+HEAT_MAP = ["--vary", "height=2:8", "--vary", "limit=1:4", "--heat-map", "a.png", "--samples", "1"]
 Output = pytest.CaptureFixture[str]
 
 
@@ -184,6 +185,38 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
                 "--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, "
                 "got 'height=1:2,points=a'"
             ),
+        ),
+        *(
+            (
+                [SYSTEM, "--vary", text, "--samples", "1"],
+                (f"--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, got {text!r}"),
+            )
+            for text in (
+                "=1:2",
+                "height=1|x",
+                "height=1|2,log",
+                "height=1:2,lag",
+                "height=1:2,log=2",
+            )
+        ),
+        (
+            [SYSTEM, "--set", "height=1", "--set", "height=2", "--samples", "1"],
+            "--set: expected one 'height', got two",
+        ),
+        (
+            [SYSTEM, *HEAT_MAP, "--requirement", "req > 0", "--requirement", "gnt > 0"],
+            "--heat-map: expected one --requirement, got 'spec', 'spec2'",
+        ),
+        (
+            [SYSTEM, *HEAT_MAP, "--x", "heigth", "--y", "limit"],
+            (
+                "there is no column 'heigth'; the space has 'height', 'limit'; did you mean "
+                "'height'?"
+            ),
+        ),
+        (
+            [SYSTEM, *HEAT_MAP, "--x", "limit", "--y", "limit"],
+            "expected two different columns, got 'limit' as x and as y",
         ),
         (
             [SYSTEM, "--set", "height", "--samples", "1"],
