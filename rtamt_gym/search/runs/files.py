@@ -119,8 +119,6 @@ def _loaded(
     try:
         rows, kept = load_file(path)
         also: dict[str, Any] = {**kept["also"]}
-    except ModuleNotFoundError:
-        raise
     except Exception as error:  # whatever reading what is no record raises
         said = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise InputError(f"{path} is damaged: {said}; {way_out}") from error

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -106,6 +109,31 @@ def test_what_cannot_be_sent_or_made_elsewhere_says_so(monkeypatch: pytest.Monke
         "another process cannot make the system: ModuleNotFoundError: No module named 'only_here'; "
         "give the id of a registered environment, or a function of what can be imported or pickled"
     )
+
+
+def test_a_backend_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused = [
+        ("ray", "ray", "import of ray halted; None in sys.modules; pip install ray"),
+        ("dask", "distributed", ""),
+    ]
+    for backend, package, said in refused:
+        monkeypatch.setitem(sys.modules, package, None)
+        with pytest.raises(InputError) as caught:
+            run_campaign(tank_runner(), tank_tasks(1), backend=backend)  # type: ignore[arg-type]
+        assert str(caught.value).startswith(f"cannot use backend='{backend}': {said}")
+
+
+def test_arguments_of_a_runner_are_compared_as_json() -> None:
+    runner = Runner(
+        tank,
+        {"dry": "always(level < 2)"},
+        signals={"level": ("level", 0.5)},
+        period=Fraction(1, 10),
+        duration=19,
+    )
+    identity = Recipe(runner).identity()
+    assert (identity["period"], identity["signals"]) == ("1/10", {"level": ["level", 0.5]})
+    assert json.loads(json.dumps(identity)) == identity
 
 
 def threads(variable: float) -> Iterator[dict[str, float]]:

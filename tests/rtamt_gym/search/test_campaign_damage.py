@@ -169,6 +169,12 @@ def test_the_lock_is_no_link_and_no_pipe(tmp_path: Path, kind: str) -> None:
         assert json.loads((path / "campaign.json").read_text(encoding="utf-8"))["system"] == "tank"
 
 
+def test_the_lock_is_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "runs" / "lock").mkdir(parents=True)
+    with pytest.raises(IsADirectoryError):
+        opened(tmp_path / "runs")
+
+
 def test_the_lock_holds_other_processes_off(tmp_path: Path) -> None:
     first: Any
     with opened(tmp_path / "runs") as first:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import qmc
 
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.evolution import Climb
-from rtamt_gym.search.falsification.points import Pieces, extremes, spread, take
+from rtamt_gym.search.falsification.points import Pieces, extremes, quasi_random, spread, take
 
 SIZES = st.lists(st.integers(1, 7), min_size=1, max_size=4)
 
@@ -35,6 +36,13 @@ def test_sixteen_corners_of_many_inputs_hold_every_pair_of_ends(count: int) -> N
     for one in range(count):
         for other in range(one):
             assert len({tuple(point) for point in points[:, [one, other]].tolist()}) == 4
+
+
+def test_more_columns_than_a_sequence_has_are_drawn() -> None:
+    many = qmc.Sobol.MAXDIM + 1
+    points = [*islice(quasi_random(many, np.random.default_rng(5)), 2)]
+    rng = np.random.default_rng(5)
+    assert [point.tolist() for point in points] == [rng.random(many).tolist() for _ in range(2)]
 
 
 @given(SIZES, st.integers(0, 99))

@@ -84,6 +84,19 @@ def test_points_faults_and_digits_that_do_not_matter_are_gone() -> None:
     assert count < 40
 
 
+def test_a_curve_keeps_two_control_points() -> None:
+    case = Case({"wave": Waveform([0, 5, 10], [-1, 0.25, 1], "linear")})
+
+    def again(each: Case) -> Trial | None:
+        wave = each["wave"]
+        assert isinstance(wave, Waveform)
+        return row_of(each) if wave(0) <= -1 and wave(10) >= 1 else None
+
+    space = Space([Signal("wave", -1, 1, points=3, interpolation="linear")], duration=10)
+    row, _ = reduced(row_of(case), space, again, 200)
+    assert row.case == {"wave": Waveform([0, 10], [-1, 1], "linear")}
+
+
 def heater(push: Waveform, leak: float = 0.0) -> Iterator[Mapping[str, float]]:
     heat = 0.0
     for second in range(20):

@@ -8,6 +8,7 @@ import rtamt_envs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rtamt import RtamtError
 from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, sweep
 from rtamt_gym.inputs.ranges import WaveformInterpolation
 from rtamt_gym.results.trial import Trial
@@ -223,3 +224,29 @@ def test_lanes_are_taken_where_they_give_the_same(options: Any, in_lanes: bool) 
             run = runner.simulate(row.case, row.seed)
             assert same(run.trial(row.case), row)
     assert rows[0].simulated == 2.0
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"signals": {"gnt": "obs[7]"}}, "signal 'gnt': obs[7] does not fit: "),
+        ({"signals": {"gnt": "info.granted"}}, "signal 'gnt', column 5: expected '['"),
+        ({"substeps": True}, "specification 'granted' has bounds in time, but "),
+    ],
+)
+def test_what_no_lane_reads_is_refused_in_the_words_of_a_single_run(
+    options: Any,  # noqa: ANN401
+    said: str,
+) -> None:
+    with Runner(wrapped(), **options) as runner:
+        assert not runner.in_lanes
+        with pytest.raises(RtamtError) as caught:
+            list(runner.run([{}]))
+    assert str(caught.value).startswith(said)
+
+
+def test_a_signal_of_an_info_is_read_one_by_one() -> None:
+    with Runner(wrapped(), signals={"gnt": "info['granted']"}) as runner:
+        assert not runner.in_lanes
+        ((_, row),) = runner.run([{}])
+    assert row.error.startswith("AbsentError: signal 'gnt': the info has no info['granted']")

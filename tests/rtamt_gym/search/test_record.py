@@ -14,6 +14,7 @@ from rtamt import InputError, Verdict
 from rtamt_gym import Case, Parameter, Record, Waveform, falsify, sweep
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.search.runs.record import check_columns
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 NUMBERS = st.floats(allow_nan=False)
@@ -187,6 +188,10 @@ def test_a_waveform_has_the_same_control_points_in_all_rows() -> None:
                 "'robustness(safe)', 'lower(safe)', 'upper(safe)', 'decided_at(safe)', "
                 "'decided_sample(safe)', 'simulated', 'return', 'wall'; did you mean 'mass'?"
             ),
+        ),
+        (
+            lambda _record: check_columns(["mass", "gear", "mass"], ["safe"]),
+            "expected columns of different names, got 'mass' twice",
         ),
         (
             lambda record: Record(record, {"a": "", "b": ""}).worst(),

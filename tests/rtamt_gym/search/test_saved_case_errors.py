@@ -2,6 +2,7 @@
 
 import functools
 import json
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,9 @@ def test_arguments_that_json_cannot_hold_are_refused(tmp_path: Path) -> None:
     )
 
 
-def test_the_program_itself_is_named_by_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_program_itself_is_named_by_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import __main__
 
     def drain() -> None: ...
@@ -97,8 +100,18 @@ def test_the_program_itself_is_named_by_its_file(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(__main__, "__spec__", None)
     monkeypatch.setattr(__main__, "__file__", "/home/me/tanks.py", raising=False)
     assert import_path(drain) == "tanks:drain"
+    env_id = "rtamt_tests/Mine-v0"
+    gym.register(env_id, lambda: gym.make("CartPole-v1").unwrapped)
+    monkeypatch.setattr(gym.registry[env_id].entry_point, "__module__", "__main__")
+    env = gym.make(env_id)
+    try:
+        assert system_name(env, tmp_path) == {"environment": f"tanks:{env_id}"}
+    finally:
+        del gym.registry[env_id]
     monkeypatch.delattr(__main__, "__file__")
     assert import_path(drain) is None
+    monkeypatch.setattr(__main__, "__spec__", ModuleSpec("plants.tanks", None))  # python -m
+    assert import_path(drain) == "plants.tanks:drain"
 
 
 def test_names_of_no_systems_are_refused(tmp_path: Path) -> None:
@@ -107,6 +120,7 @@ def test_names_of_no_systems_are_refused(tmp_path: Path) -> None:
         f"{{'fmus': {{'plant': 'plant.fmu'}}}}, got {name}"
         for name in ({}, {"object": 3})
     ]
+    assert named_object("builtins:dict") is dict  # its arguments are not known
     assert refusal(named_object, "named_systems") == ("expected module:name, got 'named_systems'")
     assert refusal(named_object, "named_systems:pumb") == (
         "the module named_systems has no 'pumb'; did you mean 'pump'?"
@@ -146,6 +160,7 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
         with_(requirement={"name": "a", "text": "a = always(x < 1); b = always(x > 2)"}),
         with_(reading={"viev": "step"}),
         with_(case={"x": "y"}),
+        with_(requirement="always(x < 1)"),
     ] == [
         "'sed'; did you mean 'seed'?",
         "case.json: expected a case with 'seed', ",
@@ -164,6 +179,7 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
             "case.json: expected 'x' of a case as a number or a waveform such as "
             "Waveform([0, 5], [1, 2]), got 'y'"
         ),
+        "case.json: expected \"requirement\" as an object of JSON, got 'always(x < 1)'",
     ]
 
 

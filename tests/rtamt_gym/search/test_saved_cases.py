@@ -130,6 +130,18 @@ def test_what_a_search_has_found_is_saved_as_it_is(requirement: Any, tmp_path: P
     assert (run.courses[saved.name].verdict is rtamt.Verdict.VIOLATED) == found.falsified
 
 
+def test_a_case_keeps_the_unit_of_bounds(tmp_path: Path) -> None:
+    requirement = rtamt.parse("always[0:2000](x < 2)", unit="ms")
+    found = falsify(
+        named_systems.pump, requirement, [Parameter("inflow", 0, 1)], period=1, budget=5
+    )
+    found.save(tmp_path / "case.json")
+    assert '"unit": "ms"' in (tmp_path / "case.json").read_text()
+    saved = SavedCase.load(tmp_path / "case.json")
+    assert saved.requirement.unit == "ms"
+    assert saved.replay().courses[saved.name].final == found.robustness
+
+
 def test_another_robustness_and_another_verdict_are_told_apart(tmp_path: Path) -> None:
     with Runner(named_systems.pump, "always(x < 2)", period=1, stop="violation") as runner:
         ((_, row),) = runner.run([{"inflow": 0.5}])

@@ -12,7 +12,21 @@ import numpy as np
 import pytest
 
 from rtamt import InputError, InputTypeError, SpecificationError
-from rtamt_gym import Case, Parameter, Signal, Sweep, Waveform, simulate, sweep
+from rtamt_gym import (
+    Case,
+    Parameter,
+    Record,
+    Runner,
+    Signal,
+    Space,
+    Sweep,
+    Waveform,
+    simulate,
+    sweep,
+)
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.search.sweeps.heights import map_of
+from rtamt_gym.search.sweeps.pictures import draw_map
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 DRY = {"dry": "always(level < 2)"}
@@ -182,6 +196,48 @@ def test_a_map_of_more_columns_shows_the_least() -> None:
     assert found.cells is not None
     assert found.cells.ravel() == pytest.approx([0.0, 0.1, -0.2, -0.1], abs=1e-12)
     assert done.map(x="start", y="leak").cells is not None
+
+
+def test_a_space_that_is_made_keeps_its_duration() -> None:
+    for duration, lasts in ((3.0, 3.0), (None, 19.0)):
+        space = Space([INFLOW], duration=duration)
+        done = sweep(tank, DRY, space, samples=2, period=1, duration=19)
+        assert done.space.duration == lasts
+
+
+def test_a_table_of_a_map_needs_cells_and_room() -> None:
+    points = sweep(tank, DRY, [INFLOW, LEAK], samples=5, sampler="random", period=1).map()
+    assert (points.cells, points.lines()) == (None, [])
+    many = sweep(tank, DRY, [INFLOW, LEAK], samples=13, sampler="grid", period=1, batch=1)
+    assert many.map().lines() == []
+    numbers: list[int] = []
+    for done in (many, sweep(tank, DRY, [INFLOW, LEAK], samples=3, sampler="grid", period=1)):
+        figure = draw_map(done.map(), done.space, "dry")
+        numbers.append(len(figure.axes[0].texts))
+    assert numbers == [0, 9]  # 169 numbers could not be read
+
+
+def test_failures_alone_have_no_map() -> None:
+    rows = [
+        Trial(Case({"a": x, "b": y}), None, {}, "error", 0, 0, "no") for x, y in ((1, 2), (3, 4))
+    ]
+    space = Space([Parameter("a", 0, 9), Parameter("b", 0, 9)])
+    with pytest.raises(InputError) as caught:
+        map_of(Record(rows, {"dry": ""}, "tank"), space, None, None, None)
+    assert str(caught.value) == "no simulation has a robustness of 'dry': there is no map"
+
+
+@pytest.mark.parametrize(
+    ("seeds", "message"),
+    [
+        ([1, 2], "expected 1 seeds, one for each case, got 2"),
+        ([1], "seeds= are for environments, got some for tank"),
+    ],
+)
+def test_seeds_are_one_for_each_case_of_an_environment(seeds: list[int], message: str) -> None:
+    with Runner(tank, DRY, period=1) as runner, pytest.raises(InputError) as caught:
+        list(runner.run([{"inflow": 0.1}], seeds))
+    assert str(caught.value) == message
 
 
 def test_a_sweep_that_is_saved_is_loaded_as_it_was(tmp_path: Path) -> None:
@@ -366,6 +422,12 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             "STL:1:7: bound 0.05 s is not a multiple of the period 0.1 s (0.5 steps)",
         ),
         ((SYSTEM, []), {}, InputError, "expected one requirement at least, got none"),
+        (
+            (SYSTEM, ["granted", "granted"]),
+            {},
+            InputError,
+            "expected one requirement 'granted', got two; name them: {...}",
+        ),
         (
             (SYSTEM, 3),
             {},
