@@ -1,11 +1,26 @@
 """`rtamt_gym` where optional packages are not installed."""
 
+import importlib
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
 
 import pytest
 
+import rtamt
 import rtamt_gym
+from rtamt_gym import Record, Sweep
+from rtamt_gym.checks import released
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.evaluation.comparison import Comparison
+from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.reports.html import render
+from rtamt_gym.results.intervals import scipy_stats
+from rtamt_gym.search.campaigns.elsewhere import Elsewhere
+from rtamt_gym.search.falsification.falsification import Falsification
+from rtamt_gym.search.sweeps.indices import Indices
 
 ALL = set(rtamt_gym._MODULES)
 
@@ -77,6 +92,109 @@ def test_what_needs_a_missing_package_names_its_extra(
         f"try:\n    exec({code!r})\nexcept ModuleNotFoundError as e:\n    print(e.name, str(e))"
     )
     assert said(caught, without=without).startswith(f"{without} {message}")
+
+
+NONE: Any = None
+DRAWING = ("rtamt_gym.drawing",)
+
+
+@pytest.mark.parametrize(
+    ("call", "package", "inside", "what", "extra"),
+    [
+        (lambda: Comparison.to_frame(NONE), "pandas", (), "Comparison.to_frame", "pandas"),
+        (lambda: Indices.to_frame(NONE), "pandas", (), "Indices.to_frame", "pandas"),
+        (lambda: Record.to_frame(NONE), "pandas", (), "Record.to_frame", "pandas"),
+        (lambda: Record.statistics(NONE), "pandas", (), "statistics", "pandas"),
+        (
+            lambda: Record.load("runs.parquet"),
+            "pyarrow",
+            ("rtamt_gym.search.runs.storage",),
+            "Record.load",
+            "search",
+        ),
+        (
+            lambda: Elsewhere(NONE, 2, None, None),
+            "joblib",
+            ("rtamt_gym.search.campaigns.workers",),
+            "n_jobs=",
+            "search",
+        ),
+        (
+            lambda: MethodComparison.plot(NONE, "a.png"),
+            "matplotlib",
+            (*DRAWING, "rtamt_gym.evaluation.method_pictures"),
+            "MethodComparison.plot",
+            "plot",
+        ),
+        (
+            lambda: Falsification.plot(NONE, "a.png"),
+            "matplotlib",
+            (*DRAWING, "rtamt_gym.simulation.plot"),
+            "Falsification.plot",
+            "plot",
+        ),
+        (
+            lambda: Sweep.scatter(NONE, "a.png"),
+            "matplotlib",
+            (*DRAWING, "rtamt_gym.search.sweeps.pictures"),
+            "Sweep.scatter",
+            "plot",
+        ),
+        (lambda: render(NONE), "jinja2", (), "a report", "report"),
+        (lambda: scipy_stats("compare"), "scipy", (), "compare", "search"),
+    ],
+)
+def test_what_needs_a_package_when_it_is_called_names_its_extra(
+    call: Callable[[], object],
+    package: str,
+    inside: Sequence[str],
+    what: str,
+    extra: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in inside:  # as in a program that has not imported them yet
+        above, _, last = name.rpartition(".")
+        monkeypatch.delitem(sys.modules, name, raising=False)
+        monkeypatch.delattr(import_module(above), last, raising=False)
+    for name in [*sys.modules]:
+        if name.partition(".")[0] == package:
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        call()
+    assert str(caught.value) == (
+        f"{what} needs {package}, which is not installed; from the checkout: "
+        f"pip install '.[{extra}]'"
+    )
+
+
+def test_the_lack_of_a_package_of_no_extra_is_told_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    error = ModuleNotFoundError("No module named 'yaml'", name="yaml")
+    assert naming_extra(error, "a report") is error
+
+    def fail(_name: str) -> None:
+        raise error
+
+    monkeypatch.setattr(rtamt_gym, "import_module", fail)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        _ = rtamt_gym.__all__
+    assert caught.value is error
+
+
+def test_names_that_are_not_imported_yet_are_listed() -> None:
+    assert {"__getattr__", *ALL} <= {*dir(rtamt_gym)}
+
+
+def test_the_released_library_over_this_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(rtamt, "BACKEND")
+    with pytest.raises(ImportError) as caught:
+        importlib.reload(released)
+    assert str(caught.value) == (
+        "expected the packages of rtamt-stl, got the released rtamt, which was installed over it: "
+        "pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
+    )
 
 
 def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:

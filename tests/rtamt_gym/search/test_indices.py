@@ -1,6 +1,7 @@
 """Sensitivity indices, against functions whose indices are known in closed form."""
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -79,6 +80,19 @@ def test_indices_of_a_seed_are_the_same(sampler: Any) -> None:  # noqa: ANN401
     ]
     assert frames[0].equals(frames[1])
     assert np.isfinite(frames[0].to_numpy()).all()
+
+
+def test_indices_without_salib_name_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = swept(ishigami, samples=2, sampler="morris", seed=0)
+    for name in [*sys.modules]:
+        if name.partition(".")[0] == "SALib":
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "SALib", None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        done.indices()
+    assert str(caught.value) == (
+        "indices needs SALib, which is not installed; from the checkout: pip install '.[search]'"
+    )
 
 
 def test_indices_print_as_a_table() -> None:

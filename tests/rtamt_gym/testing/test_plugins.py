@@ -1,11 +1,19 @@
 """Other packages add formats of traces and optimizers by entry points."""
 
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+
+from rtamt import InputError
+from rtamt_gym.checks.plugins import plugins
+from rtamt_gym.recorded.readers import formats
+from rtamt_gym.search.falsification.optimizers import optimizers
 
 PACKAGE = '''
 from contextlib import contextmanager
@@ -35,6 +43,18 @@ def added(folder: Path, entries: str) -> None:
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: plant-tools\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text(entries)
+
+
+@contextmanager
+def found_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The packages of a folder are installed."""
+    monkeypatch.syspath_prepend(folder)
+    plugins.cache_clear()
+    try:
+        yield
+    finally:
+        plugins.cache_clear()
+        sys.modules.pop("plant_tools", None)
 
 
 def rtamt(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -74,3 +94,67 @@ def test_an_entry_that_is_wrong_is_named(tmp_path: Path, entries: str, words: st
     assert judged.returncode == 2
     assert words in judged.stderr
     assert "Traceback" not in judged.stderr
+
+
+FORMATS, OPTIMIZERS = "rtamt.trace_formats", "rtamt.optimizers"
+
+
+@pytest.mark.parametrize(
+    ("group", "table", "entries", "message"),
+    [
+        (
+            FORMATS,
+            formats,
+            "words = plant_tools:FORMAT\nother = plant_tools:FORMAT\n",
+            (
+                f"the entry point 'other' of {FORMATS} takes .words, which words has; give it "
+                "another extension"
+            ),
+        ),
+        (
+            OPTIMIZERS,
+            optimizers,
+            "cma = plant_tools:darts\n",
+            (
+                f"expected a function with a name of its own as the entry point 'cma' of "
+                f"{OPTIMIZERS}, got <function darts"
+            ),
+        ),
+        (
+            OPTIMIZERS,
+            optimizers,
+            "darts = plant_tools:FORMAT\n",
+            (
+                f"expected a function with a name of its own as the entry point 'darts' of "
+                f"{OPTIMIZERS}, got Format("
+            ),
+        ),
+    ],
+)
+def test_what_a_table_has_already_or_cannot_take_is_refused(
+    group: str,
+    table: Callable[[], object],
+    entries: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    added(tmp_path, f"[{group}]\n{entries}")
+    with found_in(tmp_path, monkeypatch), pytest.raises(InputError) as caught:
+        table()
+    assert str(caught.value).startswith(message)
+
+
+def test_two_packages_do_not_add_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    added(tmp_path, f"[{OPTIMIZERS}]\ndarts = plant_tools:darts\n")
+    other = tmp_path / "dart_board-2.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: dart-board\nVersion: 2.0\n")
+    (other / "entry_points.txt").write_text(f"[{OPTIMIZERS}]\ndarts = plant_tools:darts\n")
+    with found_in(tmp_path, monkeypatch), pytest.raises(InputError) as caught:
+        optimizers()
+    assert re.fullmatch(
+        r"expected one 'darts' among the entry points rtamt.optimizers, got another of "
+        r"(plant-tools|dart-board); remove one of the packages",
+        str(caught.value),
+    )
