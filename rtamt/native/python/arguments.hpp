@@ -15,6 +15,8 @@ namespace nb = nanobind;
 
 class Arguments {
 public:
+    // Throws an error of Python if a name is no text. Made before the object that holds it: GCC frees
+    // the other members of an aggregate twice if the last one throws.
     explicit Arguments(const nb::tuple& names) : names_(interned(names)), order_(nb::len(names)) {}
 
     bool positional(PyObject* const* args, double* out) const {

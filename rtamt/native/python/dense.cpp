@@ -20,10 +20,11 @@ void construct(DenseObject* self, const nb::sequence& rows, std::size_t terms,
     const Clock counts = clock_of(clock);
     if (nb::len(declared) != nb::len(variables))
         throw nb::value_error("expected a declared value, or nan, for every variable");
+    Arguments names(variables);
     new (self) DenseObject{{{DenseMachine(dense_rows(rows), terms, numbers_of(declared), result,
                                           registers_of(observed)),
                              std::move(reader)},
-                            Arguments(variables)},
+                            std::move(names)},
                            counts};
 }
 

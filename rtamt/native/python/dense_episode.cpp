@@ -33,9 +33,10 @@ void construct(DenseEpisodeObject* self, const nb::sequence& readings, const nb:
     for (nb::handle reading : readings) programs.push_back(region_program(reading));
     if (programs.empty() || programs.size() > 2)
         throw nb::value_error("expected one program, or two with neutral predicates");
+    Arguments names(variables);
     new (self) DenseEpisodeObject{
         {{DenseEpisodeMachine(programs, numbers_of(declared), reach, true), std::move(reader)},
-         Arguments(variables)},
+         std::move(names)},
         counts};
 }
 

@@ -20,9 +20,10 @@ void construct(DiscreteObject* self, const nb::sequence& rows, std::size_t terms
         pairs.push_back({nb::cast<std::size_t>(pair[0]), nb::cast<std::int64_t>(pair[1])});
     if (pairs.empty() || pairs[0].slot != result)
         throw nb::value_error("expected the result first among the observed");
+    Arguments names(variables);
     new (self) DiscreteObject{
         {DiscreteMachine(discrete_rows(rows), terms, nb::len(variables), pairs), std::move(reader)},
-        Arguments(variables)};
+        std::move(names)};
 }
 
 nb::list registers(const DiscreteObject& object) {

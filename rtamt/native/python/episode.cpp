@@ -14,13 +14,15 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
                const nb::sequence& initial, const nb::sequence& streams,
                const nb::tuple& variables, nb::object reader) {
     const nb::object policy = nb::getattr(reader, "nan", nb::none());
+    const bool nan_is_unknown = policy.equal(nb::str("unknown"));
+    Arguments names(variables);
     new (self) EpisodeObject{
         {{UncertainEpisode(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
                          registers_of(initial), registers_of(streams)),
           std::move(reader)},
-         Arguments(variables)},
+         std::move(names)},
         {},
-        policy.equal(nb::str("unknown"))};
+        nan_is_unknown};
 }
 
 double finish(EpisodeObject& object, const std::string& end) {

@@ -98,7 +98,7 @@ double read(const EpisodePanel& panel, const Source& source, PyObject* const* ar
     double number;
     switch (source.kind) {
     case Source::Kind::element:
-        if (n == 0) throw nb::type_error("expected what elements are read from");
+        if (n == 0) throw std::runtime_error("expected what elements are read from");
         if (panel.numpy.element(args[0], source.index, number)) [[likely]] return number;
         return float_of(nb::steal(PyObject_GetItem(args[0], source.what.ptr())));
     case Source::Kind::held:

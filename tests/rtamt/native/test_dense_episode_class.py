@@ -136,6 +136,11 @@ def test_what_is_no_term_is_refused(terms: list[object], row: int) -> None:
     ("changes", "message"),
     [
         ({"readings": []}, "expected one program, or two with neutral predicates"),
+        (
+            {"readings": 3 * episode(LOAD)["readings"]},
+            "expected one program, or two with neutral predicates",
+        ),
+        ({"readings": episode()["readings"]}, "expected terms of variables"),
         ({"declared": ()}, "expected a declared value, or nan, for every variable"),
         ({"reach": -1}, "the reach is out of range"),
         ({"reach": FAR}, "the reach is out of range"),

@@ -78,8 +78,21 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
     method, *arguments = CALLS.get(name, ("update", 1.0))
     with pytest.raises(TypeError):
         getattr(unmade, method)(*arguments)
+    gc.collect()  # which visits it
     del unmade
     gc.collect()
+
+
+@pytest.mark.parametrize("name", [*MAKERS, "EpisodePanel"])
+def test_a_cycle_through_an_object_that_was_not_made_is_collected(name: str) -> None:
+    kind = type(name, (getattr(module, name),), {})
+    unmade = kind.__new__(kind)
+    unmade.own = unmade
+    gc.collect()
+    gone = weakref.ref(unmade)
+    del unmade
+    gc.collect()
+    assert gone() is None
 
 
 @machines

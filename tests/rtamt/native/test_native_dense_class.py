@@ -90,6 +90,7 @@ ROW = ("LOAD", "x", 0, 0, 0.0, None, None)
         ({"rows": [ROW, ("MAP", "neg", 1, 0, 0.0, None, None)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("LOAD", "z", 2, 0, 0.0, None, None)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 0, 2**62)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, -(2**62), 0)]}, "row 1 is out of range"),
         ({"rows": [ROW, ROW[:6]]}, "expected rows of 7"),
         ({"clock": (1e9, -1, 1)}, "expected a clock that counts"),
         ({"clock": (1e9, 1, 0)}, "expected a clock that counts"),

@@ -1,0 +1,447 @@
+"""What the classes and functions of the native module refuse, which our own Python never passes."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rtamt import (
+    DenseEpisodeMonitor,
+    DenseMonitor,
+    EpisodeMonitor,
+    Events,
+    InputError,
+    Monitor,
+    VectorEpisodeMonitor,
+    Verdict,
+)
+from rtamt.machines.clocks import OperatorClock
+
+native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+LOAD = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
+ENDLESS = ("WINDOW", "min", 0, 0, 0, None, False, False)
+
+
+# Rows. -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "row"),
+    [
+        ([(0, "LOAD", "x", 1, 0, 0.0, 0, 0)], 0),
+        ([LOAD, (1, "MAP", "add", 1, 0, 0.0, 0, 0)], 1),
+        ([LOAD, (1, "MAP", "add", 0, 1, 0.0, 0, 0)], 1),
+        ([LOAD, (1, "MAP", "sum", 0, 0, 0.0, 0, 0)], 1),
+        ([LOAD, (1, "WINDOW", "min", 0, 0, 0.0, 0, 0)], 1),
+        ([(1, *LOAD[1:])], 0),
+    ],
+)
+def test_rows_that_are_no_terms_are_not_computed(rows: list[Any], row: int) -> None:
+    with pytest.raises(ValueError, match=f"^row {row} is no term$"):
+        native.term_columns(rows, [np.ones(2)])
+
+
+def test_terms_are_computed_up_to_the_first_that_is_nan() -> None:
+    rows = [LOAD, (1, "CONST", "", 0, 0, 2.5, 0, 0), (2, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
+    x = np.ones(1500)
+    (_, two, root), fine = native.term_columns(rows, [x])
+    assert (fine, set(two), set(root)) == (1500, {2.5}, {1.0})
+    for at in (0, 511, 512, 1499):
+        x[:] = 1.0
+        x[at:] = -1.0
+        assert native.term_columns(rows, [x])[1] == at
+    columns, fine = native.term_columns([(0, *rows[1][1:])], [])
+    assert (len(columns), fine) == (1, 0)
+
+
+def test_ranges_are_found_of_terms() -> None:
+    given = [np.zeros(1)], [np.ones(1)], 1
+    ((low,), (high,)) = native.term_ranges([LOAD], 1, [0], object(), *given)
+    assert (low.tolist(), high.tolist()) == ([0.0], [1.0])
+    with pytest.raises(ValueError, match=r"^an observed register is no term$"):
+        native.term_ranges([LOAD], 1, [1], object(), *given)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"terms": [(0, "LOAD", "x", 1, 0, 0.0, 0, 0)]},
+        {"terms": [LOAD, (1, "WINDOW", "min", 0, 0, 0.0, 0, 0)]},
+        {"terms": [LOAD, (1, "MAP", "add", 1, 0, 0.0, 0, 0)]},
+        {"terms": [LOAD, (1, "MAP", "add", 0, 1, 0.0, 0, 0)]},
+        {"terms": [LOAD, (1, "MAP", "sum", 0, 0, 0.0, 0, 0)]},
+        {"rows": [("WINDOW", "min", 1, 0, 0, 2, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 1, 0, 2, False, False)]},
+        {"rows": [("JUMP", "min", 0, 0, 0, 2, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, None, None, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, None, 1, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, -1, 1, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, -1, None, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, 1, None, False, False)]},
+        {"rows": [("WINDOW", "min", 0, 0, 2, 1, False, False)]},
+        {"result": 1},
+    ],
+)
+def test_signs_of_what_is_no_program_are_refused(changes: dict[str, object]) -> None:
+    assert signs().holds_at([(0, 0)])
+    with pytest.raises(ValueError, match=r"^expected a program over regions$"):
+        signs(**changes)
+
+
+def signs(**changes: object) -> Any:  # noqa: ANN401 - of the native module
+    made: dict[str, object] = {
+        "terms": [LOAD],
+        "rows": [],
+        "result": 0,
+        "clock": (1e9, 10**9, 1),
+        "reader": object(),
+        "given": [(np.array([0.0, 3.0]), np.array([1.0, -1.0]))],
+        "begin": 0,
+        "last": 3 * 10**9,
+        "end": "cut",
+    }
+    return native.DenseSigns(**{**made, **changes})
+
+
+def test_signs_are_of_a_trace_of_numbers() -> None:
+    for begin, last in ((1, 0), (-(2**62), 0), (0, 2**62)):
+        with pytest.raises(ValueError, match=r"^expected a trace$"):
+            signs(begin=begin, last=last)
+    with pytest.raises(ValueError, match=r"^expected end='complete', 'cut' or 'open'$"):
+        signs(end="never")
+    root = [LOAD, (1, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
+    with pytest.raises(ValueError, match=r"^a term is no number$"):
+        signs(terms=root, result=1)
+
+
+class Counting:
+    """A reader that counts times as it is told."""
+
+    def __init__(self, *ticks: int) -> None:
+        self.ticks = np.array(ticks)
+
+    def counted(self, given: Any, last: object, dated: object) -> object:  # noqa: ANN401
+        assert (last, dated) == ([-math.inf], None)
+        return [(self.ticks, np.array([float(value) for value in given[0][1]]))], False
+
+
+def test_what_the_reader_of_signs_counts_has_to_fit() -> None:
+    whole = [(np.array([0.0, 3.0]), np.array([1, -1]))]  # integers, which the reader reads
+    found = signs(given=whole, reader=Counting(0, 3 * 10**9))
+    assert found.fails_at([(0, math.inf)]) == signs().fails_at([(0, math.inf)])
+    with pytest.raises(RuntimeError, match=r"^the reader gave events that do not fit$"):
+        signs(given=whole, reader=Counting(3, 3))
+
+
+# Registers over regions. -------------------------------------------------------------------------
+
+
+def regions(**changes: object) -> Any:  # noqa: ANN401 - of the native module
+    made: dict[str, Any] = {
+        "terms": 1,
+        "constants": (),
+        "rows": (("WINDOW", "min", 0, 0, 0, 10, False, False),),
+        "initial": (1,),
+        "streams": (0,),
+        "unknowns": (),
+    }
+    return native.DenseRegions(**{**made, **changes})
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"rows": (("WINDOW", "min", 0, 0, None, -(2**63), False, False),)},
+        {  # 1 is no stream
+            "terms": 2,
+            "rows": (("WINDOW", "min", 0, 1, 0, None, False, False),),
+            "initial": (2,),
+        },
+        {
+            "terms": 2,
+            "rows": (("MAP", "min", 0, 1, None, None, False, False),),
+            "initial": (2,),
+            "streams": (0, 2),
+        },
+    ],
+)
+def test_registers_that_are_no_program_are_refused(changes: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=r"^expected a program over regions$"):
+        regions(**changes)
+
+
+LATER = "expected a later instant, and the terms at the first"
+NEW = "expected new positions that increase"
+
+
+def places(*positions: int) -> tuple[Any, list[Any]]:
+    return np.array(positions, np.int64), [np.arange(float(len(positions)))]
+
+
+@pytest.mark.parametrize(
+    ("positions", "t", "message"),
+    [
+        ((), 4, LATER),
+        ((2,), 4, LATER),
+        ((0,), 3, LATER),
+        ((0, 0), 4, NEW),
+        ((2, 0), 4, NEW),
+        ((0, 6), 4, NEW),
+    ],
+)
+def test_registers_take_positions_in_their_order(
+    positions: tuple[int, ...], t: int, message: str
+) -> None:
+    made = regions()
+    before = made.state()
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        made.advance(*places(*positions), t)
+    assert made.state() == before
+    made.advance(*places(0, 2), 4)
+    assert made.t == 4
+    for again, later, text in (((), 4, LATER), ((), 2, LATER), ((4,), 6, NEW), ((6,), 7, LATER)):
+        with pytest.raises(ValueError, match=f"^{text}$"):
+            made.advance(*places(*again), later)
+    with pytest.raises(ValueError, match=r"^expected a column for every term$"):
+        made.advance(*places(6)[:1], [], 6)
+    with pytest.raises(ValueError, match=r"^expected 1-D columns of n values$"):
+        made.advance(places(6)[0], [np.ones(2)], 6)
+    with pytest.raises(TypeError, match="bytes-like"):
+        made.advance([6], [np.ones(1)], 6)
+    made.advance(*places(), 6)
+    assert made.t == 6
+
+
+def test_registers_are_looked_at_in_one_to_five_worlds() -> None:
+    made = regions()
+    for worlds in (0, 6):
+        with pytest.raises(ValueError, match=r"^expected 1 to 5 worlds$"):
+            made.look(worlds)
+    assert len(made.look(5)) == 5
+    made.advance(*places(0, 2), 4)
+    state = made.state()
+    late = (2**63 - 2).to_bytes(8, "little")  # with the window behind it beyond all positions
+    assert state[8:16] == (4).to_bytes(8, "little")
+    with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+        made.restore(state[:8] + late + state[16:])
+    assert made.state() == state
+
+
+# Readers. ----------------------------------------------------------------------------------------
+
+
+class Giving:
+    """A reader that gives what it is told, whatever it is asked to read."""
+
+    def __init__(self, given: object) -> None:
+        self.given = given
+        self.refused: tuple[object, ...] = ()
+
+    def read(self, *_: object) -> object:
+        return self.given
+
+    read_sample = read
+
+    def refuse(self, *given: object) -> None:
+        self.refused = given
+
+
+def test_readers_that_give_too_little_are_noticed() -> None:
+    row = ("LOAD", "x", 0, 0, 0.0, None, None)
+    dense = native.DenseMachine(
+        [row], 1, ("x",), 0, (1.0, 1, 1), (math.nan,), (), Giving(([], None))
+    )
+    with pytest.raises(RuntimeError, match=r"^the reader gave another number of columns$"):
+        dense.update({"y": []})
+    for given in ([], [1.0, 2.0]):
+        sampled = native.DiscreteMachine([LOAD], 1, ("x",), 0, [(0, 0)], Giving(given))
+        with pytest.raises(RuntimeError, match=r"^the reader gave another number of values$"):
+            sampled.update("text")
+        assert sampled.samples == 0
+
+
+def test_a_term_that_is_nan_for_what_the_reader_gives_is_refused() -> None:
+    rows = [LOAD, (1, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
+    reader = Giving([-1.0])
+    made = native.DiscreteMachine(rows, 2, ("x",), 1, [(1, 0)], reader)
+    with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
+        made.update("text")
+    assert reader.refused == ([-1.0], 0)
+    messages = set()
+    for backend in ("native", "python"):
+        for kind in (Monitor, EpisodeMonitor):
+            with pytest.raises(InputError) as refusal:
+                kind("sqrt(x) > 0", backend=backend).update(Fraction(-1))
+            messages.add(str(refusal.value))
+    assert len(messages) == 1
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_nan_that_no_term_reads_is_refused_in_a_trace(*, backwards: bool) -> None:
+    reader = Giving([])
+    rows = [LOAD, (1, "WINDOW", "min", 0, 0, 0.0, 2, 0)]
+    made = native.DiscreteMachine(rows, 1, ("x", "y"), 1, [(1, 0), (1, 0)], reader)
+    x, y = np.array([3.0, 1.0, 2.0]), np.array([0.0, math.nan, 0.0])
+    with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
+        made.evaluate([x, y], 3, backwards=backwards)
+    assert repr(reader.refused) == "([1.0, nan], 1)"
+
+
+def test_a_machine_observes_its_result_first_and_its_variables_are_names() -> None:
+    for observed in ([], [(1, 0)]):
+        with pytest.raises(ValueError, match=r"^expected the result first among the observed$"):
+            native.DiscreteMachine([LOAD], 1, ("x",), 0, observed, object())
+    with pytest.raises(TypeError, match="str"):
+        native.DiscreteMachine([LOAD], 1, (1,), 0, [(0, 0)], object())
+
+
+def test_a_second_variable_of_a_machine_of_one_is_unknown() -> None:
+    messages = set()
+    for kind in (DenseMonitor, DenseEpisodeMonitor):
+        for backend in ("native", "python"):
+            with pytest.raises(InputError) as refusal:
+                kind("x > 0", backend=backend).update({"x": [(0.0, 1.0)], "y": []})
+            messages.add(str(refusal.value))
+    assert messages == {"unknown variable 'y'; the variables are x"}
+
+
+def test_events_that_were_not_made_are_none() -> None:
+    for backend in ("native", "python"):
+        monitor = DenseMonitor("x > 0", backend=backend)
+        with pytest.raises(AttributeError, match="given"):
+            monitor.update({"x": Events.__new__(Events)})
+        assert monitor.update({"x": Events([0.0], [1.0])}) == []
+
+
+# Slots. ------------------------------------------------------------------------------------------
+
+
+def test_slots_hold_objects_of_a_monitor_that_can_be_forgotten() -> None:
+    with pytest.raises(TypeError, match=r"^expected a slot that can be written$"):
+        native.read_only(vars(type)["__dictoffset__"])
+
+    class Bare:
+        __slots__ = ("a", "b", "c", "d")
+
+    slots = [vars(Bare)[name] for name in Bare.__slots__]
+    machine = EpisodeMonitor("always(x > 0)", backend="native")._machine
+    for verdicts in ((), tuple(Verdict)[:2]):
+        with pytest.raises(ValueError, match=r"^expected 4 slots and 3 verdicts$"):
+            machine.show_in(Bare(), slots, verdicts)
+    with pytest.raises(TypeError, match="weak reference"):
+        machine.show_in(Bare(), slots, tuple(Verdict))
+    assert machine.update(2.0) == 2.0
+
+
+# Panels. -----------------------------------------------------------------------------------------
+
+
+def panel(**changes: object) -> Any:  # noqa: ANN401 - of the native module
+    made: dict[str, Any] = {
+        "machines": [EpisodeMonitor("always(x > y)", backend="native")._machine],
+        "places": [(0, 1)],
+        "reads": [0, "y"],
+        "decided": None,
+        "seen": None,
+        "number": float,
+    }
+    return native.EpisodePanel(**{**made, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"places": []}, "expected the places of the variables of each machine"),
+        ({"places": [(0,)]}, "expected a place for each variable of a machine"),
+        ({"places": [(0, 2)]}, "expected places in a sample"),
+        ({"reads": [(np.ones(2), 2), 1]}, "expected an element of an array of float64 or float32"),
+        ({"reads": [(np.ones(2, int), 0), 1]}, "expected an element of an array of"),
+    ],
+)
+def test_a_panel_reads_a_number_for_each_variable(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        panel(**changes)
+
+
+def test_a_panel_reads_keys_arrays_and_functions() -> None:
+    held, seen = np.array([5.0, 7.0]), list[list[float]]()
+    keys = (1, 2, 3)
+    made = panel(reads=[keys, (held, 1)], seen=seen.append)
+    assert made.feed({keys: 9})[0] == 2.0
+    with pytest.raises(RuntimeError, match=r"^expected what elements are read from$"):
+        made.feed()
+    with pytest.raises(KeyError):
+        made.feed({})
+    assert panel(reads=[lambda *args: len(args), (held, 0)]).feed(0, 0)[0] == -3.0
+    held.resize(1, refcheck=False)
+    with pytest.raises(RuntimeError, match=r"^an array has lost the element that is read$"):
+        made.feed({keys: 9})
+    assert seen == [[9.0, 7.0]]
+
+
+# Clocks of operators. ----------------------------------------------------------------------------
+
+
+def clock(**changes: object) -> Any:  # noqa: ANN401 - of the native module
+    made: dict[str, Any] = {
+        "kind": "oldest",
+        "event": "holds",
+        "begin": 0,
+        "end": 5,
+        "late": 0,
+        "operands": ((0, 0),),
+    }
+    return native.ClockBank([OperatorClock(**{**made, **changes})], 2, 3)
+
+
+def test_clocks_are_those_of_parts_that_are_fed() -> None:
+    assert clock().samples.tolist() == [0, 0, 0]
+    row = r"^expected a row of rtamt\.machines\.clocks\.OperatorClock$"
+    for changes in ({"kind": "eldest"}, {"event": "held"}):
+        with pytest.raises(ValueError, match=row):
+            clock(**changes)
+    for changes in ({"operands": ((2, 0),)}, {"operands": ((2, 0), (0, 0))}, {"asked": 2}):
+        with pytest.raises(ValueError, match=r"^expected clocks of the parts that are fed$"):
+            clock(**changes)
+
+
+# Objects in arrays. ------------------------------------------------------------------------------
+
+
+def test_what_numpy_holds_as_no_object_is_spread_as_none() -> None:
+    """Of an array whose memory a C library has cleared."""
+    values = np.array([None, object()])
+    ctypes.memset(values.ctypes.data, 0, ctypes.sizeof(ctypes.c_void_p))
+    info: dict[str, Any] = {}
+    assert native.spread_lanes([(info, "a", "_a", values, None)], np.array([2, 0]), 3) == 1
+    assert info["a"].tolist() == [values[1], None, None]
+    assert info["_a"].tolist() == [True, False, True]
+
+
+def test_keys_of_lanes_that_no_dictionary_takes_are_refused() -> None:
+    for key in ([], {}):
+        info: dict[str, Any] = {}
+        with pytest.raises(TypeError, match="unhashable"):
+            native.spread_lanes([(info, key, "_a", np.ones(1), None)], np.array([0]), 2)
+        assert info == {}
+
+
+def test_no_more_rows_are_spread_than_there_are_dictionaries() -> None:
+    groups: list[dict[str, Any]] = [{}, {}]
+    columns = [(groups, "a", "_a", np.ones((3, 1)), None)]
+    assert native.spread_lanes(columns, np.array([0]), 2) == 0
+    assert groups == [{}, {}]
+
+
+def test_masks_of_other_lanes_are_left_to_python() -> None:
+    bank = VectorEpisodeMonitor("always(x > 0)", 3, backend="native")._machine
+    for mask in (np.ones(2, bool), np.ones(3), np.ones((3, 3), bool), np.ones(6, bool)[::2]):
+        assert native.reset_banks((bank,), mask) is False
+        assert native.feed_banks((bank,), ((0,),), np.ones((3, 1)), mask) == 0
+    assert bank.samples.tolist() == [0, 0, 0]
