@@ -7,7 +7,7 @@ import math
 import pickle
 import random
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from rtamt import (
     VectorEpisodeMonitor,
     VectorMonitor,
 )
+from rtamt.machines.clocks import OperatorClock
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -191,3 +192,128 @@ def test_a_refused_state_changes_neither_the_machine_nor_its_history(backend: An
         assert monitor.explain().causes[0].sample == 1
     monitor.__setstate__((state, history))
     assert monitor.explain().causes[0].sample == 0
+
+
+def refused(machine: Any, state: bytes) -> None:  # noqa: ANN401 - any machine
+    before = machine.state()
+    with pytest.raises(ValueError, match=DAMAGED):
+        machine.restore(state)
+    assert machine.state() == before
+
+
+@pytest.mark.parametrize("text", ["once(x > 0)", "x since y", "historically[2:inf](x > 0)"])
+def test_a_window_that_no_step_leaves_holds_none_in_a_state(text: str) -> None:
+    machine = DenseMonitor(text, backend="native")._machine
+    places = list(with_a_step_more(machine.state()))
+    assert places
+    for state in places:
+        refused(machine, state)
+
+
+@pytest.mark.parametrize("text", ["once[0:5](x > 0)", "(x > 0) since[1:5] (y > 0)"])
+def test_a_window_holds_older_steps_only_beside_newer_ones_in_a_state(text: str) -> None:
+    machine = DenseMonitor(text, backend="native")._machine
+    before, found = machine.state(), list[bool]()
+    for state in with_a_step_more(before):
+        try:
+            machine.restore(state)
+        except ValueError:
+            found.append(False)
+            assert machine.state() == before
+        else:  # the first step of a window, which is a newer one
+            found.append(True)
+            assert machine.state() == state
+            machine.restore(before)
+    assert set(found) == {True, False}
+
+
+def with_a_step_more(state: bytes) -> Iterator[bytes]:
+    """A state in which a count of 0 is one of 1, with an element behind it."""
+    for at in range(8, len(state) - 7):
+        if state[at : at + 8] == bytes(8):
+            for size in (16, 24):
+                yield state[:at] + struct.pack("=Q", 1) + bytes(size) + state[at + 8 :]
+
+
+def test_a_default_in_a_state_is_a_number() -> None:
+    monitor = DenseMonitor("float x = 7.25\nfloat y\nonce(x > 0) and y > 0", backend="native")
+    monitor.update(y=[(0.0, 1.0)])
+    machine = monitor._machine
+    state, held = machine.state(), struct.pack("=d", 7.25)
+    at = state.find(held)
+    assert at > 0
+    while at > 0:
+        refused(machine, state[:at] + struct.pack("=d", math.nan) + state[at + 8 :])
+        at = state.find(held, at + 1)
+
+
+def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
+    """A state is a mark of the program, whether it is finished, what times are, and the begin."""
+    monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")
+    machine = monitor._machine
+    fresh = machine.state()
+    refused(machine, fresh[:8] + b"\1" + fresh[9:])  # finished before it begins
+    far = 4 * 10**18
+    monitor.update(x=[(far / 1e9, 1.0)])
+    state = machine.state()
+    assert struct.unpack_from("=q", state, 10) == (far,)
+    for begin in (-far, far - 1, far + 1):
+        refused(machine, state[:10] + struct.pack("=q", begin) + state[18:])
+
+
+def uncertain(lanes: int) -> Any:  # noqa: ANN401 - of either kind
+    """A monitor whose two machines have taken different samples."""
+    if lanes:
+        many = VectorEpisodeMonitor("always(x > 0)", lanes, nan="unknown", backend="native")
+        many.update(np.array([[math.nan], [1.0]]))
+        return many
+    one = EpisodeMonitor("always(x > 0)", nan="unknown", backend="native")
+    one.update(math.nan)
+    return one
+
+
+@pytest.mark.parametrize("lanes", [0, 2])
+def test_the_two_machines_of_what_is_uncertain_have_seen_the_same(lanes: int) -> None:
+    """Each byte of a state is changed by itself; what is taken is a state that goes on alike."""
+    made, other = uncertain(lanes), uncertain(lanes)
+    other.finish()
+    other._machine.restore(made._machine.state())
+    machine, state = made._machine, made._machine.state()
+    for at in range(8, len(state)):
+        for byte in (0, 1, 2):
+            if state[at] == byte:
+                continue
+            try:
+                machine.restore(state[:at] + bytes([byte]) + state[at + 1 :])
+            except ValueError:
+                assert machine.state() == state
+                continue
+            assert np.all(machine.samples == np.ones(lanes or 1)), at
+            assert not np.any(machine.finished), at
+            machine.restore(state)
+
+
+def test_lanes_that_are_cut_twice_stay_as_they_were_cut() -> None:
+    monitor = uncertain(2)
+    monitor.finish(np.array([True, False]), end="cut")
+    before = np.stack([monitor.robustness, monitor.lower, monitor.upper])
+    monitor.finish(end="cut")
+    after = np.stack([monitor.robustness, monitor.lower, monitor.upper])
+    assert np.array_equal(before[:, 0], after[:, 0])
+    assert np.all(monitor.finished)
+
+
+@pytest.mark.parametrize("count", [-1, 2**63 - 1, -(2**63)])
+def test_clocks_of_operators_count_to_their_ends(count: int) -> None:
+    native = pytest.importorskip("rtamt._native")
+    row = OperatorClock("oldest", "holds", 0, 5, 0, ((0, 0),))
+    bank = native.ClockBank([row], 1, 3)
+    bank.feed(np.array([-1.0, -1.0, -1.0]))
+    bank.feed(np.array([-1.0, 1.0, -1.0]))
+    state = bank.state()
+    tried = 0
+    for at in range(8, len(state) - 7, 8):
+        if 0 < struct.unpack_from("=q", state, at)[0] < 9:
+            refused(bank, state[:at] + struct.pack("=q", count) + state[at + 8 :])
+            tried += 1
+    assert tried >= 6

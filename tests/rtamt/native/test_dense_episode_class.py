@@ -14,6 +14,7 @@ native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 NO_PROGRAM = "^expected a program over regions$"
 LOAD = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
+CONSTANT = (0, "CONST", "", 0, 0, 1.0, 0, 0)
 MAP = (1, "MAP", "neg", 0, 0, 0.0, 0, 0)
 LEAST = ("MAP", "min", 0, 0, None, None, False, False)
 ENDLESS = ("WINDOW", "min", 0, 0, 0, None, False, False)
@@ -141,6 +142,10 @@ def test_what_is_no_term_is_refused(terms: list[object], row: int) -> None:
             "expected one program, or two with neutral predicates",
         ),
         ({"readings": episode()["readings"]}, "expected terms of variables"),
+        (
+            {"readings": episode(CONSTANT)["readings"], "variables": (), "declared": ()},
+            "expected terms of variables",
+        ),
         ({"declared": ()}, "expected a declared value, or nan, for every variable"),
         ({"reach": -1}, "the reach is out of range"),
         ({"reach": FAR}, "the reach is out of range"),

@@ -223,3 +223,67 @@ def test_what_a_verdict_stands_on(seed: int) -> None:
         assert repr(native) == repr(python), (text, end)
         assert list(map(astuple, native.asked)) == list(map(astuple, python.asked)), (text, end)
         assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
+
+
+STAIRS = (
+    "eventually[0:20](x > 0)",
+    "once[0:20](x > 0)",
+    "always(eventually[0:20](x > 0))",
+    "eventually(always[0:20](x < 0))",
+    "always(eventually[0:20](x > 0) or historically[2:19](x > -3))",
+    "eventually[0:90](always[0:20](eventually[0:15](x > 0)))",
+)
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+@pytest.mark.parametrize("text", STAIRS)
+def test_an_episode_of_values_that_fall_or_rise(text: str, way: int) -> None:
+    """Each window of 20 s has a step of its fold for each of its 40 events, and they all leave."""
+    native, python = (
+        DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+    )
+    for i in range(150):
+        value = way * (i - 100.0) if i % 29 else 0.0
+        for each in (native, python):
+            each.update(x=[(i / 2, value)])
+        if i % 10 == 0:
+            assert repr(native.bounds()) == repr(python.bounds()), i
+            assert repr(native.robustness) == repr(python.robustness), i
+    assert repr(native.finish()) == repr(python.finish())
+
+
+def test_many_events_at_once_and_then_one_by_one() -> None:
+    """The memory of a block that is much longer than others is given back."""
+    text = "always((x > -2) or eventually[0:3](y > 1))"
+    native, python = (
+        DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+    )
+    rng = random.Random(7)
+    for n in (3000, 1, 2, 2500, 1):
+        begin = native.settled if native.settled > 0 else 0.0
+        call = {
+            name: [(begin + (k + 1) / 2, float(rng.randint(-1, 2))) for k in range(n)]
+            for name in ("x", "y")
+        }
+        assert repr(native.update(call)) == repr(python.update(call)), n
+        assert repr(native.bounds()) == repr(python.bounds()), n
+    assert native.decided_at is None
+    assert repr(native.finish("cut")) == repr(python.finish("cut"))
+
+
+def test_a_trace_that_is_longer_than_its_clock_counts_is_refused() -> None:
+    said = set()
+    for backend in ("native", "python"):
+        monitor = DenseEpisodeMonitor("always(x > 0)", backend=backend)
+        monitor.update(x=[(-4e9, 1.0), (4e8, 2.0)])
+        for last in (5e8, 4e9, 4.6e9):
+            at = monitor.settled
+            events = [(last, 0.5)]
+            if last - -4e9 < 2**62 / 1e9:
+                monitor.update(x=events)
+                continue
+            with pytest.raises(ValueError, match=r"2\*\*62|2\^62") as refusal:
+                monitor.update(x=events)
+            said.add(str(refusal.value))
+            assert (monitor.settled, monitor.robustness) == (at, 0.5)
+    assert len(said) == 2

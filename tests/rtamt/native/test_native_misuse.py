@@ -137,6 +137,8 @@ def test_what_the_reader_of_signs_counts_has_to_fit() -> None:
     assert found.fails_at([(0, math.inf)]) == signs().fails_at([(0, math.inf)])
     with pytest.raises(RuntimeError, match=r"^the reader gave events that do not fit$"):
         signs(given=whole, reader=Counting(3, 3))
+    with pytest.raises(RuntimeError, match=r"^the reader gave events that do not fit$"):
+        signs(given=whole, reader=Counting(0, 2**62))
 
 
 # Registers over regions. -------------------------------------------------------------------------
@@ -445,3 +447,20 @@ def test_masks_of_other_lanes_are_left_to_python() -> None:
         assert native.reset_banks((bank,), mask) is False
         assert native.feed_banks((bank,), ((0,),), np.ones((3, 1)), mask) == 0
     assert bank.samples.tolist() == [0, 0, 0]
+
+
+def test_a_bank_has_a_lane() -> None:
+    with pytest.raises(ValueError, match=r"^expected a lane, got none$"):
+        native.EpisodeBank([LOAD], [ENDLESS], [1], [0], ("x",), 0, object())
+
+
+@pytest.mark.parametrize("count", [6, 7])
+def test_six_operators_without_an_end_may_stand_inside_others(count: int) -> None:
+    rows = [("WINDOW", "min", i, i, 0, None, False, False) for i in range(count)]
+    rows.append(("WINDOW", "min", count, count, 0, None, False, False))
+    given = ([LOAD], rows, [count + 1], range(count + 1), ("x",), EpisodeMonitor("x > 0")._reader)
+    if count > 6:
+        with pytest.raises(ValueError, match=r"^too many unknowns$"):
+            native.EpisodeMachine(*given)
+        return
+    assert native.EpisodeMachine(*given).update(2.0) == 2.0

@@ -129,6 +129,10 @@ def test_what_the_rules_say() -> None:
         assert [steps(*pair) for pair in zip(got, ends, strict=True)] <= [1, 1], operands
         assert got[0] <= ends[0]
         assert got[1] >= ends[1]
+    for zero, ends in (((-0.0, 3.0), (0.0, 9.0)), ((-0.0, 0.0), (0.0, 5e-324))):
+        got = found("pow", zero, (2.0, 2.0))
+        assert got is not None
+        assert [steps(*pair) for pair in zip(got, ends, strict=True)] <= [1, 1], zero
     assert found("pow", (-3.0, -2.0), (0.5, 0.5)) is None
     assert found("pow", (-INF, -2.0), (0.5, 0.5)) == everything  # inf has that power of -inf
 
