@@ -266,11 +266,6 @@ def _spread(columns: list[LaneColumn], lanes: NDArray[np.int64], num: int) -> No
         columns = columns[done + 1 :]
 
 
-def _reset(banks: Sequence[EpisodeBank], mask: Lanes | None) -> None:
-    if not _native.reset_banks(banks, mask):
-        banks[0].reset(mask)  # refuses
-
-
 BOOKS = BookFunctions(
     _feed,
     _native.least_of_banks,
@@ -279,7 +274,7 @@ BOOKS = BookFunctions(
     _forget,
     _outcomes,
     _spread,
-    _reset,
+    _native.reset_banks,
 )
 
 

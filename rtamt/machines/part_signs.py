@@ -62,9 +62,8 @@ def _pass(program: Program, n: int, whole: Outlook, end: End, *, best: bool) -> 
         end: The reading of the end.
         best: Whether it is the greatest result.
     """
-    worst = look_out(program, n, best=False)
-    outlook = look_out(program, n, best=True) if best and program.neutral else worst
-    places = outputs_among(worst.predicates, whole.predicates)
+    outlook = look_out(program, n, best=best)
+    places = outputs_among(outlook.predicates, whole.predicates)
     formulas = outlook.formulas
     result = formulas.instructions[formulas.result]
     if isinstance(result, Load):

@@ -96,17 +96,17 @@ def _log(x: float, base: float) -> float:
     return _div(_ln(x), _ln(base))
 
 
-# Each returns one of its operands, nan if either is nan.
+# Each returns one of its operands, of equal ones the first, nan if either is nan.
 def _min(x: float, y: float) -> float:
     if x < y or x != x:  # noqa: PLR0124
         return x
-    return x if x == y and (x or _negative(x)) else y
+    return x if x == y and (x or _negative(x) or not _negative(y)) else y
 
 
 def _max(x: float, y: float) -> float:
     if x > y or x != x:  # noqa: PLR0124
         return x
-    return y if x != y or (not x and _negative(x)) else x
+    return y if x != y or (not x and _negative(x) and not _negative(y)) else x
 
 
 def _negative(zero: float) -> bool:

@@ -46,14 +46,12 @@ class WindowNode(StreamNode):
 
     def finish(self, begin: float, end: float) -> None:
         self._collect()
-        after = just_after(end)
         if self._lo > 0:
             empty = max(begin, end - self._lo)
             self._run(begin, empty)
             self._out.push(empty, self._empty)
         else:
-            self._run(begin, after)
-        self._out.frontier = after
+            self._run(begin, just_after(end))
 
     def _run(self, begin: float, before: float) -> None:
         joint, inside = self._joint, self._inside
@@ -171,4 +169,3 @@ class SuffixNode(StreamNode):
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
         for time, value in values.items():
             self._out.push(time, value)
-        self._out.frontier = just_after(end)

@@ -396,20 +396,14 @@ std::size_t spread(const nb::list& columns, nb::handle lanes, std::size_t num) {
     return done;
 }
 
-// Resets the lanes of the mask in every bank; false, and nothing is done, if it is no mask of them.
-bool reset_all(const nb::tuple& objects, nb::handle mask) {
+// Resets the lanes of the mask in every bank.
+void reset_all(const nb::tuple& objects, nb::handle mask) {
     const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
-    const void* chosen = nullptr;
-    if (!mask.is_none()) {
-        chosen = Numpy::instance().elements<std::uint8_t>(mask.ptr(), num);
-        if (chosen == nullptr) return false;
-    }
+    const std::uint8_t* chosen = mask_of(mask, banks.front()->machine.num());
     for (EpisodeObject* bank : banks) {
         require_idle(*bank);
-        bank->machine.reset(static_cast<const std::uint8_t*>(chosen));
+        bank->machine.reset(chosen);
     }
-    return true;
 }
 
 }  // namespace
@@ -433,7 +427,7 @@ void bind_books(nb::module_& m) {
     m.def("spread_lanes", spread, nb::arg("columns"), nb::arg("lanes"), nb::arg("num"),
           "Write arrays of all lanes into dictionaries; return how many columns were written.");
     m.def("reset_banks", reset_all, nb::arg("banks"), nb::arg("mask").none(),
-          "Forget the lanes of the mask; false, and nothing is done, if it is no mask of them.");
+          "Forget the lanes of the mask.");
 }
 
 }  // namespace rtamt

@@ -5,22 +5,31 @@ from __future__ import annotations
 from typing import get_args
 
 import numpy as np
+from bits import identical
 from hypothesis import given, settings
-from implying import requirements
+from implying import aware, requirements
+from interface_cases import Case
 from strategies import Trace, length, traces
 
-from rtamt import Formula, parse
+from rtamt import Formula, Specification, parse
 from rtamt.inputs.samples import SampleReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.foresight import Foresight
 from rtamt.machines.part_signs import PartSigns
 from rtamt.machines.protocols import End
+from rtamt.program.interface import STANDARD, Interface, as_interface
 from rtamt.program.lowering import compile_program
 
 
-def agrees(formula: Formula, trace: Trace, n: int, backend: BackendName) -> None:
-    program = compile_program(as_specification(formula))
+def agrees(
+    formula: Formula | Specification,
+    trace: Trace,
+    n: int,
+    backend: BackendName,
+    interface: Interface = STANDARD,
+) -> None:
+    program = compile_program(as_specification(formula), interface=interface)
     columns = [np.array(trace[name], np.float64) for name in program.variables]
     made = BACKENDS[backend]
     reader = SampleReader(program, bounds=True)
@@ -30,14 +39,22 @@ def agrees(formula: Formula, trace: Trace, n: int, backend: BackendName) -> None
     )
     for end in get_args(End):
         part, signs = foresight.part(program), PartSigns(foresight, program, end)
-        assert signs.fails().tolist() == part.fails(end).tolist(), end
-        assert signs.holds().tolist() == part.holds(end).tolist(), end
+        assert signs.fails().tolist() == part.fails(end).tolist() == foresight.fails(end).tolist()
+        assert signs.holds().tolist() == part.holds(end).tolist() == foresight.holds(end).tolist()
+        assert identical(part.bounds(end), foresight.bounds(end)), end
 
 
 @settings(max_examples=150)
 @given(formula=requirements(total=False), trace=traces(most=20))
 def test_one_pass_finds_what_many_do(formula: Formula, trace: Trace, backend: BackendName) -> None:
     agrees(formula, trace, length(trace), backend)
+
+
+@settings(max_examples=150)
+@given(case=aware(requirements(2)), trace=traces(most=12))
+def test_so_it_is_under_every_semantics(case: Case, trace: Trace, backend: BackendName) -> None:
+    spec, semantics = case
+    agrees(spec, trace, length(trace), backend, as_interface(spec, semantics, None, None))
 
 
 def test_windows_that_are_shorter_than_the_trace(backend: BackendName) -> None:

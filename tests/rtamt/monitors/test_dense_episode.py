@@ -27,6 +27,7 @@ from rtamt import (
     StateError,
     Verdict,
     judge_dense,
+    variable,
 )
 
 Backend = Literal["native", "python"]
@@ -52,6 +53,11 @@ def test_after_every_chunk_it_is_what_the_definition_says(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
     assume(formula.variables)
+    agrees(formula, whole, shares, backend)
+
+
+def agrees(formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend) -> None:
+    """Compare a monitor after every chunk, and every reading of the end, with the definition."""
     its = relevant(whole, formula.variables)
     definition = Regions(its, STEP)
     decided = definition.first_decided(formula)
@@ -78,6 +84,43 @@ def test_after_every_chunk_it_is_what_the_definition_says(
         assert identical((twin.finish(end),), definition.ended(formula, end)[:1])
         assert identical(seen(twin), definition.ended(formula, end))
         assert twin.decided_at == decided
+
+
+@st.composite
+def endless_over_late(draw: st.DrawFn) -> Formula:
+    """A future without an end, over operands that settle at different times, inside an operator."""
+    atom = st.sampled_from([variable(name) for name in "abc"]).map(lambda x: x > 0)
+    first, second, third, fourth = (draw(atom) for _ in range(4))
+    begin, width = draw(st.integers(0, 2)), draw(st.integers(0, 2))
+    window = begin, begin + width
+    late = second.always(*window) if draw(st.booleans()) else second.eventually(*window)
+    p, q = (first, late) if draw(st.booleans()) else (late, first)
+    both = p & q if draw(st.booleans()) else p | q
+    inner = draw(
+        st.sampled_from(
+            (both.eventually(), both.always(1), p.until(q), third.until(both, 1), p.unless(q, 1))
+        )
+    )
+    if draw(st.booleans()):
+        inner = ~inner
+    outside = (fourth & inner if draw(st.booleans()) else fourth | inner), inner
+    chosen = draw(st.sampled_from(outside))
+    return draw(
+        st.sampled_from(
+            (
+                *(chosen.eventually(), chosen.always(), chosen.eventually(0, 2)),
+                *(chosen.always(1, 3), chosen.once(0, 1), fourth.until(inner, 0, 2)),
+            )
+        )
+    )
+
+
+@settings(max_examples=60)
+@given(formula=endless_over_late(), whole=signals(INTEGERS), shares=chunks(3))
+def test_so_it_is_of_futures_without_an_end_over_what_settles_late(
+    formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
+) -> None:
+    agrees(formula, whole, shares, backend)
 
 
 @settings(max_examples=30)

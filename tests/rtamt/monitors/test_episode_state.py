@@ -139,6 +139,8 @@ def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
     for i in range(cut):
         feed(original, trace, i)
     twin = DUPLICATES[duplicate](original)
+    assert np.array_equal(offered(twin), offered(original), equal_nan=True)
+    assert twin.verdict is original.verdict
     for i in range(n):
         feed(whole, trace, i)
     for monitor in (twin, original):

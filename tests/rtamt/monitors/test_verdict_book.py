@@ -297,6 +297,9 @@ def test_functions_in_native_code_refuse_arrays_that_do_not_fit() -> None:
             native.note_verdicts(banks, None, array, *good[1:])
         with pytest.raises(ValueError, match="expected contiguous arrays"):
             native.forget_verdicts(None, 2, 3, array, *good[1:])
+    for mask in (np.ones(2, np.bool_), np.ones(6, np.bool_)[::2], [True] * 3):
+        with pytest.raises(ValueError, match="expected contiguous arrays"):
+            native.reset_banks(banks, mask)
     with pytest.raises(ValueError, match="expected a bank"):
         native.note_verdicts((), None, *good)
     with pytest.raises(ValueError, match="of as many lanes"):
