@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+import random
 from typing import Literal
 
 import numpy as np
@@ -86,41 +87,39 @@ def agrees(formula: Formula, whole: Signals, shares: list[list[float]], backend:
         assert twin.decided_at == decided
 
 
-@st.composite
-def endless_over_late(draw: st.DrawFn) -> Formula:
+def endless_over_late(rng: random.Random) -> Formula:
     """A future without an end, over operands that settle at different times, inside an operator."""
-    atom = st.sampled_from([variable(name) for name in "abc"]).map(lambda x: x > 0)
-    first, second, third, fourth = (draw(atom) for _ in range(4))
-    begin, width = draw(st.integers(0, 2)), draw(st.integers(0, 2))
-    window = begin, begin + width
-    late = second.always(*window) if draw(st.booleans()) else second.eventually(*window)
-    p, q = (first, late) if draw(st.booleans()) else (late, first)
-    both = p & q if draw(st.booleans()) else p | q
-    inner = draw(
-        st.sampled_from(
-            (both.eventually(), both.always(1), p.until(q), third.until(both, 1), p.unless(q, 1))
-        )
+    first, second, third = (variable(rng.choice("abc")) > 0 for _ in range(3))
+    begin = rng.randint(0, 2)
+    window = begin, begin + rng.randint(1, 2)
+    late = rng.choice((second.always(*window), second.eventually(*window)))
+    p, q = rng.sample((first, late), 2)
+    both = rng.choice((p & q, p | q))
+    inner = rng.choice(
+        (both.eventually(), both.always(1), p.until(q), third.until(both, 1), p.unless(q, 1))
     )
-    if draw(st.booleans()):
-        inner = ~inner
-    outside = (fourth & inner if draw(st.booleans()) else fourth | inner), inner
-    chosen = draw(st.sampled_from(outside))
-    return draw(
-        st.sampled_from(
-            (
-                *(chosen.eventually(), chosen.always(), chosen.eventually(0, 2)),
-                *(chosen.always(1, 3), chosen.once(0, 1), fourth.until(inner, 0, 2)),
-            )
-        )
-    )
+    inner = rng.choice((inner, ~inner))
+    inner = rng.choice((inner, third & inner, third | inner))
+    outer = inner.eventually(), inner.always(), inner.eventually(0, 2), inner.always(1, 3)
+    return rng.choice((*outer, inner.once(0, 1), third.until(inner, 0, 2)))
 
 
-@settings(max_examples=60)
-@given(formula=endless_over_late(), whole=signals(INTEGERS), shares=chunks(3))
+@settings(max_examples=80)
+@given(seed=st.integers(0, 2**32))
 def test_so_it_is_of_futures_without_an_end_over_what_settles_late(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
+    seed: int, backend: Backend
 ) -> None:
-    agrees(formula, whole, shares, backend)
+    rng = random.Random(seed)
+    formula = endless_over_late(rng)
+    last = rng.randint(0, 4)
+    whole = {
+        name: [
+            (float(time), float(rng.randint(-2, 3)))
+            for time in sorted({0, last, *rng.sample(range(last + 1), rng.randint(0, last))})
+        ]
+        for name in "abc"
+    }
+    agrees(formula, whole, [[rng.random() for _ in range(2)] for _ in whole], backend)
 
 
 @settings(max_examples=30)
