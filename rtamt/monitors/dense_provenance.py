@@ -57,7 +57,7 @@ def dense_origin_of(
     last: int,
     position: int,
     *,
-    earliest: bool = False,
+    earliest: bool,
 ) -> Origin:
     """The origin of the value of a formula at a position.
 
@@ -122,7 +122,7 @@ class _RegionDefinition(Definition):
             places = _clipped(self._starts[p], window[0], window[-1])
             values = yield from self._values(p, places)
             value: Value = yield p, int(places[first_best(values)])
-            if len(window) > 1 and (fold == "min") == holds_by_sign(value):
+            if (fold == "min") == holds_by_sign(value):
                 return value.having((yield from self._parts(p, window)))
             if fold == "min" and lo != hi:
                 found = value

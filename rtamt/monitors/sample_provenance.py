@@ -87,7 +87,7 @@ class _SampleDefinition(Definition):
                 return self._outside(empty, i, lo, hi)
             values = yield from self._values(p, window)
             value: Value = yield p, window[first_best(values)]
-            if len(window) > 1 and (fold == "min") == holds_by_sign(value):
+            if (fold == "min") == holds_by_sign(value):
                 return value.having((yield from self._parts(p, window)))
             if fold == "min" and lo != hi:
                 found = value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, cast
 
 import pytest
@@ -58,6 +58,30 @@ RETAINED = Operator(
     timed=True,
     future=True,
 )
+LASTING = Operator(
+    ("lasting",),
+    "infix",
+    6,
+    "always[a:b] (p until[a:b] q)",
+    lambda b, bounds, p, q: b.window("min", *bounds, b.until(bounds, p, q)),
+    (2, 2),
+    timed=True,
+    future=True,
+)
+LASTED = Operator(
+    ("lasted",),
+    "infix",
+    6,
+    "once[a:b] (p since[a:b] not (q and true))",
+    lambda b, bounds, p, q: b.window(
+        "max",
+        -bounds[1],
+        -bounds[0],
+        b.since(bounds, p, b.map("neg", b.map("min", q, b.constant(math.inf)))),
+    ),
+    (2, 2),
+    timed=True,
+)
 TWICE = _function("twice", "2 x")
 
 x, y = variable("x"), variable("y")
@@ -105,8 +129,10 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
     [
         (REGAINED, "not (x > 0) until[{0}:{1}] always[{0}:{1}](y > 0)"),
         (RETAINED, "once[{0}:{1}](x > 0) since[{0}:{1}] (eventually[{0}:{1}](y > 0) and y > 0)"),
+        (LASTING, "always[{0}:{1}](x > 0 until[{0}:{1}] y > 0)"),
+        (LASTED, "once[{0}:{1}](x > 0 since[{0}:{1}] not (y > 0))"),
     ],
-    ids=["regained", "retained"],
+    ids=["regained", "retained", "lasting", "lasted"],
 )
 def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
     add: Add, row: Operator, spelled: str
@@ -121,8 +147,34 @@ def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
         time = draw.randint(0, 9)
         made, other = f"x > 0 {row.symbol}[{begin}:{end}] y > 0", spelled.format(begin, end)
         assert rtamt.evaluate_dense(made, trace) == rtamt.evaluate_dense(other, trace)
-        one, two = (rtamt.explain_dense(text, trace, time) for text in (made, other))
+        one, two = (
+            rtamt.explain_dense(text, trace, time, resolution="1s") for text in (made, other)
+        )
         assert (one.robustness, one.causes) == (two.robustness, two.causes)
+        if rtamt.holds(one.robustness):
+            made, other = f"not ({made})", f"not ({other})"
+            one = rtamt.explain_dense(made, trace, time, resolution="1s")
+        signs = named(one, trace)
+        for share in (0.2, 0.5, 0.8):
+            changed = {
+                name: [(t, draw.choice((-1, 1)) if draw.random() < share else v) for t, v in its]
+                for name, its in trace.items()
+            }
+            if named(one, changed) == signs:
+                after = rtamt.explain_dense(other, changed, time, resolution="1s")
+                assert not rtamt.holds(after.robustness)
+
+
+def named(why: rtamt.DenseExplanation, trace: Mapping[str, list[tuple[int, int]]]) -> list[bool]:
+    """The signs of the predicates at the instants that an explanation of a violation names."""
+    spans = [(each.formula, *each.window, each.open_end) for each in why.circumstances]
+    if why.steps[-1].outside is None:
+        spans.append((why.steps[-1].formula, why.steps[-1].time, why.steps[-1].time, False))
+    return [
+        [value for t, value in trace[formula.variables[0]] if t <= time][-1] > 0
+        for formula, first, last, ends in spans
+        for time in range(int(first), int(last) + 1 - (ends and first < last))
+    ]
 
 
 def test_an_infix_operator_is_one_row(add: Add) -> None:

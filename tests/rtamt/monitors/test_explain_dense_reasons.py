@@ -132,6 +132,14 @@ def operand(rng: random.Random, name: str, other: str) -> Formula:
     return rng.choice((p, p, p, p, *deep))
 
 
+def closed(rng: random.Random) -> Formula:
+    """A formula that changes right after an instant: an until that must last for so long."""
+    p, q = variable(rng.choice("ab")) > 0, variable(rng.choice("ab")) > 0
+    k = rng.randint(1, 2)
+    its = p.until(q, k, k)
+    return ~its if rng.random() < 0.5 else its
+
+
 def drawn(name: str, seed: int) -> Case:
     rng = random.Random(seed)
     begin, end = rng.randint(0, 2), rng.randint(4, 9)
@@ -143,6 +151,9 @@ def drawn(name: str, seed: int) -> Case:
     lo = rng.choice((0, 0, 1, 2))
     interval = Interval.of(lo, rng.choice((None, lo, lo + 1, lo + 2, lo + 4)))
     operands = operand(rng, "a", "b"), operand(rng, "c", "d")
+    if rng.random() < 0.4:
+        changing = closed(rng), closed(rng)
+        operands = operands if changing[0] is changing[1] else changing
     inner = cast("Formula", make(name, operands, interval))
     its = ~inner if rng.random() < 0.4 else inner
     outer = rng.choice((its, its, its, its.always(0, rng.randint(0, 3)), its.historically()))
@@ -181,7 +192,7 @@ class Said:
 
 
 @pytest.mark.parametrize("name", ["since", "until", "unless"])
-@settings(max_examples=200)
+@settings(max_examples=250)
 @given(seed=st.integers(0, 2**32))
 def test_an_explanation_names_what_the_definition_chooses(
     name: str, seed: int, backend: Backend
