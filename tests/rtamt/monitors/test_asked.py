@@ -19,7 +19,7 @@ from interface_oracle import SEMANTICS
 from strategies import INFINITIES, Trace, length, traces
 
 import rtamt
-from rtamt import Asked, Formula, Judgement, Verdict, judge, judge_dense, parse
+from rtamt import Asked, Between, Formula, Judgement, Verdict, judge, judge_dense, parse
 
 Backend = Literal["native", "python"]
 End = Literal["complete", "cut", "open"]
@@ -141,6 +141,18 @@ def test_a_satisfied_response_without_a_request_says_so(backend: Backend) -> Non
         "asked 1x, first at sample 0: a implies b",
         "never asked: b implies c",
     ]
+
+
+@pytest.mark.parametrize("semantics", ["standard", "output-vacuity"])
+def test_a_request_holds_if_all_that_its_value_may_be_does(
+    semantics: Literal["standard", "output-vacuity"], backend: Backend
+) -> None:
+    spec = "input float gap; output float brake; always({} implies brake > 0)"
+    low, high = np.array([1.0, 1.0, 4.0, 1.0]), np.array([2.0, 5.0, 6.0, 1.0])
+    trace: dict[str, object] = {"gap": Between(low, high), "brake": [1, 1, 1, 1]}
+    for left, first, samples in (("gap <= 2", 0, 2), ("gap >= 4", 2, 1), ("gap < 6", 0, 3)):
+        found = judge(spec.format(left), trace, semantics=semantics, backend=backend)
+        assert (found.asked[0].first, found.asked[0].samples) == (first, samples)
 
 
 def test_a_request_that_may_have_been_is_not_said_to_be_missing(backend: Backend) -> None:

@@ -203,6 +203,9 @@ def test_on_uniform_samples_robustness_is_that_of_samples(seed: int, backend: Ba
     assert found.verdict is expected.verdict
 
 
+UNLESS, LATER = "x > 5 unless[0:14] y > 2", "x > 5 unless[12:14] y > 2"
+
+
 @pytest.mark.parametrize(
     ("text", "end", "lines"),
     [
@@ -211,6 +214,8 @@ def test_on_uniform_samples_robustness_is_that_of_samples(seed: int, backend: Ba
         ("always(x > 5)", "open", ["always(x > 5): not recorded: 10 s and later"]),
         ("always[20:inf](x > 5)", "cut", ["always[20:inf](x > 5): not recorded: 20 s and later"]),
         ("always(x > 5)", "cut", []),
+        (UNLESS, "cut", [f"{UNLESS}: not recorded: 10 s to 14 s"]),
+        (LATER, "open", [f"{LATER}: not recorded: 10 s to 14 s"]),
         (
             "always(y > 0 implies eventually[0:4](x < 5))",
             "cut",

@@ -85,6 +85,27 @@ def test_samples_that_are_not_known(case: Case, trace: Uncertain, backend: Backe
         assert its.evidence(columns, end, monitor.verdict, n=n) == of(found)
 
 
+@settings(max_examples=100)
+@given(case=aware(requirements(1)), trace=uncertain_traces(most=5, share=0.6))
+def test_left_sides_that_are_not_known_hold_by_standard_semantics(
+    case: Case, trace: Uncertain, backend: Backend
+) -> None:
+    spec, semantics = case
+    n = len(next(iter(trace.values())))
+    columns = {
+        name: Between(*(np.array([getattr(x, end, x) for x in column]) for end in ENDS_OF_VALUES))
+        for name, column in trace.items()
+    }
+    counted = []
+    for its in (semantics, "standard"):
+        try:
+            found = judge(spec, columns, end="cut", n=n, semantics=its, backend=backend)
+        except InputError:  # a term has no value
+            return
+        counted.append([(each.samples, each.occasions, each.first) for each in found.asked])
+    assert counted[0] == counted[1]
+
+
 @settings(max_examples=40)
 @given(formula=requirements(2), several=st.lists(traces(most=6), min_size=2, max_size=3))
 def test_each_lane_has_its_own(formula: Formula, several: list[Trace], backend: Backend) -> None:
