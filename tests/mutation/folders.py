@@ -115,7 +115,13 @@ _ANSWERS: Final = Covering(
     (
         *_files(
             "tests/rtamt/monitors",
-            *("asked", "circumstances", "dense_circumstances", "dense_clock_errors"),
+            *(
+                "asked",
+                "circumstances",
+                "dense_circumstances",
+                "dense_clock_errors",
+                "dense_origins",
+            ),
             *("dense_errors", "dense_judgement", "episode_state", "evidence", "explain"),
             *("explain_dense", "explain_dense_edges", "explain_dense_reasons", "explain_edges"),
             *("explain_episode", "golden"),

@@ -1,0 +1,139 @@
+"""The origin of a value over the positions of dense time, against every position one by one."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reasons_oracle import Operands, Part, Reasons
+
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Bounds, Builder, Operator
+from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
+from rtamt.monitors.provenance import Origin, flat
+
+INF = math.inf
+WINDOWS = {"always": "min", "eventually": "max", "historically": "min", "once": "max"}
+
+
+class Drawn(NamedTuple):
+    """Two operands at the positions of a trace, a position, and bounds."""
+
+    left: list[float]
+    right: list[float]
+    now: int
+    lo: int
+    hi: int | None
+
+    @property
+    def end(self) -> float:
+        return INF if self.hi is None else self.hi
+
+    def origin(self, row: Operator) -> Origin:
+        """What the row chooses among as many operands as it has."""
+        operands = [runs(self.left), runs(self.right)][: row.arity[0]]
+        last = len(self.left) - 1
+        return dense_origin_of(row, (self.lo, self.hi), operands, last, self.now, earliest=True)
+
+
+def drawn(seed: int) -> Drawn:
+    rng = random.Random(seed)
+    last = 2 * rng.randint(0, 7)
+    values = rng.choice(((-2.0, -1.0, 1.0, 2.0), (-1.0, 1.0), (-0.0, 0.0, 1.0), (-2.0, -1.0, 1.0)))
+
+    def operand() -> list[float]:
+        found = [rng.choice(values)]
+        while len(found) <= last:
+            found.append(found[-1] if rng.random() < 0.5 else rng.choice(values))
+        return found
+
+    lo = 2 * rng.choice((0, 0, 1, 2))
+    hi = rng.choice((None, lo, lo + 2, lo + 4, lo + 8))
+    return Drawn(operand(), operand(), rng.randint(0, last), lo, hi)
+
+
+def runs(values: list[float]) -> RegionValues:
+    """The values as runs of equal bits."""
+    bits = np.array(values).view(np.int64)
+    starts = np.flatnonzero(np.append(True, bits[1:] != bits[:-1])).astype(np.int64)
+    return RegionValues(starts, np.array(values)[starts])
+
+
+def decided(origin: Origin) -> tuple[int, int] | None:
+    return None if origin.operand is None else (origin.operand, origin.place)
+
+
+def parts_of(origin: Origin) -> list[tuple[int, int, int, bool]]:
+    return [(part.operand, part.first, part.last, part.broken) for part in flat(origin.parts)]
+
+
+def marked(parts: list[Part]) -> list[tuple[int, int, int, bool]]:
+    return [(side, first, last, role == "broken") for side, first, last, role in parts]
+
+
+@pytest.mark.parametrize("name", ["since", "until"])
+@settings(max_examples=400)
+@given(seed=st.integers(0, 2**32))
+def test_of_two_operands_the_best_witness_and_the_worst_place_on_the_way_decide(
+    name: str, seed: int
+) -> None:
+    case = drawn(seed)
+    origin = case.origin(OPERATORS[name])
+    reasons = Operands(case.left, case.right).reached(name, case.now, case.lo, case.end)
+    assert (decided(origin), origin.witness) == (reasons.decided, reasons.witness)
+    assert parts_of(origin) == marked(reasons.parts)
+    window = (case.now + case.lo, None if case.hi is None else case.now + case.hi)
+    if name == "since":
+        window = (None if case.hi is None else case.now - case.hi, case.now - case.lo)
+    assert origin.outside == (window if reasons.decided is None else None)
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+@settings(max_examples=200)
+@given(seed=st.integers(0, 2**32))
+def test_of_a_window_the_first_best_place_decides(name: str, seed: int) -> None:
+    case = drawn(seed)
+    origin = case.origin(OPERATORS[name])
+    reasons = windowed(case, name, case.left)(case.now)
+    assert decided(origin) == reasons.decided
+    assert parts_of(origin) == marked(reasons.parts)
+
+
+def windowed(case: Drawn, name: str, values: list[float]) -> Callable[[int], Reasons]:
+    """The reasons at a position of an operator with the bounds of a case."""
+    offsets: tuple[float, float] = (case.lo, case.end)
+    if not OPERATORS[name].future:
+        offsets = (-case.end, -case.lo)
+    return lambda now: Operands(values).windowed(WINDOWS[name], now, *offsets)
+
+
+def of_operators(inner: str, outer: str) -> Operator:
+    """An operator that is a window over another operator, all with the same bounds."""
+
+    def meaning(b: Builder, bounds: Bounds, p: int, q: int) -> int:
+        below = OPERATORS[inner].meaning(b, bounds, p, q)
+        return OPERATORS[outer].meaning(b, bounds, below)
+
+    return Operator(("made",), "infix", 6, "", meaning, (2, 2), timed=True)
+
+
+@pytest.mark.parametrize("outer", WINDOWS)
+@pytest.mark.parametrize("inner", ["since", "until"])
+@settings(max_examples=100)
+@given(seed=st.integers(0, 2**32))
+def test_an_operator_made_of_operators_is_explained_through_the_inner_one(
+    inner: str, outer: str, seed: int
+) -> None:
+    case = drawn(seed)
+    operands = Operands(case.left, case.right)
+    below = [operands.reached(inner, i, case.lo, case.end) for i in range(len(case.left))]
+    reasons = windowed(case, outer, [each.value for each in below])(case.now)
+    origin = case.origin(of_operators(inner, outer))
+    expected = None if reasons.decided is None else below[reasons.decided[1]].decided
+    assert decided(origin) == expected
