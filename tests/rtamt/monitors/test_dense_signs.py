@@ -2,7 +2,9 @@
 
 import itertools
 import math
-from typing import Literal
+import random
+from fractions import Fraction
+from typing import Literal, get_args
 
 import pytest
 from dense_oracle import boolean
@@ -10,9 +12,17 @@ from dense_signals import INTEGERS, Signals, bitwise, chunked, chunks, play, rel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_oracle import SEMANTICS
+from region_oracle import Regions
 from strategies import DENSE, formulas, rooted
 
-from rtamt import DenseMonitor, Events, Formula, SemanticsName, evaluate_dense
+from rtamt import DenseMonitor, End, Events, Formula, SemanticsName, evaluate_dense
+from rtamt.inputs.event_reader import EventReader
+from rtamt.language.parser import as_specification
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.dense.rows import dense_of
+from rtamt.program.dense_regions import compile_regions
+from rtamt.program.implications import InstantRuns
+from rtamt.program.interface import STANDARD
 
 Backend = Literal["native", "python"]
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)
@@ -100,3 +110,49 @@ def test_steps_that_differ_in_the_sign_of_zero_are_not_one(backend: Backend) -> 
         "once[0:1](x >= 2 or x < 1)": [(0, 0, -1), (1, 0, 1), (3, 0, -1)],
     }.items():
         assert bitwise(evaluate_dense(text, gears, backend=backend)) == steps, text
+
+
+def drawn_runs(rng: random.Random, last: int) -> InstantRuns:
+    """Runs of positions, one or more, none of which touches the next; the end may be open."""
+    places = sorted(rng.sample(range(last + 4), rng.randint(1, min(6, last + 4))))
+    runs: list[tuple[int, float]] = []
+    for first in places:
+        if not runs or first > runs[-1][1] + 1:
+            runs.append((first, first + rng.choice((0, 0, 1, 2))))
+    if rng.random() < 0.2:
+        runs[-1] = runs[-1][0], math.inf
+    return tuple(runs)
+
+
+@settings(max_examples=150)
+@given(formula=any_formula, seed=st.integers(0, 2**32), end=st.sampled_from(get_args(End)))
+def test_where_a_formula_fails_and_holds_for_certain_is_counted(
+    formula: Formula, seed: int, end: End, backend: Backend
+) -> None:
+    rng = random.Random(seed)
+    steps = rng.randint(0, 5)
+    whole: Signals = {
+        name: [(float(t), rng.choice((-2.0, -1.0, 1.0, 2.0))) for t in range(steps + 1)]
+        for name in formula.variables
+    }
+    regions = compile_regions(as_specification(formula), Fraction(1), interface=STANDARD)
+    reader = EventReader(dense_of(regions))
+    made = BACKENDS[backend]
+    given = reader.whole(whole)
+    signs = made.dense_signs(
+        regions, reader.with_clock(made.clock(dense_of(regions))), given, (0, steps), end
+    )
+    at = Regions(whole, 1).at(formula, end)
+    bounds = [at(i) for i in range(2 * steps + 1)]
+    for _ in range(5):
+        instants = drawn_runs(rng, 2 * steps)
+        inside = [i for i in range(2 * steps + 1) if any(a <= i <= z for a, z in instants)]
+        fails = [i for i in inside if math.copysign(1.0, bounds[i][1]) < 0]
+        begins = [
+            i for i in fails if i - 1 not in fails or any(i == first for first, _ in instants)
+        ]
+        counted = sum(i % 2 for i in fails), len(begins), begins[0] if begins else None
+        assert signs.fails_at(instants) == counted
+        holds = instants[-1][1] <= 2 * steps
+        holds = holds and all(math.copysign(1.0, bounds[i][0]) > 0 for i in inside)
+        assert signs.holds_at(instants) == holds
