@@ -3,12 +3,13 @@
 import copy
 import inspect
 import pickle
+import random
 from typing import Literal
 
 import numpy as np
 import pytest
 from bits import identical
-from end_oracle import ended
+from end_oracle import cut, ended, holds
 from episode_monitors import feed, offered
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,7 +26,9 @@ from rtamt import (
     evaluate,
     judge,
     parse,
+    variable,
 )
+from rtamt.language.node import Node
 
 Backend = Literal["native", "python"]
 End = Literal["complete", "cut", "open"]
@@ -60,6 +63,55 @@ def test_it_says_what_the_monitor_says_of_the_same_samples(
     formula: Formula, trace: Trace, backend: Backend
 ) -> None:
     agrees(formula, trace, backend)
+
+
+def undecided(formula: Formula, trace: Trace, n: int) -> set[tuple[str, int]]:
+    """The formulas, and samples, that leave the verdict on a trace that was cut open.
+
+    They are undecided, and so is each formula on a way to them, at recorded times.
+    """
+    found: set[tuple[str, int]] = set()
+    stack: list[tuple[Node, int]] = [(formula, 0)]
+    while stack:
+        node, i = stack.pop()
+        low, high = cut(node, trace, n, i)
+        if (str(node), i) in found or holds(low) == holds(high):
+            continue
+        found.add((str(node), i))
+        assert node.op is not None
+        if node.op.operands != "formula":
+            continue
+        places = range(i, i + 1)
+        if node.op.timed:
+            places = range(i, n) if node.op.future else range(i + 1)
+        stack += [(arg, j) for arg in node.args for j in places]
+    return found
+
+
+def random_late_until(rng: random.Random) -> Formula:
+    """A future without an end over one more, and over a past of what settles late."""
+    a, b, c, d, e = (variable(rng.choice("ab")) > rng.choice((-1, 0, 1)) for _ in range(5))
+    begin = rng.randint(1, 2)
+    open_one = rng.choice((a.eventually(rng.randint(0, 3)), a.always(rng.randint(0, 3))))
+    left = rng.choice((open_one | b, open_one & b))
+    late = c.eventually(begin, begin + 2), c.always(begin, begin + 2)
+    right = rng.choice(late).since(d.until(e, 1, rng.randint(1, 3)))
+    k = rng.randint(0, 3)
+    formula = rng.choice((left.unless(right, k), left.until(right, k)))
+    return rng.choice((formula, ~formula))
+
+
+@settings(max_examples=150)
+@given(seed=st.integers(0, 2**32))
+def test_what_was_not_recorded_is_reached_through_what_is_undecided(
+    seed: int, backend: Backend
+) -> None:
+    rng = random.Random(seed)
+    formula, n = random_late_until(rng), rng.randint(1, 6)
+    trace = {name: [float(rng.randint(-2, 3)) for _ in range(n)] for name in "ab"}
+    found = judge(formula, trace, n=n, backend=backend)
+    open_ones = undecided(formula, trace, n)
+    assert {(part.formula, part.at) for part in found.untested} <= open_ones
 
 
 @settings(max_examples=80)
