@@ -206,7 +206,7 @@ class _RegionDefinition(Definition):
                     run = len(way) - 1 - int(np.signbit(passed)[::-1].argmax())
                     broken = now if run == len(way) - 1 else int(way[run + 1]) - 1
                     first = broken + (broken % 2 == 1 and broken != now)
-                    right = range(first, window[-1] + 1)
+                    right = range(first, window.stop)
                     left = range(broken, broken + 1)
             return (yield from self._reached(value, witness, (p, left), (q, right), window))
 
