@@ -261,9 +261,9 @@ class _RegionDefinition(Definition):
     def _changes(self, args: Iterable[int], offsets: Iterable[int | None]) -> None:
         """Note where the next register may change: where an operand does, seen from an offset.
 
-        What an operator asks of its own position and of intervals changes one position later too.
+        What until asks of intervals changes one position later too, what since does one earlier.
         """
         places = [np.append(self._starts[arg], self._last + 1) for arg in args]
         seen = [starts - offset for starts in places for offset in offsets if offset is not None]
-        starts = distinct(np.zeros(1, np.int64), *seen, *(s + 1 for s in seen))
-        self._starts.append(starts[(starts >= 0) & (starts <= self._last)])
+        near = [starts + shift for starts in seen for shift in (-1, 0, 1)]
+        self._starts.append(distinct(np.array([0], np.int64), *near))
