@@ -70,10 +70,10 @@ class Flags(NamedTuple):
 
     def first(self, begin: int, end: int) -> int | None:
         """The first time from begin to end at which it is."""
-        last = len(self.values) - 1
         found = np.flatnonzero(self.values[begin : max(0, end + 1)])
         if len(found):
             return begin + int(found[0])
+        last = len(self.values) - 1
         return max(begin, last) if end > last and self.values[-1] else None
 
 

@@ -196,8 +196,9 @@ class RegionPointwise(RegionStream):
             s.keep = max(s.keep, late - s.late)
 
     def _across(self, runs: Runs) -> Runs:
-        total: Arrays = runs.values[:1]
-        for value in runs.values[1:]:
+        first, *others = runs.values
+        total: Arrays = (first,)
+        for value in others:
             total = self._fold.combine_arrays(total, (value,))
         return Runs(runs.starts, total)
 

@@ -89,9 +89,9 @@ def test_of_two_operands_the_best_witness_and_the_worst_place_on_the_way_decide(
     reasons = Operands(case.left, case.right).reached(name, case.now, case.lo, case.end)
     assert (decided(origin), origin.witness) == (reasons.decided, reasons.witness)
     assert parts_of(origin) == marked(reasons.parts)
-    window = (case.now + case.lo, None if case.hi is None else case.now + case.hi)
-    if name == "since":
-        window = (None if case.hi is None else case.now - case.hi, case.now - case.lo)
+    near = case.now + (-case.lo if name == "since" else case.lo)
+    far = None if case.hi is None else case.now + (-case.hi if name == "since" else case.hi)
+    window = (far, near) if name == "since" else (near, far)
     assert origin.outside == (window if reasons.decided is None else None)
 
 

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import DenseMonitor, InputError, InputTypeError, evaluate_dense, explain_dense, variable
+from rtamt import (
+    DenseMonitor,
+    InputError,
+    InputTypeError,
+    evaluate_dense,
+    explain,
+    explain_dense,
+    variable,
+)
 
 SPEC = """
 granted = eventually[0:1s](gnt >= 3)
@@ -92,6 +100,25 @@ def test_of_equal_values_the_first_operand_and_the_first_time_decide(
     explanation = explain_dense(formula, trace, time)
     assert abs(explanation.robustness) == 1
     assert [(c.variable, c.time) for c in explanation.causes] == [decided]
+
+
+@pytest.mark.parametrize(
+    ("formula", "decided"),
+    [
+        ("x >= 0 and y >= 0", "x"),  # both are 0.0
+        ("x > 0 or y > 0", "x"),  # both are -0.0
+        ("x > 0 and y >= 0", "x"),
+        ("x >= 0 and y > 0", "y"),
+        ("x > 0 or y >= 0", "y"),
+        ("x < 0 unless y > 0", "x"),
+    ],
+)
+def test_of_zeros_that_are_equal_the_first_operand_decides(formula: str, decided: str) -> None:
+    events: dict[str, Any] = {"x": [(0, 0), (1, 0)], "y": [(0, 0), (1, 0)]}
+    explanation = explain_dense(formula, events, 1)
+    assert [(c.variable, c.time) for c in explanation.causes] == [(decided, 1)]
+    sampled = explain(formula, {"x": [0, 0], "y": [0, 0]}, sample=1)
+    assert [(c.variable, c.sample) for c in sampled.causes] == [(decided, 1)]
 
 
 def test_only_what_holds_has_a_witness() -> None:
