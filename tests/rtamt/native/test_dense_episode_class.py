@@ -187,3 +187,11 @@ def test_a_state_says_no_time_that_cannot_be_counted(kind: Any, text: str) -> No
             with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
                 machine.restore(damaged)
     assert machine.state() == state
+
+
+def test_a_whole_trace_that_decides_nothing_is_not_decided() -> None:
+    events = [(np.array([0.0, 3.0]), np.array([1.0, 2.0]))]
+    for decided in (False, True):
+        monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")
+        monitor._machine.run(events, decided=decided)
+        assert (monitor.decided_at, monitor.settled, monitor.robustness) == (None, 3.0, 1.0)

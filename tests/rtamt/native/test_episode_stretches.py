@@ -78,6 +78,26 @@ JOINED = (
     "eventually(historically(x > 0) or eventually[5:5](historically(y > 0)))",
     "always(once(x > 0) and next(once(y > 0)))",
     "always((x > 0) and (once(z > 0) or eventually[2:3](y > 0)))",
+    # An answer that is late itself, or whose unseen values are not known.
+    "always((x > 0) or eventually[0:4](always[0:2](eventually[0:3](y > 0))))",
+    "eventually((x > 0) and always[1:4](eventually[0:2](always[0:3](y > 0))))",
+    "always((x > 0) or eventually[0:4](always[0:2](historically(y > 0))))",
+    "always((x > 0) or eventually[0:4](always[0:2](once(y > 0))))",
+    "eventually((x > 0) and always[0:4](eventually[0:2](once(y > 0))))",
+    "eventually((x > 0) and always[0:4](eventually[0:2](historically(y > 0))))",
+    "always(eventually[0:4](historically(y > 0)))",
+    "always(eventually[0:4](once(y > 0)))",
+    "eventually(eventually[0:4](historically(y > 0)))",
+    "eventually(always[0:4](once(y > 0)))",
+    "always(always[0:4](historically(y > 0)))",
+    # One formula of which both the least and the greatest value are wanted.
+    "g = (x > 0) or eventually[0:5](y > 0); always(g) and eventually(g)",
+    "g = (x > 0) or eventually[0:5](y > 0); always(g) or eventually((z > 0) or g)",
+    "g = (x > 0) and always[0:5](y > 0); always((z > 0) and g) or eventually(g)",
+    # A window without an end, inside one of the past.
+    "once(eventually(x > 0))",
+    "historically[0:3](always(x > 0)) or always[0:5](prev(eventually(y > 0)))",
+    "(eventually(x > 0)) since (always(y > 0))",
 )
 
 

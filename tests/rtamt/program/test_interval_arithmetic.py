@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Sequence
@@ -195,8 +196,10 @@ def test_both_back_ends_agree_to_the_bit(name: str) -> None:
     program = applied(name, FUNCTIONS[name].arity)
     rng, compared = random.Random(name), 0
     first, *others = (BACKENDS[b].term_ranges for b in BACKENDS)
-    for _ in range(500):
-        ends = [some_ends(rng) for _ in range(2)]
+    zeros, more, nothing, two = (-0.0, 0.0), (-0.0, 3.0), (0.0, 0.0), (2.0, 2.0)
+    given = [list(pair) for pair in itertools.product((zeros, more, nothing, two), repeat=2)]
+    given += [[some_ends(rng) for _ in range(2)] for _ in range(500)]
+    for ends in given:
         columns = [[np.array([each[i]]) for each in ends] for i in range(2)]
         expected = outcome(first, program, columns)
         for find in others:
