@@ -121,16 +121,13 @@ private:
         for (int i = 0; i < std::abs(shift) && i < kDigits; ++i) power *= 10;
         constexpr auto limit = static_cast<std::uint64_t>(dense::kTicks);
         if (shift >= 0) {
-            if (number != 0 && (shift > kDigits || number > (limit - 1) / power)) return false;
+            if (shift > kDigits || number > (limit - 1) / power) return false;
             number *= power;
-        } else if (-shift > kDigits) {
-            number = 0;
-        } else {
+        } else {  // a power above all numbers stands for those that are greater
             const std::uint64_t rest = number % power;
             number /= power;
             number += rest > power / 2 || (rest == power / 2 && number % 2 == 1);
         }
-        if (number >= limit) return false;
         const auto size = static_cast<Time>(number);
         out = std::signbit(sign) ? -size : size;
         return true;

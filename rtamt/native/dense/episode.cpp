@@ -131,7 +131,8 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
         return Taken::all;
     }
     new_.clear();
-    while (brief ? sampler_.size() > 0 : sampler_.read() && sampler_.evaluate()) {
+    while (brief ? sampler_.size() > 0 : sampler_.read()) {
+        if (!brief) sampler_.evaluate();  // which was rehearsed
         if (!sampler_.started()) begin_ = sampler_.upto();
         append(new_);
         sampler_.consume();
@@ -184,7 +185,7 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::run(const Events* events, bool d
     if (too_long_ >= static_cast<std::uint64_t>(kTicks)) return Taken::too_long;
     advance(new_, settled() - begin_);
     conclude();
-    if (decides && decides_ && verdict() != 0) {
+    if (decides && verdict() != 0) {
         std::swap(journal_, new_);
         decide();
     }

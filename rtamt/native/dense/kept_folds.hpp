@@ -38,18 +38,13 @@ public:
         first_ = 0;
     }
 
-    // Writes the folds of positions begin to end, of which each is for one that is earlier by `lo`.
-    void write(Time begin, Time end, Time lo, Runs& found) const {
-        if (first_ == steps_.size()) {
-            const Pair none = fold_.identity();
-            found.push(begin - lo, &none);
-            return;
-        }
+    // Writes the folds of positions from `begin`, which was taken in, to the last one; each is for a
+    // position that is earlier by `lo`.
+    void write(Time begin, Time lo, Runs& found) const {
         std::size_t i = steps_.size() - 1;  // mostly it is one of the last
         while (i > first_ && steps_[i].start > begin) --i;
         found.push(begin - lo, steps_[i].value);
-        while (++i < steps_.size() && steps_[i].start <= end)
-            found.push(steps_[i].start - lo, steps_[i].value);
+        while (++i < steps_.size()) found.push(steps_[i].start - lo, steps_[i].value);
     }
     // The same from its first position on, which it forgets.
     void settle(Time begin, Time end, Time lo, Runs& found) {

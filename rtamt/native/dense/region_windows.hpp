@@ -181,7 +181,7 @@ protected:
     }
     void write_open(std::size_t world, Time begin, Time t, Runs& found) override {
         if (climbs(world)) {
-            if (begin <= t - lo_) stairs_->write(begin + lo_, t, lo_, found);
+            if (begin <= t - lo_) stairs_->write(begin + lo_, lo_, found);
             if (t - lo_ < t) found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
             const Time later = std::max(begin, t + 1);
             if (lo_ == 0) found.append(operands_.seen(world, later));

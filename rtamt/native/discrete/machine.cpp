@@ -70,7 +70,6 @@ DiscreteMachine::DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size
             refuse("row " + std::to_string(row.slot) + " is out of range");
         compile(row, terms);
     }
-    if (observed_.empty()) refuse("expected the result among the observed");
     for (const Observed& o : observed_)
         if (o.slot >= rows.size() || o.latency < 0) refuse("an observed register is out of range");
     registers_ = initial_;

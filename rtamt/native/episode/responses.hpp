@@ -154,7 +154,7 @@ private:
         const auto begun = [=, this](const Waiting& w) { return w.time <= t - window_.lo; };
         const auto next = std::partition_point(first(), rest_.end(), begun);
         const double x = F::combine_alone(next == first() ? value_ : least(), q);
-        return next == rest_.end() ? x : Least::combine_alone(x, next->p);
+        return Least::combine_alone(x, next->p);  // the window of the last sample has not begun
     }
     // The least value of the windows that end at open values of q.
     double of_ending(Time t) {
@@ -256,9 +256,9 @@ private:
     double least_ = Least::identity;
 };
 
+// Of parts of which one is late.
 template <class F>
 std::unique_ptr<Summary> summary_of(const Parts& parts) {
-    if (parts.late == nullptr) return nullptr;
     if (Response<F>::fits(*parts.late->window())) return std::make_unique<Response<F>>(parts);
     if (Duration<F>::fits(*parts.late->window())) return std::make_unique<Duration<F>>(parts);
     return nullptr;

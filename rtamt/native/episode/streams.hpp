@@ -240,14 +240,14 @@ public:
 
     Time latency() const { return std::max(p_.latency(), q_.latency()); }
     std::uint32_t unknown_mask() const { return p_.unknown_mask() | q_.unknown_mask(); }
-    // The operand, if there is only one.
-    Stream* only() const { return &p_ == &q_ ? &p_ : nullptr; }
+    // The operand of a fold of one.
+    Stream* only() const { return &p_; }
     // The operand whose value the fold of one element is.
     const Stream& last() const { return q_; }
     // Whether a window up to offset hi skips unseen elements in a world, as they may not be there,
     // and whether that matters.
     bool skips(World w, Time hi, const Role& role) const {
-        if (w == kNow || is_cut(w) || hi <= 0 || role.guard) return false;
+        if (is_cut(w) || hi <= 0 || role.guard) return false;
         if (is_upper(w) != (component<F>(F::identity, F::width - 1) > 0)) return false;
         return !(neutral(w) && reach(w) <= 0 && floor(w) < 0);
     }

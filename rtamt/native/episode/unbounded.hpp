@@ -69,8 +69,6 @@ public:
     }
 
 private:
-    bool reads_ahead(World, bool ahead) const override { return ahead || hi_ > 0; }
-
     Operands<F> in_;
     Time hi_;
     SettledFold<F> total_;

@@ -42,9 +42,8 @@ public:
         PyObject* key;
         PyObject* value;
         Py_ssize_t place = 0;
-        for (Py_ssize_t i = 0; i < n; ++i) {
+        for (Py_ssize_t i = 0; PyDict_Next(dict, &place, &key, &value); ++i) {
             // Most dicts have the same interned names in the same order.
-            if (!PyDict_Next(dict, &place, &key, &value)) return false;
             if (key != name(i)) return looked_up(dict, i, out);
             if (!number(value, out[i])) return false;
         }

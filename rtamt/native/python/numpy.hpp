@@ -103,7 +103,7 @@ public:
 
     // The elements of a new 1-D array; null if their place is not known.
     void* begin(PyObject* array) const {
-        if (!known_ || !is_array(array)) return nullptr;
+        if (!known_) return nullptr;
         return const_cast<char*>(reinterpret_cast<const Fields*>(array)->data);
     }
 

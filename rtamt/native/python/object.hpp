@@ -187,13 +187,12 @@ void retire(T& object) {
 // Adds a class with what all machines have to a module.
 template <class T>
 nb::class_<T> machine_class(nb::module_& m, const char* name, const char* doc,
-                            PyMethodDef* methods = nullptr, PyGetSetDef* values = nullptr) {
+                            PyMethodDef* methods = nullptr) {
     std::vector<PyType_Slot> slots{
         {Py_tp_traverse, reinterpret_cast<void*>(traverse<T>)},
         {Py_tp_clear, reinterpret_cast<void*>(clear<T>)},
     };
     if (methods != nullptr) slots.push_back({Py_tp_methods, methods});
-    if (values != nullptr) slots.push_back({Py_tp_getset, values});
     slots.push_back({0, nullptr});
     nb::class_<T> made(m, name, nb::type_slots(slots.data()), doc);
     made.def("state", state<T>, "Return a snapshot, which begins with a mark of the program.")

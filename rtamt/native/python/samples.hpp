@@ -159,9 +159,8 @@ PyMethodDef sample_update() {
 
 // Adds a class with what machines on samples have to a module.
 template <class T>
-nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods,
-                           PyGetSetDef* values = nullptr) {
-    auto made = machine_class<T>(m, name, doc, methods, values);
+nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods) {
+    auto made = machine_class<T>(m, name, doc, methods);
     made.def_prop_ro("samples", when_idle<T>([](auto& object) { return object.machine.samples(); }),
                      "The number of samples since the reset.")
         .def_prop_ro("inputs", when_idle<T>([](auto& object) { return inputs(object); }),

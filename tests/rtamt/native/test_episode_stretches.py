@@ -98,6 +98,9 @@ JOINED = (
     "once(eventually(x > 0))",
     "historically[0:3](always(x > 0)) or always[0:5](prev(eventually(y > 0)))",
     "(eventually(x > 0)) since (always(y > 0))",
+    "once(eventually(next(x > 0)))",
+    "historically[0:3](always(eventually[0:2](x > 0)))",
+    "once[0:3]((x > 0) until (next(y > 0)))",
 )
 
 

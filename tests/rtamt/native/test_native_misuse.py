@@ -295,6 +295,18 @@ def test_a_nan_that_no_term_reads_is_refused_in_a_trace(*, backwards: bool) -> N
     assert repr(reader.refused) == "([1.0, nan], 1)"
 
 
+def test_a_mask_of_the_reader_may_lie_anywhere() -> None:
+    class Reader:
+        def mask(self, given: Any) -> Any:  # noqa: ANN401 - of the test
+            return given
+
+    made = native.DiscreteBank([LOAD], 1, ("x",), 0, 0, 3, Reader())
+    for begin in range(3):
+        mask = np.array([True, False, True, False, True])[begin : begin + 3]
+        made.update(np.ones((3, 1)), mask.view(np.recarray))
+    assert made.samples.tolist() == [2, 1, 2]
+
+
 def test_a_machine_observes_its_result_first_and_its_variables_are_names() -> None:
     for observed in ([], [(1, 0)]):
         with pytest.raises(ValueError, match=r"^expected the result first among the observed$"):

@@ -71,6 +71,16 @@ def test_tables_of_lanes(kind: Any, layout: str) -> None:  # noqa: ANN401 - of t
         assert found.update(given).tolist() == expected.update(scale * table).tolist()
 
 
+@pytest.mark.parametrize("begin", [0, 1])
+@pytest.mark.parametrize("layout", [name for name in SAME if name != "lists"])
+def test_masks_of_lanes(layout: str, begin: int) -> None:
+    mask = np.array([False, True, False, True])[begin : begin + 3]
+    for kind in (VectorMonitor, VectorEpisodeMonitor):
+        monitor = kind("historically(x > 0)", 3, backend="native")
+        monitor.update(np.ones((3, 1)), SAME[layout](mask))
+        assert monitor.samples.tolist() == mask.astype(int).tolist()
+
+
 @pytest.mark.parametrize("layout", SAME)
 def test_tables_that_banks_are_fed(layout: str) -> None:
     table = np.arange(6.0).reshape(3, 2)
