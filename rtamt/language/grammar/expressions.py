@@ -309,4 +309,4 @@ def _way_out(row: Operator, args: Sequence[Node]) -> str:
         return "arithmetic and comparisons take variables, numbers and functions of them"
     if max(a.depth for a in args) >= MAX_DEPTH:
         return "group long chains in brackets, or write several specifications"
-    return ""
+    return "a name stands for its whole formula; write several specifications"  # it is too large

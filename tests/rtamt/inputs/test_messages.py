@@ -283,3 +283,21 @@ def test_a_block_with_messages_that_do_not_fit_is_refused_as_a_whole(
     with pytest.raises(error, match=f"^{re.escape(message)}"):
         monitor.update_many(block)
     assert monitor.samples == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [
+        ("text", "'m.r[0]' at sample 0 (str) has no field 'x'"),
+        (3, "'m.r' at sample 0 (int) has no elements, expected a list with [0]"),
+        (None, "'m.r' at sample 0 (NoneType) has no elements, expected a list with [0]"),
+    ],
+)
+def test_a_column_of_lists_that_is_none_is_refused(column: object, words: str) -> None:
+    spec = rtamt.parse(
+        "from m import T; T m; m.r[0].x > 0", modules={"m": SimpleNamespace(T=SimpleNamespace)}
+    )
+    assert evaluate(spec, {"m": {"r": [[{"x": 2.0}]]}}).tolist() == [2.0]
+    with pytest.raises(InputError) as error:
+        evaluate(spec, {"m": {"r": column}})
+    assert str(error.value) == words

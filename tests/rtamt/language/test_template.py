@@ -144,3 +144,14 @@ def test_values_without_names_are_refused() -> None:
 def test_a_formula_has_no_constants() -> None:
     formula: Formula = parse("always(x > 1)").formula
     assert SpecificationTemplate(formula).names == frozenset()
+
+
+def test_a_result_that_becomes_another_requirement_is_refused() -> None:
+    text = "const float p = 1; const float q = 2; a = x > p; b = x > 5; x > q"
+    template = SpecificationTemplate(parse(text).requirements["spec"])
+    assert template.at({"q": 3}).formula is parse("x > 3").formula
+    with pytest.raises(SpecificationError) as caught:
+        template.at({"q": 1})
+    assert str(caught.value) == (
+        "with these constants the requirement 'spec' is x > 1, as another is"
+    )

@@ -236,3 +236,13 @@ def test_errors_name_what_cannot_be_printed(odd: Any) -> None:  # noqa: ANN401 -
     ):
         with pytest.raises(RtamtError):
             call()
+
+
+def test_a_formula_that_names_write_out_too_large_is_refused() -> None:
+    text = "a0 = x > 0 and y > 0\n"
+    text += "".join(f"a{i + 1} = a{i} and not a{i}\n" for i in range(24))
+    with pytest.raises(ParseError) as error:
+        rtamt.parse(text + "a24")
+    reason, *_, hint = str(error.value).splitlines()
+    assert reason == ("STL:19:10: the formula has 1048575 nodes written out; the limit is 1000000")
+    assert hint == "  hint: a name stands for its whole formula; write several specifications"

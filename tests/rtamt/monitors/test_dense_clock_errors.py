@@ -142,7 +142,7 @@ def test_a_resolution_that_no_date_has_is_refused_and_the_named_one_would_do(
 
 
 @pytest.mark.parametrize("unit", ["Y", "M"])
-def test_years_and_months_are_dates(unit: str, backend: Backend) -> None:
+def test_years_and_months_are_dates(unit: Literal["Y", "M"], backend: Backend) -> None:
     monitor = DenseMonitor("x > 0", backend=backend)
     first = np.datetime64("2026", unit)
     monitor.update({"x": [(first, 1.0)]})

@@ -223,6 +223,13 @@ def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatc
             "open",
             ["always[0:9](x > 0): not recorded: samples 3 to 9"],
         ),
+        (  # a formula that is used twice is named once
+            "(always[0:9](x > 0) or y > 0) and (always[0:9](x > 0) or y > 1)",
+            {"x": [1] * 3, "y": [-1] * 3},
+            None,
+            "cut",
+            ["always[0:9](x > 0): not recorded: samples 3 to 9"],
+        ),
         ("always(x > 0)", {"x": [1]}, None, "cut", []),
         ("always[0:9](x > 0)", {"x": [1]}, None, "complete", []),
         ("always[0:9](x > 0)", {"x": [-1]}, None, "cut", []),

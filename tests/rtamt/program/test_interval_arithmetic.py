@@ -21,7 +21,7 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.ranges import FindRanges
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map
-from rtamt.program.intervals import EVERYTHING, Range, range_of
+from rtamt.program.intervals import EVERYTHING, Range, everything, range_of
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.ranges import of_ends
@@ -206,3 +206,9 @@ def test_both_back_ends_agree_to_the_bit(name: str) -> None:
             assert outcome(find, program, columns) == expected, ends
         compared += not isinstance(expected, str)
     assert compared > 100
+
+
+def test_a_function_of_which_nothing_is_known_may_be_everything() -> None:
+    known, unknown = Range(2.0, 2.0, known=True), Range(1.0, 3.0)
+    assert range_of(lambda x, y: x - y, everything, known, known) == Range(0.0, 0.0, known=True)
+    assert range_of(lambda x, y: x - y, everything, known, unknown) == Range(*EVERYTHING)
