@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Final
+from typing import Final, cast
 
 from rtamt.language.grammar.diagnosis import Token
 from rtamt.language.grammar.generated.StlParser import StlParser
@@ -145,12 +145,12 @@ class RequirementText:
 
     def left(self, at: int) -> int:
         """The place of the first token of the left operand of an infix operator."""
-        row = self._infix(at)
+        row = cast("Operator", self.row(at))
         return self._first(at, row.precedence + (row.grouping == "flat"))
 
     def right(self, at: int) -> int:
         """The place of the last token of the right operand of an infix operator."""
-        return self._last(at, self._infix(at).precedence + 1)
+        return self._last(at, cast("Operator", self.row(at)).precedence + 1)
 
     def begins_run(self, left: int, row: Operator) -> bool:
         """Whether no operator of the same row stands before a left operand."""
@@ -206,13 +206,6 @@ class RequirementText:
             return self.text[part.start.start : part.stop.stop + 1].replace(" ", "")
         return str(self.spec.constants[name]).removesuffix(".0")
 
-    def _infix(self, at: int) -> Operator:
-        row = self.row(at)
-        if row is None or row.notation != "infix":
-            msg = f"expected an infix operator, got {self.tokens[at].text}"
-            raise AssertionError(msg)
-        return row
-
     def _first(self, at: int, least: int) -> int:
         """The first token before a place that nothing divides which binds less strongly."""
         begin = self._spans[at][0]
@@ -231,8 +224,6 @@ class RequirementText:
     def _last(self, at: int, least: int) -> int:
         """The last token behind a place that nothing divides which binds less strongly."""
         end = self._spans[at][1]
-        if self._has_interval(at):
-            at = self._partners[at + 1]
         while at < end:
             after = self._partners.get(at + 1, at + 1)
             if after <= at or self.tokens[after].type == StlParser.COMMA:
