@@ -319,8 +319,6 @@ def _repeats(runner: Episodes | VectorEpisodes, record: Record) -> bool | None:
     environment that hangs or crashes with a seed has failed with it by then.
     """
     seeds = [row.seed for row in record if not row.error and row.seed is not None]
-    if not seeds:
-        return None
     begun = repeats(runner.system, seeds[0])
     if begun is False:
         tell_unrepeated(runner.name, seeds[0])

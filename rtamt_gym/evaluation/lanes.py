@@ -69,8 +69,7 @@ class Lane:
     def step(self) -> Trial | None:
         """Makes a step of the episode; gives its row if it is over then."""
         task, simulation = self.task, self._simulation
-        if task is None:
-            return None
+        assert task is not None, "an episode has begun"  # noqa: S101 - for mypy
         begin = time.perf_counter()
         row: Trial | None = None
         try:

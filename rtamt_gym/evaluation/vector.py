@@ -108,13 +108,14 @@ class VectorEpisodes(Runner):
             unwrapped=None,
             spec=spec,
         )
-        self.evaluated = evaluated(policy, alone, deterministic=deterministic)
-        make = self.evaluated.make
-        if make is None:
+        if isinstance(policy, str) and policy == "baseline":
             raise InputError(
                 "the policy baseline is for one environment; give the id of the environment with "
                 f"n_envs={self._env.num_envs}"
             )
+        self.evaluated = evaluated(policy, alone, deterministic=deterministic)
+        make = self.evaluated.make
+        assert make is not None, "the baseline was refused"  # noqa: S101 - for mypy
         self._make = make
         specs = self.requirements.values()
         variables = list(dict.fromkeys(name for spec in specs for name in spec.variables))

@@ -50,6 +50,10 @@ def test_every_number_counts_runs() -> None:
         assert share.value == pytest.approx(np.mean(np.array(SHAPED) > least))
 
 
+def test_methods_are_named_where_one_looks_at_a_comparison() -> None:
+    assert repr(compared()) == "<Comparison of 3 methods: 'plain', 'shaped', 'same'>"
+
+
 def test_the_sentence_says_what_is_shown_and_what_is_not() -> None:
     assert compared().sentence == (
         "shaped has 0.762 more mean satisfaction than plain (p = 0.013). "

@@ -177,6 +177,18 @@ def test_notes_tell_what_a_reader_should_know_of_the_pairs() -> None:
     )
 
 
+def test_a_requirement_that_was_never_asked_is_noted_of_each_side() -> None:
+    asked: dict[str, Any] = {
+        "specs": {"far": "always(x > 9 implies x < 0)"},
+        "signals": {"x": "obs[0]"},
+        "episodes": 3,
+        "at_termination": "complete",
+    }
+    notes = compare("zero", lean, "CartPole-v1", **asked).notes
+    said = "never asked: far was put to the test in 0 of 3 episodes"
+    assert notes[:2] == (f"{said} of A", f"{said} of B")
+
+
 def test_returns_are_compared() -> None:
     a = evaluation_of({"near": [1.0] * 4}, rewards=[1.0, 2.0, 3.0, 4.0])
     b = evaluation_of({"near": [1.0] * 4}, rewards=[2.0, 3.0, 4.0, 5.0])

@@ -7,7 +7,7 @@ import math
 import pickle
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -248,6 +248,75 @@ def test_an_open_end_is_told_once_and_only_where_it_settled_something() -> None:
     assert found.success.rate == 1.0
     # The last sample reaches the goal: the end settles nothing. Warnings are errors here.
     evaluate_policy("zero", Walk(goal=0.9), {"g": "eventually(abs(x) > 0.9)"}, **options)
+
+
+def test_an_open_end_that_does_not_come_again_is_not_told() -> None:
+    class Once(Walk):
+        played: ClassVar[set[int | None]] = set()
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+            if seed in self.played:
+                raise ValueError("once is enough")
+            self.played.add(seed)
+            return super().reset(seed=seed, options=options)
+
+    found = evaluate_policy(
+        "zero", Once(goal=0.9), {"p": "always(x < 5)"}, SIGNALS, episodes=20, keep=0
+    )  # warnings are errors here
+    assert found.success.rate == 1.0
+
+
+def test_an_episode_that_cannot_begin_has_its_error_in_its_row() -> None:
+    class Closed(Walk):
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+            if seed in (4, 9):
+                raise ValueError(f"no {seed}")
+            return super().reset(seed=seed, options=options)
+
+    records = []
+    for n_envs in (1, 3):
+        with pytest.warns(UserWarning, match="2 of 12 episodes failed, .* the first with seed 4: "):
+            found = evaluation(env=Closed, n_envs=n_envs, keep=0)
+        assert [(row.seed, row.error) for row in found.record if row.error] == [
+            (4, "ValueError: no 4"),
+            (9, "ValueError: no 9"),
+        ]
+        records.append(found.record.rows)
+    assert records[0] == records[1]
+
+
+def test_environments_beside_one_that_is_given_are_made_as_its_spec_says() -> None:
+    given = gym.make("CartPole-v1")
+    options: Any = {"episodes": 4, "at_termination": "complete", "keep": 0}
+    found = [
+        evaluate_policy(Still(), env, "always(x < 1)", {"x": "obs[0]"}, n_envs=count, **options)
+        for env, count in ((given, 3), ("CartPole-v1", 1))
+    ]
+    assert found[0].record.rows == found[1].record.rows
+    given.close()
+
+
+class Still:
+    """A model that never pushes to the right."""
+
+    def predict(self, observation: Any, state: Any, *_: Any, **__: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        return np.zeros(len(observation) if np.ndim(observation) > 1 else (), np.int64), state
+
+
+def test_an_evaluation_is_a_frame_of_its_episodes_and_equals_no_other_thing() -> None:
+    found = evaluation(episodes=3)
+    frame = found.to_frame()
+    assert (frame.index.name, list(frame["seed"])) == ("episode", [3, 4, 5])
+    assert found == evaluation(episodes=3)
+    assert found != 3
+
+
+def test_the_table_says_what_stopping_has_saved() -> None:
+    options: Any = {"episodes": 2, "stop": "violation", "duration": 6.0}
+    found = evaluate_policy("zero", Walk(goal=9.0), "always(x > 4)", SIGNALS, **options)
+    assert str(found).splitlines()[-1] == (
+        "return 0 on average, length 0 s on average, 12 s saved by stopping"
+    )
 
 
 @pytest.mark.parametrize(

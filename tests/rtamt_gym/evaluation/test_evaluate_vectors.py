@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -10,8 +11,9 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from walks import SIGNALS, SPECS, Model, Walk
 
-from rtamt import InputError
+from rtamt import InputError, StateError
 from rtamt_gym import StlMonitor, VectorStlMonitor, VectorStlReward, evaluate_policy
+from rtamt_gym.evaluation.vector import VectorEpisodes
 
 MODES = list(AutoresetMode)
 
@@ -176,3 +178,60 @@ def test_what_a_vector_environment_cannot_do_is_told() -> None:
     with pytest.raises(InputError) as refused:
         evaluate_policy("random", vector(AutoresetMode.DISABLED), SPECS, SIGNALS, n_envs=2)
     assert str(refused.value) == ("n_envs= comes from the vector environment, which has 3, got 2")
+    with pytest.raises(InputError) as refused:
+        evaluate_policy("baseline", vector(AutoresetMode.DISABLED), SPECS, SIGNALS)
+    assert str(refused.value) == (
+        "the policy baseline is for one environment; give the id of the environment with n_envs=3"
+    )
+
+
+def test_the_episodes_of_a_folder_are_not_played_again(tmp_path: Path) -> None:
+    options: Any = {"episodes": 5, "seed": 4, "at_termination": "complete"}
+    records = [
+        evaluate_policy(
+            Model(), vector(AutoresetMode.NEXT_STEP), SPECS, SIGNALS, folder=folder, **options
+        ).record
+        for folder in (tmp_path, tmp_path, None)
+    ]
+    assert records[0] == records[1] == records[2]
+
+
+def test_an_episode_that_raises_when_it_is_played_again_is_told() -> None:
+    episodes = VectorEpisodes(
+        vector(AutoresetMode.DISABLED, cursed=6), SPECS, policy=Model(), signals=SIGNALS
+    )
+    assert episodes.simulate({}, 5).seed == 5
+    with pytest.raises(StateError) as caught:
+        episodes.simulate({}, 6)
+    assert str(caught.value) == (
+        "expected an episode as it was before, got ValueError: a cursed step"
+    )
+
+
+class Telling(Walk):
+    """A walk whose place is in its info too."""
+
+    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+        obs, _ = super().reset(**options)
+        return obs, {"x": self._x}
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401
+        *others, _ = super().step(action)
+        return *others, {"x": self._x}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_infos_of_last_steps_are_those_of_the_episode(mode: AutoresetMode) -> None:
+    signals = {name: "info['x']" if read == "obs[0]" else read for name, read in SIGNALS.items()}
+    assert signals != SIGNALS
+    alone = plain().record
+    envs = SyncVectorEnv([Telling] * 3, autoreset_mode=mode)
+    found = evaluate_policy(
+        Model(), envs, SPECS, signals, episodes=11, seed=4, at_termination="complete"
+    ).record
+    for row, expected in zip(found, alone, strict=True):
+        assert (row.ended, row.simulated) == (expected.ended, expected.simulated)
+        for name in SPECS:
+            assert row.outcomes[name].robustness == pytest.approx(
+                expected.outcomes[name].robustness, abs=1e-5
+            )
