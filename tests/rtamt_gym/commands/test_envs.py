@@ -12,10 +12,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from rtamt_envs import scenario_of
 
 from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
+from rtamt_gym.simulation import environments
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.tables import number
 
@@ -305,6 +307,31 @@ def test_without_an_id_the_newest_environments_are_listed_by_where_they_come_fro
 def test_bad_input_is_one_message(arguments: list[str], message: str, capsys: Output) -> None:
     assert main(["envs", *arguments]) == 2
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
+
+
+def test_the_extra_of_an_unknown_environment_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    found = environments.find_spec
+    monkeypatch.setattr(
+        environments, "find_spec", lambda name: None if name == "highway_env" else found(name)
+    )
+    assert main(["envs", "parkin-v0"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: cannot make parkin-v0: Environment `parkin` doesn't exist. "
+        "Did you mean: `parking`?; the environments of highway-env need pip install '.[highway]'\n"
+    )
+
+
+def test_an_error_of_an_environment_that_was_given_nothing_is_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail() -> None:
+        raise OSError("no display")
+
+    monkeypatch.setitem(gym.registry, "Dark-v0", EnvSpec("Dark-v0", fail))  # type: ignore[arg-type]  # makes none
+    with pytest.raises(OSError, match="no display"):
+        environments.make("Dark-v0")
 
 
 def test_an_infinite_value_is_printed(monkeypatch: pytest.MonkeyPatch, capsys: Output) -> None:

@@ -87,6 +87,17 @@ def test_an_environment_says_what_it_takes(case: dict[str, Any], message: str) -
     assert str(caught.value) == message
 
 
+def test_an_environment_whose_actions_are_no_numbers_takes_its_attributes_alone() -> None:
+    env = Windy()
+    env.action_space = gym.spaces.Tuple([gym.spaces.Discrete(2)])
+    with pytest.raises(InputError) as caught:
+        simulate(env, LOW, {"x": "obs[0]"}, case=PUSH, duration=1, period=1)
+    assert str(caught.value) == (
+        "Windy takes no 'action[0]' of a case; it takes numbers of its attributes, such as "
+        "'env.gravity'"
+    )
+
+
 def test_what_cannot_be_set_or_is_set_by_the_reset_is_refused() -> None:
     env = Windy()
 

@@ -5,6 +5,7 @@ import math
 import sys
 from fractions import Fraction
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from fmus import library, write_fmu
@@ -116,6 +117,20 @@ def test_what_is_no_fmu_is_refused_unchecked_too(tmp_path: Path) -> None:
         with pytest.raises(InputError) as refused:
             Fmus(broken, validate=validate)
         assert str(refused.value) == f"cannot read the FMU {broken}: File is not a zip file"
+
+
+def test_an_fmu_of_version_1_is_refused(tmp_path: Path) -> None:
+    old = tmp_path / "old.fmu"
+    with ZipFile(old, "w") as archive:
+        archive.writestr(
+            "modelDescription.xml",
+            '<fmiModelDescription fmiVersion="1.0" modelName="m" modelIdentifier="m" guid="g" '
+            'numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/>'
+            "</fmiModelDescription>",
+        )
+    with pytest.raises(InputError) as refused:
+        Fmus(old)
+    assert str(refused.value) == f"expected an FMU of FMI 2.0 or 3.0, got 1.0 in {old}"
 
 
 def test_each_of_several_fmus_is_heard(tank: Path, version: int) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
+import numpy as np
 import pytest
 from leaving import LEAVING, Leaving, leaves_while_running, leaving_policy
 
@@ -68,6 +69,25 @@ def test_an_episode_that_leaves_is_not_satisfied(where: str, options: dict[str, 
         assert errors == {"InputError: the policy called sys.exit()"}
     else:
         assert errors == {f"InputError: {name} called sys.exit(0)"}
+
+
+class Still:
+    """A model that acts in all episodes at once."""
+
+    def predict(self, observation: Any, state: Any, *_: Any, **__: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        return np.zeros(len(observation) if np.ndim(observation) > 1 else (), np.int64), state
+
+
+def test_a_step_that_leaves_beside_other_episodes_is_of_one_alone() -> None:
+    with pytest.warns(FailedSimulationWarning):
+        found = evaluate_policy(
+            *(Still(), lambda: Leaving("step"), "always(y < 2)", {"y": "obs[0]"}),
+            episodes=6,
+            at_termination="complete",
+            n_envs=3,
+        )
+    errors = [row.error.partition(", ")[0] for row in found.record]
+    assert errors == ["", "InputError: Leaving called sys.exit(0)"] * 3
 
 
 def test_a_policy_of_a_module_that_leaves_is_named_with_the_line(

@@ -75,6 +75,14 @@ def test_an_option_that_the_monitor_has_is_refused() -> None:
     )
 
 
+def test_other_signals_than_the_monitor_has_are_refused() -> None:
+    with pytest.raises(InputError) as refused:
+        simulate(monitored("monitor"), None, {"x": "obs[1]"}, policy=acts())
+    said = str(refused.value)
+    assert said.startswith("signals= comes from the monitor of the environment, which has ")
+    assert said.endswith("leave it out, or give specifications with it")
+
+
 def test_a_sweep_takes_a_monitored_environment() -> None:
     env = StlMonitor(Walk(), SPECS, SIGNALS, **ENDS)
     goals = [Parameter("env._goal", 0.5, 3)]

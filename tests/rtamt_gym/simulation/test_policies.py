@@ -48,6 +48,10 @@ class Driver:
         return 1, None
 
 driver = Driver()
+
+def refused(obs):
+    from rtamt import InputError
+    raise InputError("expected four numbers")
 """,
     "rtamt_package/__init__.py": "",
     "rtamt_package/inner.py": "act = lambda obs: 1 if obs[3] > 0 else 0\n",
@@ -229,6 +233,16 @@ def test_what_is_no_policy_is_refused_with_the_way_out(text: str, message: str) 
     assert refusal(text) == message
 
 
+def test_a_model_of_a_module_is_refused_with_a_function_that_would_do() -> None:
+    said = refusal("rtamt_driver:driver")
+    assert said.startswith(
+        "--policy rtamt_driver:driver: expected a function from observation to action, got "
+        "<rtamt_driver.Driver object"
+    )
+    assert said.endswith("; write one that returns model.predict(obs, deterministic=True)[0]")
+    assert refusal("rtamt_driver:refused") == "expected four numbers"  # in words of its own
+
+
 def test_an_action_of_numbers_is_checked_by_its_shape_alone() -> None:
     env = gym.make("Pendulum-v1")
     assert refusal("rtamt_driver:act", env) == (
@@ -248,5 +262,10 @@ def test_random_actions_follow_the_seed_and_zero_is_an_action_of_every_space_of_
     assert draws[0] == draws[2] != draws[1]
     env.action_space = spaces.Box(np.float32(1), np.float32(2), (2,))
     assert policy_of("zero", env)(0)(None).tolist() == [1.0, 1.0]
+    for space in (spaces.MultiDiscrete([3, 2]), spaces.MultiBinary(2)):
+        env.action_space = space
+        action = policy_of("zero", env)(0)(None)
+        assert space.contains(action)
+        assert action.tolist() == [0, 0]
     env.action_space = spaces.Text(3)
     assert refusal("zero", env).startswith("--policy zero: expected a space of numbers, got Text(")

@@ -1,7 +1,10 @@
 """A run as a record: saved, loaded, replayed, drawn."""
 
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -11,8 +14,9 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import Formula, InputError, Verdict
-from rtamt_gym import Run, simulate
+from rtamt_gym import Run, Runner, simulate
 from rtamt_gym.judging.reading import View
+from rtamt_gym.simulation.outcomes import report
 from rtamt_gym.simulation.record import Stop
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}
@@ -145,6 +149,34 @@ def test_a_run_evaluates_alike_on_both_machines(backend: rtamt.machines.backend.
         offline = rtamt.evaluate(course.formula, made.signals, made.period, backend=backend)
         assert offline.tolist() == made.replay()[name].tolist()
         assert offline[0] == course.final
+
+
+def test_a_run_of_an_environment_without_a_clock_saves_steps_and_one_of_many_rewards_has_none() -> (
+    None
+):
+    class Several(gym.Env[Any, Any]):
+        observation_space = gym.spaces.Box(-9.0, 9.0, (1,), np.float64)
+        action_space = gym.spaces.Discrete(2)
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+            super().reset(seed=seed, options=options)
+            return np.zeros(1), {}
+
+        def step(self, _action: Any) -> Any:  # noqa: ANN401
+            return np.ones(1), np.array([1.0, 2.0]), False, False, {}
+
+    options: Any = {"signals": {"x": "obs[0]"}, "policy": lambda _obs: 0}
+    limited = gym.wrappers.TimeLimit(Several(), 7)
+    run = simulate(limited, "always(x < 1)", stop="violation", duration=7, period=1, **options)
+    assert run.reward is None
+    with Runner(Several(), "always(x < 2)", duration=3, period=1, **options) as runner:
+        ((_, row),) = runner.run([{}])
+    assert (row.reward, row.ended) == (None, "duration")
+    known = simulate(
+        gym.make("MountainCar-v0"), "always(x > 0)", stop="violation", seed=1, **options
+    )
+    assert (known.period, known.saved) == (None, 200)
+    assert report([known])[1].endswith("  200 steps")
 
 
 def test_a_run_says_when_it_was_violated_and_first_by_what() -> None:
