@@ -48,19 +48,20 @@ def make(
             env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})
         )
     except (gym.error.Error, ModuleNotFoundError) as error:
-        hint = ""
+        said, hint = str(error), ""
         if isinstance(error, gym.error.NameNotFound):
             missing = _register_all()
             named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
             if name in named:
                 hint = f" Did you mean: `{named[name]}`?"
             elif missing:
+                said = said.removesuffix(".")
                 hint = "".join(
                     f"; the environments of {each.replace('_', '-')} need "
                     f"pip install '.[{EXTRAS[each][0]}]'"
                     for each in missing
                 )
-        raise InputError(f"cannot make {env_id}: {error}{hint}") from error
+        raise InputError(f"cannot make {env_id}: {said}{hint}") from error
     except SystemExit as end:
         raise exited(f"the making of {env_id}", end) from end
     except Exception as error:

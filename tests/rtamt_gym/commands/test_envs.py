@@ -316,10 +316,10 @@ def test_the_extra_of_an_unknown_environment_is_named(
     monkeypatch.setattr(
         environments, "find_spec", lambda name: None if name == "highway_env" else found(name)
     )
-    assert main(["envs", "parkin-v0"]) == 2
+    assert main(["envs", "Quixotic-v0"]) == 2
     assert capsys.readouterr().err == (
-        "rtamt: error: cannot make parkin-v0: Environment `parkin` doesn't exist. "
-        "Did you mean: `parking`?; the environments of highway-env need pip install '.[highway]'\n"
+        "rtamt: error: cannot make Quixotic-v0: Environment `Quixotic` doesn't exist; the "
+        "environments of highway-env need pip install '.[highway]'\n"
     )
 
 

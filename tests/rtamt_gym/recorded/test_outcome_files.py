@@ -14,8 +14,9 @@ import pytest
 import rtamt
 from rtamt_gym.__main__ import main
 from rtamt_gym.results.junit import to_junit
+from rtamt_gym.results.markdown import to_markdown
 from rtamt_gym.results.matrix import Matrix
-from rtamt_gym.results.outcome import Failure
+from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.trial import Trial
 
 Output = pytest.CaptureFixture[str]
@@ -294,6 +295,15 @@ def test_only_some_cells_are_explained_in_markdown(folder: Path) -> None:
     text = (folder / "out.md").read_text()
     assert text.count("<details>") == 50
     assert text.endswith("\n10 more are not explained here.\n")
+
+
+def test_an_explanation_ends_no_block_of_markdown() -> None:
+    why = "decided by\n```\nx > 0"
+    found = Outcome(-1.0, -1.0, -1.0, rtamt.Verdict.VIOLATED, explanation=why)
+    matrix = Matrix([Trial.of_trace("a.csv", "", {"near": found})], {"near": "always(x > 0)"})
+    lines = to_markdown(matrix).splitlines()
+    begin, end = (place for place, line in enumerate(lines) if line == "````")
+    assert lines[begin + 1 : end][-3:] == why.splitlines()
 
 
 def strict(text: str) -> Any:  # noqa: ANN401

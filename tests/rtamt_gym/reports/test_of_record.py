@@ -77,6 +77,14 @@ def test_of_many_simulations_the_worst_stay() -> None:
     assert len(requirement.robustness) == 1000
 
 
+def test_simulations_that_all_failed_have_no_map() -> None:
+    rows = [
+        row({}, case={"x": float(i), "y": float(-i)}, error="ValueError: broke") for i in range(3)
+    ]
+    record = Record(rows, {"dry": "always(x < 1)"}, "made")
+    assert of_record(record, ROOM).maps == ()
+
+
 def test_of_episodes_that_differ_by_their_seed_a_rate_is_known() -> None:
     rows = [row({"dry": 1.0 if i % 4 else -1.0}, seed=i) for i in range(8)]
     requirement = of_record(Record(rows, {"dry": "always(x < 1)"}), ROOM).requirements[0]

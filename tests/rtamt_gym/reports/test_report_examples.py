@@ -15,6 +15,7 @@ import rtamt
 from rtamt import Answer, Example, ExampleTrace, InputError, RequirementExamples, Verdict
 from rtamt_gym import Parameter, Sweep, sweep, write_report
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports import examples
 from rtamt_gym.reports.examples import with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
@@ -105,6 +106,12 @@ def test_a_drawing_has_the_values_of_its_signal(numbers: list[int]) -> None:
     assert len(band.levels) == 2
 
 
+def test_a_signal_that_never_changes_has_room() -> None:
+    assert examples._levels(rtamt.parse("always(2 * angle < 3)").formula) == {}
+    band = examples._band("angle", (2.0, 2.0), ())
+    assert (band.line, band.levels, band.low, band.high) == ("M0 18H100", (), "1", "3")
+
+
 def test_texts_of_examples_are_escaped_and_infinities_said() -> None:
     page = render(EXAMPLE)
     assert "a trace that &lt;i&gt;satisfies&lt;/i&gt; it" in page
@@ -132,6 +139,8 @@ def test_examples_of_something_else_are_refused(swept: Sweep, tmp_path: Path) ->
     other = RequirementExamples("always(level < 3)", None, yes, yes)
     with pytest.raises(InputError, match=r"dry is always\(level < 3\) there, and always\(level"):
         write_report(page, swept, examples={"dry": other})
+    with pytest.raises(InputError, match=r"expected what rtamt.examples returns, got Answer$"):
+        write_report(page, swept, examples={"dry": yes})  # type: ignore[dict-item]  # the mistake
     with pytest.raises(InputError, match="examples of 'wet', and none of 'dry'"):
         write_report(page, swept, examples={"wet": other})
     assert not page.exists()

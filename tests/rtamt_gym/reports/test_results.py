@@ -222,6 +222,15 @@ def test_a_file_that_holds_no_result_is_refused(
     assert not (tmp_path / "page.html").exists()
 
 
+def test_a_file_that_is_called_parquet_and_is_none_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "some.parquet"
+    path.write_text("nothing", encoding="utf-8")
+    assert main(["report", str(path), "-o", str(tmp_path / "page.html")]) == 2
+    assert capsys.readouterr().err == (f"rtamt: error: cannot read {path}: it is no Parquet file\n")
+
+
 def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     path = tmp_path / "o.json"
     path.write_text(

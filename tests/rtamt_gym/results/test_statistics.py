@@ -145,3 +145,15 @@ def test_where_all_failed_there_is_no_robustness_to_tell() -> None:
         "median",
         "greatest",
     }
+
+
+def test_a_result_says_how_many_episodes_satisfy_it() -> None:
+    found = evaluation_of({"near": [-1.0, 1.0, 0.5, 2.0], "far": [1.0] * 4}).requirements
+    assert [repr(each) for each in found.values()] == [
+        "<near: 3 of 4 episodes satisfy it, 1 violated>",
+        "<far: 4 of 4 episodes satisfy it>",
+    ]
+
+
+def test_a_trial_that_judged_nothing_has_failed() -> None:
+    assert Trial(Case({}), None, {}, "error", 0.0, 0.0).word == "failed"

@@ -108,6 +108,7 @@ def test_wall_times_are_not_compared_and_all_else_is() -> None:
     assert of(row(1.0)) == of(row(1.0, wall=9.0))
     assert of(row(1.0)) != of(row(1.0, seed=4))
     assert of(row(1.0)) != of(row(2.0))
+    assert of(row(1.0)) != [row(1.0)]
     assert of(row(1.0)) != Record([row(1.0)], {"safe": "always(x > 1)"}, "plant")
 
 
