@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import re
 from collections.abc import Iterator
@@ -312,7 +313,7 @@ def test_bad_input_is_one_message(arguments: list[str], message: str, capsys: Ou
 def test_the_extra_of_an_unknown_environment_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
-    found = environments.find_spec
+    found = importlib.util.find_spec
     monkeypatch.setattr(
         environments, "find_spec", lambda name: None if name == "highway_env" else found(name)
     )

@@ -137,6 +137,42 @@ def test_a_callable_is_given_what_the_monitor_gives_it() -> None:
     assert [each.satisfied for each in found] == [True, False]
 
 
+STEPS = 3
+OF_PARTS: Any = {
+    "observations": ({"x": np.arange(STEPS + 1.0)}, np.array([False, True, False, True])),
+    "actions": (np.zeros((STEPS, 1)), np.arange(STEPS)),
+    "rewards": np.zeros(STEPS),
+    "terminations": np.zeros(STEPS, bool),
+    "truncations": np.arange(STEPS) == STEPS - 1,
+    "infos": {
+        "car": {"speed": np.array([1.0, 2.0, 3.0, 4.0])},
+        "late": np.array([np.nan, 1.0, 2.0, 3.0]),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("signal", "nan", "robustness"),
+    [
+        (lambda step: float(step.obs[0]["x"]) + 10 * float(step.obs[1]), "raise", [3, -8, -8, -10]),
+        ((lambda step: float(step.action[1]), 7.0), "raise", [-4] * 4),
+        ("info['car']['speed']", "raise", [2, 1, 0, -1]),
+        (("info['late']", None), "unknown", [-np.inf] * 4),
+    ],
+)
+def test_trees_of_observations_actions_and_infos_are_read(
+    signal: Any,  # noqa: ANN401
+    nan: Any,  # noqa: ANN401
+    robustness: list[float],
+) -> None:
+    (found,) = relabel(
+        [OF_PARTS], "always(y < 3)", {"y": signal}, nan=nan, details=True, at_truncation="cut"
+    )
+    assert found.infos["robustness"].tolist() == robustness
+    assert found.observations[1].tolist() == [False, True, False, True]
+    assert found.actions[1].tolist() == [0, 1, 2]
+
+
 def test_nan_is_held_as_online() -> None:
     values = [[2.0, np.nan, 0.5, np.nan], [3.0, np.nan, np.nan]]
     pairs = [

@@ -336,7 +336,8 @@ def test_dates_in_texts_are_times(extension: str, tmp_path: Path) -> None:
         rows = ({"time": date, "speed": at} for at, date in enumerate(dates))
         path.write_text("\n".join(map(json.dumps, rows)))
     trace = read(path, ["speed"])
-    assert (trace.period(), trace.columns["speed"].tolist()) == (1, [0.0, 1.0, 2.0])
+    assert trace.period() == Fraction(1)
+    assert trace.columns["speed"].tolist() == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize(
