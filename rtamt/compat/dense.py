@@ -241,7 +241,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
             held = {name: [(after, last[name][1])] for name in ticks if ticks[name] == end}
             try:
                 steps = steps + ahead.update(held)
-            except InputError:  # another variable has an event at that tick
+            except InputError:  # the clock counts no tick after this one
                 return steps, None
             return steps, (time, steps[-1][1] if steps else self._given)
         if end < begin:

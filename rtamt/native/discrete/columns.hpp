@@ -69,6 +69,8 @@ public:
         for (const std::size_t v : unread_) count = columns::first_nan(columns[v] + from, count);
         return count;
     }
+    // The variables that no term reads.
+    const std::vector<std::size_t>& unread() const { return unread_; }
     // The index of the first of n samples with a nan, or n.
     std::size_t first_refused(const double* const* columns, std::size_t n) {
         for (std::size_t from = 0; from < n; from += size_) {

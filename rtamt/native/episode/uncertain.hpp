@@ -37,6 +37,8 @@ public:
     bool take() {
         if (!apart_) [[likely]] return least_->take();
         const std::vector<double> sample(pending(), pending() + variables());
+        for (const double value : sample)
+            if (value != value) return false;  // also of a variable that no term reads
         return take(sample.data(), sample.data());
     }
     // Takes a sample in that lies between two others. Returns false, and changes nothing, if a term

@@ -41,7 +41,13 @@ std::size_t Bank::take_terms(const Table& table, const std::uint8_t* mask) {
     lanes_.choose(mask);
     const std::size_t count = lanes_.count();
     for (const Load& load : program_.loads_) read(table, load.variable, columns_.out(load.out));
-    if (const std::size_t bad = columns_.terms(count); bad < count) return lanes_[bad];
+    std::size_t bad = columns_.terms(count);
+    for (const std::size_t variable : columns_.unread()) {
+        const double* from = table.at(variable);
+        for (std::size_t i = 0; i < bad; ++i)
+            if (std::isnan(from[lanes_[i] * table.row])) bad = i;
+    }
+    if (bad < count) return lanes_[bad];
     keep_inputs(table);
     return num();
 }

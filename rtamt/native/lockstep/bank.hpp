@@ -31,7 +31,7 @@ protected:
          const Observed& result, std::size_t num);
 
     // Evaluates the terms of one sample of every chosen lane, from its row of the table. Returns
-    // the first lane with a nan, without changing anything, or num().
+    // the first lane with a nan, of a variable or a term, without changing anything, or num().
     std::size_t take_terms(const Table& table, const std::uint8_t* mask);
     // Keeps the samples of the chosen lanes as the last ones.
     void keep_inputs(const Table& table);

@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -372,3 +373,61 @@ def test_a_message_without_the_field_of_the_result_takes_no_sample() -> None:
     assert spec.get_value("rob").level == 7.0
     assert spec.update(0, [("x", 3.0)]) == 3.0
     assert spec.get_value("rob").level == 3.0
+
+
+def test_calls_about_names_that_are_not_declared_warn(caplog: pytest.LogCaptureFixture) -> None:
+    spec = declared("a > 0", ("a",))
+    calls: list[tuple[Callable[[], None], str]] = [
+        (lambda: spec.declare_var("a", "float"), "variable 'a' is declared again"),
+        (
+            lambda: spec.set_var_io_type("z", "input"),
+            "variable 'z' is not declared; its io type is ignored",
+        ),
+        (
+            lambda: spec.set_var_topic("z", "plant/z"),
+            "variable 'z' is not declared; its topic is ignored",
+        ),
+    ]
+    for call, _ in calls:
+        call()
+    assert [record.getMessage() for record in caplog.records] == [said for _, said in calls]
+    assert "z" not in spec.var_io_dict
+    assert "z" not in spec.var_topic_dict
+
+
+def test_roles_are_set_and_undone() -> None:
+    spec = declared("a > 0", ("a",))
+    spec.add_input_var("a")
+    assert spec.var_io_dict == {"a": "input"}
+    spec.remove_output_var("a")  # it is none
+    assert spec.var_io_dict == {"a": "input"}
+    spec.remove_input_var("a")
+    assert spec.var_io_dict == {"a": "undefined"}
+    spec.add_output_var("a")
+    spec.remove_input_var("a")
+    assert spec.var_io_dict == {"a": "output"}
+    spec.remove_output_var("a")
+    assert spec.var_io_dict == {"a": "undefined"}
+
+
+def test_without_a_period_every_time_but_the_same_is_a_violation() -> None:
+    spec = declared("a > 0", ("a",))
+    spec.sampling_period = 0
+    for time in (0, 1, 1, 3):
+        spec.update(time, [("a", 1.0)])
+    assert spec.sampling_violation_counter == 2
+
+
+def test_the_earlier_names_of_the_dense_calls_do_the_same() -> None:
+    def made() -> rtamt.STLCTSpecification:
+        spec = rtamt.STLCTSpecification(is_pure_python=True)
+        spec.declare_var("x", "float")
+        spec.spec = "once[0:1](x > 0)"
+        spec.parse()
+        return spec
+
+    first, last = ["x", [(0, 1.0), (1, -2.0)]], ["x", [(2, 1.0), (4, -2.0)]]
+    assert made().offline(first) == made().evaluate(first)
+    one, other = made(), made()
+    assert one.update(first) == other.update(first)
+    assert one.update_final(last) == other.final_update(last)

@@ -1,6 +1,7 @@
 """What `update` of the released dense classes gives at each call, on generated chunks."""
 
 import math
+from fractions import Fraction
 
 import pytest
 from compat_specs import LANGUAGES, Pairs, call, held, update
@@ -161,3 +162,12 @@ def test_final_update_needs_events_of_every_variable() -> None:
     with pytest.raises(rtamt.StateError):
         spec.final_update()
     assert spec.final_update(["b", [[0.0, 1.0], [2.0, 2.0]]]) == [[0.0, 2.0], [2.0, 1.0]]
+
+
+def test_the_value_at_the_last_tick_that_a_clock_counts_comes_with_the_end() -> None:
+    last = Fraction(2**62 - 1, 10**9)
+    for time, told in ((last - 1, True), (last, False)):
+        spec = declared("a > 0", ("a",))
+        shown = [[float(time), 2.0]]
+        assert spec.update(["a", [[0.0, 1], [time, 2]]]) == [[0.0, 1.0], *(shown if told else [])]
+        assert spec.final_update() == ([] if told else shown)

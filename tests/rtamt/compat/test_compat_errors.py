@@ -1,10 +1,11 @@
 """What the released class for samples refuses, and how it says so."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-from compat_specs import declared
+from compat_specs import declared, declared_dense
 
 import rtamt
 from rtamt import Language, StlDenseTimeSpecification, StlDiscreteTimeSpecification
@@ -215,3 +216,22 @@ def test_the_native_machines_are_asked_for_by_language() -> None:
     else:
         with pytest.raises(rtamt.RTAMTException, match="native"):
             spec.update(0, [("a", 3.0)])
+
+
+@pytest.mark.parametrize("call", ["update", "evaluate", "final_update"])
+@pytest.mark.parametrize(
+    ("events", "said"),
+    [
+        ([[0.0, 1], ["late", 2]], "expected a number as the time of event 1 of 'x', got str"),
+        ([[None, 1], [1.0, 2]], "expected a number as the time of event 0 of 'x', got NoneType"),
+        ([[0.0, 1], [math.nan, 2]], "expected a finite time at event 1 of 'x', got nan"),
+        ([[0.0, 1], [math.inf, 2]], "expected a finite time at event 1 of 'x', got inf"),
+    ],
+)
+def test_times_that_are_none_are_refused_by_every_call(
+    call: str, events: list[list[Any]], said: str
+) -> None:
+    spec = declared_dense("x > 0 and y > 0", ("x", "y"))
+    with pytest.raises(rtamt.RTAMTException) as error:
+        getattr(spec, call)(["x", events], ["y", [[0.0, 1.0], [3.0, 1.0]]])
+    assert str(error.value).startswith(said)

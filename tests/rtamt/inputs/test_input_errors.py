@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import (
+    Between,
+    EpisodeMonitor,
     Formula,
     InputError,
     InputTypeError,
@@ -325,6 +327,16 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
         "STL:1:1: sqrt(-1) is not a number\n  sqrt(-1) > 0\n  ^",
     ),
 ]
+
+
+def test_an_interval_of_arrays_is_no_value(backend: Backend) -> None:
+    monitor = EpisodeMonitor("x > 0", backend=backend)
+    with pytest.raises(InputTypeError) as error:
+        monitor.update(Between([1, 2], [2, 3]))
+    assert str(error.value).startswith(
+        "expected a number at each end for 'x' at sample 0, got Between Between([1.0, 2.0]"
+    )
+    assert monitor.samples == 0
 
 
 def test_of_a_long_name_no_similar_one_is_sought(backend: Backend) -> None:

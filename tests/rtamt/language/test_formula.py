@@ -73,6 +73,7 @@ def test_equal_trees_are_one_object() -> None:
         (x.formula().always(), "always(x)"),
         ((-x).formula().always(), "always(-x)"),
         ((x + y - z) * 2 / x >= 1, "(x + y - z) * 2 / x >= 1"),
+        (1 / (2 / x) >= y, "1 / (2 / x) >= y"),
         (x - (y - z) < 1 - x, "x - (y - z) < 1 - x"),
         (x + (y + z) <= -3, "x + (y + z) <= -3"),
         (2 * x > 3 + y, "2 * x > 3 + y"),

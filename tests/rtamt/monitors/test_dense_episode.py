@@ -293,3 +293,10 @@ def test_the_first_event_after_a_declared_value_is_later_than_what_is_settled(
         monitor.update(y=[(3, 0)])
     monitor.update(y=[(7, 0)], x=[(9.5, 1)])
     assert monitor.settled == 7
+
+
+def test_it_shows_its_formula_and_its_verdict(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(x > 0)", backend=backend)
+    assert repr(monitor) == "<DenseEpisodeMonitor of always(x > 0), UNDECIDED>"
+    monitor.update({"x": [(0.0, -1.0), (1.0, -1.0)]})
+    assert repr(monitor) == "<DenseEpisodeMonitor of always(x > 0), VIOLATED>"

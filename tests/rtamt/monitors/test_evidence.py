@@ -186,3 +186,10 @@ def test_errors(backend: Backend) -> None:
         DenseImplications(RESPONSE, backend=backend).evidence({"req": [(0, 1), (1, 1)]})
     with pytest.raises(TypeError, match="unexpected keyword argument 'ends'"):
         Implications(RESPONSE, ends="cut")  # type: ignore[call-arg]
+
+
+def test_implications_show_their_formula_and_their_number() -> None:
+    assert repr(Implications("always(x > 0 implies y > 0)")) == (
+        "<Implications of always(x > 0 implies y > 0): 1>"
+    )
+    assert repr(DenseImplications("always(x > 0)")) == "<DenseImplications of always(x > 0): 0>"

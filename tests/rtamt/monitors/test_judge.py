@@ -56,6 +56,7 @@ def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
         assert (found.verdict, found.decided_at) == (monitor.verdict, decided)
         assert end != "complete" or identical([found.robustness], [now])
         assert bool(found.untested) == (found.verdict is U)
+        assert found != str(found)
 
 
 @given(formula=formulas(depth=2, endless=True), trace=traces(most=10))

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from bits import bits, identical
 
-from rtamt import EpisodeMonitor, StateError, VectorEpisodeMonitor, Verdict
+from rtamt import (
+    Between,
+    EpisodeMonitor,
+    InputError,
+    Monitor,
+    StateError,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+    Verdict,
+)
 
 Backend = Literal["native", "python"]
 End = Literal["complete", "cut", "open"]
@@ -156,3 +165,59 @@ def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
     with pytest.raises(ValueError, match=r"^expected a state that a machine with predicates that"):
         monitor.__setstate__(other)
     assert offered(monitor) == before
+
+
+def test_what_is_not_known_is_that_of_the_last_sample(backend: Backend) -> None:
+    monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", nan="unknown", backend=backend)
+    lanes = VectorEpisodeMonitor(SPEC, 2, semantics="input-vacuity", nan="unknown", backend=backend)
+    assert (monitor.unknown, lanes.unknown.tolist()) == ((), [[False, False]] * 2)
+    for req, gnt in ((np.nan, 1.0), (1.0, np.nan), (1.0, 1.0)):
+        monitor.update(req=req, gnt=gnt)
+        lanes.update([[req, gnt], [1.0, 1.0]])
+        nan = np.isnan([req, gnt])
+        assert monitor.unknown == tuple(np.array(monitor.variables)[nan])
+        assert lanes.unknown.tolist() == [nan.tolist(), [False, False]]
+
+
+def test_an_update_from_before_another_init_is_refused(backend: Backend) -> None:
+    monitor: Any = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
+    update = monitor.update
+    update(req=1.0, gnt=0.0)
+    monitor.__init__(SPEC, semantics="input-vacuity", backend=backend)
+    with pytest.raises(StateError, match="__init__ has run again since"):
+        update(req=1.0, gnt=0.0)
+    assert monitor.samples == 0
+
+
+@pytest.mark.parametrize("make", [Monitor, VectorMonitor, EpisodeMonitor, VectorEpisodeMonitor])
+@pytest.mark.parametrize(("semantics", "row"), [("input-vacuity", 1), ("output-vacuity", 0)])
+def test_a_nan_of_a_variable_that_no_term_reads_is_refused_or_held(
+    make: Any,  # noqa: ANN401
+    semantics: str,
+    row: int,
+    backend: Backend,
+) -> None:
+    text = "input float req; output float gnt; once(req >= 3 implies gnt >= 3)"
+    lanes = {"num": 2} if make in {VectorMonitor, VectorEpisodeMonitor} else {}
+    wrong = [1.0, 1.0]
+    wrong[row] = np.nan
+    name = ("req", "gnt")[row]
+    for nan in ("raise", "hold"):
+        monitor = make(text, **lanes, semantics=semantics, nan=nan, backend=backend)
+        monitor.update([[2.0, 5.0]] * 2 if lanes else [2.0, 5.0])
+        sample = [[1.0, 1.0], wrong] if lanes else wrong
+        if nan == "hold":
+            monitor.update(sample)
+            continue
+        where = "sample 1 of lane 1" if lanes else "sample 1"
+        with pytest.raises(InputError, match=f"^variable '{name}' is nan at {where}; "):
+            monitor.update(sample)
+        assert np.all(monitor.samples == 1)
+
+
+def test_a_nan_after_what_was_not_known_is_refused(backend: Backend) -> None:
+    monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
+    monitor.update(Between(0.0, 5.0), 1.0)
+    with pytest.raises(InputError, match=r"^variable 'gnt' is nan at sample 1; "):
+        monitor.update(1.0, np.nan)
+    assert monitor.samples == 1

@@ -8,6 +8,7 @@ import pytest
 
 import rtamt
 from rtamt import Monitor
+from rtamt.machines.backend import BACKENDS
 
 EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
 CALLS: dict[Callable[..., object], tuple[object, ...]] = {
@@ -79,3 +80,13 @@ def test_a_subclass_is_refused_by_its_own_name() -> None:
 
     with pytest.raises(TypeError, match=r"^Named\(\) got an unexpected keyword argument 'nam'"):
         Named("x > 0", nam="hold")  # type: ignore[call-arg]
+
+
+def test_a_back_end_that_is_not_built_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(BACKENDS, "native")
+    with pytest.raises(rtamt.InputError) as error:
+        Monitor("x > 0", backend="native")
+    assert str(error.value) == (
+        "backend='native' was not built; reinstall rtamt where a C++20 compiler is found"
+    )
+    assert Monitor("x > 0", backend="python").update(2.0) == 2.0

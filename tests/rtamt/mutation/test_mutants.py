@@ -287,6 +287,12 @@ def test_apart_fails_where_requirement_and_mutant_differ() -> None:
         assert differ == (one is not other)
 
 
+def test_bounds_are_exchanged_with_other_bounds_that_are_constants() -> None:
+    text = "const float a = 2; const float b = 3; always[0:a](x > 1 and eventually[a:b](y > 0))"
+    found = [str(m) for m in mutants(text, kinds=["constant"]) if "[" in str(m)]
+    assert found == ["1:48 [0:a] -> [0:b]", "1:72 [a:b] -> [b:b]", "1:74 [a:b] -> [a:a]"]
+
+
 def test_bounds_in_another_unit_keep_it_apart() -> None:
     (mutant,) = mutants(rtamt.parse("always[0:5](x < 3)", unit="ms"), kinds=["direction"])
     assert str(mutant.apart.formula) == "always[0:5ms](x < 3) iff always[0:5ms](x > 3)"

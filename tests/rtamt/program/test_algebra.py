@@ -141,6 +141,15 @@ def test_the_dual_is_the_fold_of_the_negated_and_the_mirror_that_of_the_reversed
             (-INF, -INF),
             "(-inf, -inf) is not its identity",
         ),
+        (
+            "held",
+            lambda x, y: (
+                greater(x[0], y[0]),
+                greater(lesser(x[1], y[1]), lesser(lesser(x[0], x[1]), y[0])),
+            ),
+            (-INF, INF),
+            "it is not associative",
+        ),
     ],
 )
 def test_what_is_no_lattice_fold_is_refused_with_the_law_that_it_breaks(
@@ -172,6 +181,26 @@ def test_a_row_names_its_dual_and_its_mirror() -> None:
     )
     with pytest.raises(AssertionError, match=r"^'until' is not the mirror of 'until'$"):
         _table(crooked, release, FOLDS["since"], FOLDS["trigger"])
+
+
+def test_a_fold_that_needs_more_than_one_number_of_what_is_to_come_is_refused() -> None:
+    def joined(x: Numbers, y: Numbers) -> Numbers:
+        both = greater(lesser(x[0], x[1]), lesser(y[0], y[1]))
+        return greater(x[0], y[0]), greater(both, lesser(x[1], y[1]))
+
+    def opposite(x: Numbers, y: Numbers) -> Numbers:
+        both = lesser(greater(x[0], x[1]), greater(y[0], y[1]))
+        return lesser(x[0], y[0]), lesser(both, greater(x[1], y[1]))
+
+    rows = (
+        row("joined", joined, (-INF, INF), "joined", "opposite"),
+        row("opposite", opposite, (INF, -INF), "opposite", "joined"),
+    )
+    with pytest.raises(AssertionError) as refused:
+        _table(*rows)
+    assert str(refused.value) == (
+        "'joined' and its mirror read more than the last number of a younger element"
+    )
 
 
 @pytest.mark.parametrize("name", FOLDS)

@@ -28,6 +28,7 @@ def compiled(text: str) -> Program:
 
 
 PROGRAM = compiled("always[0:2](x + 1 > y) or once[0:1](y > 0)")
+ENDLESS = compiled("not always(x > 0)")
 COUNT, TERMS = len(PROGRAM.instructions), PROGRAM.terms
 LAST_WINDOW = max(r for r, i in enumerate(PROGRAM.instructions) if isinstance(i, Window))
 
@@ -70,6 +71,30 @@ def test_a_program_that_contradicts_itself_is_a_bug(broken: Program, message: st
     PROGRAM.verify()
     with pytest.raises(AssertionError) as caught:
         broken.verify()
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (lambda: PROGRAM.formula(0), "register 0 is an input behind the terms"),
+        (lambda: PROGRAM.window(COUNT - 1), f"register {COUNT - 1} is no window"),
+        (lambda: PROGRAM.start(COUNT - 1), f"register {COUNT - 1} is no bounded window"),
+        (
+            lambda: PROGRAM.term(LAST_WINDOW),
+            f"register {LAST_WINDOW} is a window among the terms",
+        ),
+        (
+            lambda: ENDLESS.delay(ENDLESS.result, ENDLESS.result - 1),
+            f"register {ENDLESS.result} needs the whole future",
+        ),
+    ],
+)
+def test_a_question_that_a_register_cannot_answer_is_a_bug(
+    asked: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(AssertionError) as caught:
+        asked()
     assert str(caught.value) == message
 
 
