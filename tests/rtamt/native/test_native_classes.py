@@ -85,7 +85,7 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
 
 @pytest.mark.parametrize("name", [*MAKERS, "EpisodePanel"])
 def test_a_cycle_through_an_object_that_was_not_made_is_collected(name: str) -> None:
-    kind = type(name, (getattr(module, name),), {})
+    kind: Any = type(name, (getattr(module, name),), {})
     unmade = kind.__new__(kind)
     unmade.own = unmade
     gc.collect()

@@ -417,6 +417,7 @@ def clock(**changes: object) -> Any:  # noqa: ANN401 - of the native module
 def test_clocks_are_those_of_parts_that_are_fed() -> None:
     assert clock().samples.tolist() == [0, 0, 0]
     row = r"^expected a row of rtamt\.machines\.clocks\.OperatorClock$"
+    changes: dict[str, object]
     for changes in ({"kind": "eldest"}, {"event": "held"}):
         with pytest.raises(ValueError, match=row):
             clock(**changes)
@@ -439,7 +440,8 @@ def test_what_numpy_holds_as_no_object_is_spread_as_none() -> None:
 
 
 def test_keys_of_lanes_that_no_dictionary_takes_are_refused() -> None:
-    for key in ([], {}):
+    keys: list[Any] = [[], {}]
+    for key in keys:
         info: dict[str, Any] = {}
         with pytest.raises(TypeError, match="unhashable"):
             native.spread_lanes([(info, key, "_a", np.ones(1), None)], np.array([0]), 2)
