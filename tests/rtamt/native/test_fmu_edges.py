@@ -162,7 +162,7 @@ def test_each_status_of_fmi_2_has_its_kind(folder: Path) -> None:
     do_step, pending, last, terminated = range(4)
     with unit(2, folder) as made:
         begun(made)
-        numbers = {
+        numbers: dict[str, tuple[int, str, Any, object]] = {
             "Status": (do_step, "fmi2DoStepStatus", ctypes.c_int(9), OK),
             "RealStatus": (last, "fmi2LastSuccessfulTime", ctypes.c_double(9), 0.1),
             "BooleanStatus": (terminated, "fmi2Terminated", ctypes.c_int(9), 0),
@@ -182,9 +182,9 @@ def test_each_status_of_fmi_2_has_its_kind(folder: Path) -> None:
             assert made.said.endswith("expected an array, got a null pointer")
     with unit(2, folder) as made:
         begun(made, -1.0)
-        status = ctypes.c_int(9)
-        assert made.call("GetStatus", do_step, ctypes.byref(status)) == OK
-        assert (status.value, *made.ended()) == (DISCARD, True, 0.1)
+        last_step = ctypes.c_int(9)
+        assert made.call("GetStatus", do_step, ctypes.byref(last_step)) == OK
+        assert (last_step.value, *made.ended()) == (DISCARD, True, 0.1)
 
 
 # Dense time. -------------------------------------------------------------------------------------

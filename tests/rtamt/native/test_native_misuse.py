@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -417,7 +418,7 @@ def clock(**changes: object) -> Any:  # noqa: ANN401 - of the native module
 def test_clocks_are_those_of_parts_that_are_fed() -> None:
     assert clock().samples.tolist() == [0, 0, 0]
     row = r"^expected a row of rtamt\.machines\.clocks\.OperatorClock$"
-    changes: dict[str, object]
+    changes: Mapping[str, object]
     for changes in ({"kind": "eldest"}, {"event": "held"}):
         with pytest.raises(ValueError, match=row):
             clock(**changes)
