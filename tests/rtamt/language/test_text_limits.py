@@ -244,5 +244,5 @@ def test_a_formula_that_names_write_out_too_large_is_refused() -> None:
     with pytest.raises(ParseError) as error:
         rtamt.parse(text + "a24")
     reason, *_, hint = str(error.value).splitlines()
-    assert reason == ("STL:19:10: the formula has 1048575 nodes written out; the limit is 1000000")
+    assert reason == ("STL:18:11: the formula has 1048575 nodes written out; the limit is 1000000")
     assert hint == "  hint: a name stands for its whole formula; write several specifications"
