@@ -182,6 +182,28 @@ def test_runs_that_failed_are_left_out_and_a_loaded_sweep_is_refused(tmp_path: P
     )
 
 
+def test_a_simulation_that_fails_when_it_is_run_again_is_told() -> None:
+    runs: list[float] = []
+
+    def worn(inflow: float) -> Iterator[dict[str, float]]:
+        runs.append(inflow)
+        if len(runs) == 4:
+            raise ValueError("worn out")
+        yield from tank(inflow)
+
+    done = sweep(
+        worn,
+        {"dry": "always(level < 2)"},
+        [Parameter("inflow", 0.1, 0.4)],
+        samples=3,
+        sampler="grid",
+        period=1,
+    )
+    with pytest.raises(InputError) as caught:
+        mine("always(level < ?v)", done, RANGE)
+    assert str(caught.value) == "run 0 failed when run again: ValueError: worn out"
+
+
 def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
     def refusal(given: Any) -> str:  # noqa: ANN401 - whatever it is
         with pytest.raises((InputError, InputTypeError)) as caught:

@@ -106,7 +106,7 @@ def test_the_program_itself_is_named_by_its_file(
         return gym.make("CartPole-v1").unwrapped
 
     made.__module__ = "__main__"
-    gym.register(env_id, made)
+    gym.register(env_id, made)  # type: ignore[arg-type]  # it takes no arguments
     env = gym.make(env_id)
     try:
         assert system_name(env, tmp_path) == {"environment": f"tanks:{env_id}"}

@@ -198,3 +198,43 @@ def test_a_format_of_ones_own_keeps_the_contract(
     for wrong, word in ((rounded, "speed"), (shuffled, "gear")):
         with pytest.raises(AssertionError, match=word):
             check_trace_format(".ssv", wrong, tmp_path)
+
+
+def opened_by(kind: str) -> Any:  # noqa: ANN401
+    """A reader of the format with a fault."""
+
+    @contextmanager
+    def opened(path: str, columns: Columns) -> Iterator[ArrayRecording]:
+        if kind == "reads what is not there" and not Path(path).exists():
+            yield ArrayRecording(path, {"time": np.arange(2.0), "speed": np.zeros(2)})
+            return
+        noise = Path(path).name.startswith("noise")
+        if noise and kind == "raises another error":
+            raise ValueError("bad magic")
+        if noise and kind == "reads noise":
+            yield ArrayRecording(path, {"time": np.arange(2.0), "speed": np.zeros(2)})
+            return
+        with _open(path, columns) as found:
+            yield found
+
+    return opened
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("reads what is not there", "expected OSError where there is no file of .ssv, got a trace"),
+        ("raises another error", "expected InputError, got ValueError: bad magic"),
+        ("reads noise", "expected InputError, got none"),
+    ],
+)
+def test_a_reader_that_does_not_refuse_is_caught(
+    kind: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = type("module", (), {"open_file": staticmethod(opened_by(kind))})
+    monkeypatch.setitem(sys.modules, "semicolons", module)
+    row = Format("SSV", (".ssv",), "semicolons")
+    monkeypatch.setattr(readers, "FORMATS", [*readers.FORMATS, row])
+    with pytest.raises(AssertionError) as caught:
+        check_trace_format(".ssv", write, tmp_path)
+    assert said in str(caught.value)
