@@ -17,7 +17,7 @@ import pytest
 from dense_signals import Breakpoints, Signals
 
 import rtamt
-from rtamt import DenseEpisodeMonitor, DenseMonitor
+from rtamt import DenseEpisodeMonitor, DenseMonitor, SemanticsName
 from rtamt.machines.protocols import End
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -186,7 +186,9 @@ output float64 z
 
 @pytest.mark.parametrize("semantics", ["output-robustness", "input-vacuity", "output-vacuity"])
 @pytest.mark.parametrize("seed", range(12))
-def test_an_episode_of_neutral_predicates_after_its_decision(seed: int, semantics: str) -> None:
+def test_an_episode_of_neutral_predicates_after_its_decision(
+    seed: int, semantics: SemanticsName
+) -> None:
     """Two programs, for the least and the greatest, of which each reads terms of its own."""
     rng = random.Random(seed)
     text = NEUTRAL + f"always[0:5]({formula(rng, 2, endless=False)} or x > y)"
