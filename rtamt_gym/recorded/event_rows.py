@@ -184,6 +184,7 @@ def _read_long(
 
 def _event_times(rows: Rows, time: str, columns: Columns) -> TimeAxis:
     axis = TimeAxis.of(rows, time, columns)
+    axis.check_distances(rows)
     axis.check_unit(rows.source)
     return axis
 

@@ -43,7 +43,7 @@ class Grid:
         self._since = since
         self.slope = float(since[-1]) / (len(since) - 1)
         """The distance of the grid's points."""
-        if self.rises and not self.even:
+        if self.rises and np.isfinite(self.slope) and not self.even:
             self.slope = self._nearest_slope()
 
     def _nearest_slope(self) -> float:
@@ -75,7 +75,7 @@ class Grid:
     @property
     def even(self) -> bool:
         """Whether the samples count as on the grid."""
-        if not self.rises:
+        if not (self.rises and np.isfinite(self.slope)):
             return False
         near = self._spread(self.slope) <= 2 * self.jitter * self.slope + self._precision
         drifts = np.abs(self.steps - self.usual) <= _DRIFT * self.usual + self._precision
@@ -83,7 +83,9 @@ class Grid:
 
     @property
     def even_between_holes(self) -> bool:
-        """Whether samples that rise are even but for steps over samples that are not there."""
+        """Whether the samples are even but for steps over samples that are not there."""
+        if not self.rises or not np.isfinite(self.slope):
+            return False
         off = np.abs(self.steps - self.usual)
         near = off <= 2 * self.jitter * self.usual + self._precision
         return bool((near | (self.steps >= HOLE * self.usual)).all())

@@ -133,8 +133,7 @@ class TimeAxis:
         """The times of the rows of a recording.
 
         Raises:
-            InputError: If a time or its distance to the first is not finite, or if the name of the
-                column has an unknown unit.
+            InputError: If a time is not finite, or if the name of the column has an unknown unit.
         """
         raw = rows.times
         assert raw is not None, "the column was read"  # noqa: S101 - for mypy
@@ -158,15 +157,8 @@ class TimeAxis:
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
         unit = UNITS[said or "s"]
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore"):  # of times that `check_distances` refuses
             since = _scaled(raw - raw[0], unit)
-        far = ~np.isfinite(since)
-        if far.any():
-            at = int(far.argmax())
-            raise InputError(
-                f"{rows.where(at)}, column '{column}': expected times whose distances are finite, "
-                f"got {raw[at]} after {raw[0]}"
-            )
         most = float(np.abs(raw).max())
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(_scaled(raw[:1], unit)[0])
@@ -178,6 +170,22 @@ class TimeAxis:
     def seconds(self) -> Floats:
         """The times in seconds."""
         return self.start + self.since
+
+    def check_distances(self, rows: Rows) -> None:
+        """Checks that each time has a distance to the first, where it is not left aside.
+
+        Raises:
+            InputError: If one is not finite.
+        """
+        far = ~np.isfinite(self.since)
+        if far.any():
+            raw, at = rows.times, int(far.argmax())
+            assert raw is not None, "the column was read"  # noqa: S101 - for mypy
+            raise InputError(
+                f"{rows.where(at)}, column '{self.column}': expected times whose distances are "
+                f"finite, got {raw[at]} after {raw[0]}; --period reads samples and leaves the "
+                "column aside"
+            )
 
     def check_unit(self, where: str) -> None:
         """Checks that the times can be seconds, if nobody has said so.

@@ -240,6 +240,8 @@ def read_trace(
             notes.append(take_default(recording.source, name, columns, why))
             defaults[name] = columns.starts[name]
     times = None if time is None else TimeAxis.of(rows, time, columns)
+    if times is not None and period is None:
+        times.check_distances(rows)
     trace = Trace(
         recording.source,
         values,

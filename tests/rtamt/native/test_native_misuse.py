@@ -456,10 +456,11 @@ def test_no_more_rows_are_spread_than_there_are_dictionaries() -> None:
     assert groups == [{}, {}]
 
 
-def test_masks_of_other_lanes_are_left_to_python() -> None:
+def test_masks_of_other_lanes_are_no_masks() -> None:
     bank = VectorEpisodeMonitor("always(x > 0)", 3, backend="native")._machine
     for mask in (np.ones(2, bool), np.ones(3), np.ones((3, 3), bool), np.ones(6, bool)[::2]):
-        assert native.reset_banks((bank,), mask) is False
+        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the banks' shape$"):
+            native.reset_banks((bank,), mask)
         assert native.feed_banks((bank,), ((0,),), np.ones((3, 1)), mask) == 0
     assert bank.samples.tolist() == [0, 0, 0]
 

@@ -246,10 +246,10 @@ def test_times_whose_distance_is_no_number_are_refused(columns: Columns) -> None
     times = [begin, begin + 1e300, begin + 2e300, begin + 3e300, 1.7e308]
     assert refused(timed("t", times), columns) == (
         "t.csv, line 6, column 't': expected times whose distances are finite, got 1.7e+308 after "
-        "-1.7e+308"
+        "-1.7e+308; --period reads samples and leaves the column aside"
     )
     text = timed("t [h]", [0, 1e305])
-    assert refused(text).endswith("are finite, got 1e+305 after 0.0")
+    assert "are finite, got 1e+305 after 0.0; " in refused(text)
 
 
 @given(st.floats(1e-300, 1e300), st.floats(1e-12, 0.01))
