@@ -1,13 +1,11 @@
 """The aircraft elevator under its faults: modes, positions, requirements, and the paper's map."""
 
-import os
-import subprocess
-import sys
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from interpreted import compiled_and_interpreted
 from matplotlib.figure import Figure
 from rtamt_envs import aircraft_elevator
 from rtamt_envs.aircraft_elevator import SCENARIO
@@ -153,16 +151,7 @@ def test_faults_give_the_same_numbers_without_numba() -> None:
         "seen = np.concatenate([first[None], env.rollout(150)])\n"
         "sys.stdout.write(seen.tobytes().hex())\n"
     )
-    outcomes = [
-        subprocess.run(
-            [sys.executable, "-c", program],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for disabled in ("0", "1")
-    ]
+    outcomes = compiled_and_interpreted(program)
     seen = np.frombuffer(bytes.fromhex(outcomes[0])).reshape(151, 2, 10)
     assert (seen[-1, :, 3:7] == ISOLATED).any(axis=1).all()
     assert outcomes[0] == outcomes[1]

@@ -1,12 +1,9 @@
 """Chasing cars: closed solutions, guards within a period, and what Euler steps make of it."""
 
-import os
-import subprocess
-import sys
-
 import gymnasium as gym
 import numpy as np
 import pytest
+from interpreted import compiled_and_interpreted
 from numpy.typing import NDArray
 from rtamt_envs import chasing_cars
 from rtamt_envs.chasing_cars import SCENARIO
@@ -210,16 +207,7 @@ def test_all_modes_give_the_same_numbers_without_numba() -> None:
         "    cars.SCENARIO.step(*rest)\n"
         "    print(*map(float.hex, seen.tolist()), *map(int, state[11:15]))\n"
     )
-    compiled, interpreted = (
-        subprocess.run(
-            [sys.executable, "-c", program],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for disabled in ("0", "1")
-    )
+    compiled, interpreted = compiled_and_interpreted(program)
     modes = {mode for line in compiled.splitlines() for mode in line.split()[5:]}
     assert modes == {"0", "1", "2"}
     assert compiled == interpreted

@@ -1,14 +1,12 @@
 """The first crossing of a polynomial, held against its roots."""
 
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from interpreted import compiled_and_interpreted
 from rtamt_envs.crossings import first_crossing
 
 coefficients = st.lists(st.floats(-8, 8).map(lambda x: round(x, 3)), min_size=1, max_size=7)
@@ -63,16 +61,7 @@ def test_crossings_are_the_same_without_numba() -> None:
         "    for sign in (-1.0, 1.0):\n"
         "        print(first_crossing(np.array(row), len(row), 0.0, sign).hex())\n"
     )
-    compiled, interpreted = (
-        subprocess.run(
-            [sys.executable, "-c", program],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for disabled in ("0", "1")
-    )
+    compiled, interpreted = compiled_and_interpreted(program)
     assert len(compiled.split()) == 806
     assert {0.0, 2.0} < {float.fromhex(each) for each in compiled.split()}
     assert compiled == interpreted

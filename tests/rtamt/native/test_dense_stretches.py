@@ -32,7 +32,7 @@ ROOTS = ("", "always", "eventually", "always[0:20]", "not eventually")
 
 
 def formula(rng: random.Random, depth: int, *, endless: bool) -> str:
-    """Of every operator, with windows up to 12 s, of which some are points."""
+    """A formula of every operator, whose windows last up to 12 s; some are points."""
     if not depth or rng.random() < 0.1:
         return f"({rng.choice(NAMES)} {rng.choice(COMPARISONS)} {rng.randint(-1, 1)})"
     p, q = (formula(rng, depth - 1, endless=endless) for _ in range(2))

@@ -36,7 +36,7 @@ def window(rng: random.Random, *, endless: bool) -> str:
 
 
 def formula(rng: random.Random, depth: int) -> str:
-    """Of every operator."""
+    """A formula of every operator."""
     if not depth or rng.random() < 0.1:
         return atom(rng)
     p, q = (formula(rng, depth - 1) for _ in range(2))

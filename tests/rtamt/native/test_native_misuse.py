@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from native_signs import signs
 
 from rtamt import (
     DenseEpisodeMonitor,
@@ -93,21 +94,6 @@ def test_signs_of_what_is_no_program_are_refused(changes: dict[str, object]) -> 
     assert signs().holds_at([(0, 0)])
     with pytest.raises(ValueError, match=r"^expected a program over regions$"):
         signs(**changes)
-
-
-def signs(**changes: object) -> Any:  # noqa: ANN401 - of the native module
-    made: dict[str, object] = {
-        "terms": [LOAD],
-        "rows": [],
-        "result": 0,
-        "clock": (1e9, 10**9, 1),
-        "reader": object(),
-        "given": [(np.array([0.0, 3.0]), np.array([1.0, -1.0]))],
-        "begin": 0,
-        "last": 3 * 10**9,
-        "end": "cut",
-    }
-    return native.DenseSigns(**{**made, **changes})
 
 
 def test_signs_are_of_a_trace_of_numbers() -> None:

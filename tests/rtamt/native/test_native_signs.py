@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from native_signs import signs
 
 from rtamt import Events, judge_dense
 from rtamt.machines.protocols import End
@@ -72,17 +73,6 @@ def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
 def test_what_is_no_program_or_no_trace_is_refused(
     changes: dict[str, object], message: str
 ) -> None:
-    made: dict[str, object] = {
-        "terms": [(0, "LOAD", "x", 0, 0, 0.0, 0, 0)],
-        "rows": [],
-        "result": 0,
-        "clock": (1e9, 10**9, 1),
-        "reader": object(),
-        "given": [(np.array([0.0, 3.0]), np.array([1.0, -1.0]))],
-        "begin": 0,
-        "last": 3 * 10**9,
-        "end": "cut",
-    }
-    assert native.DenseSigns(**made).fails_at([(0, float("inf"))]) == (0, 1, 6 * 10**9)
+    assert signs().fails_at([(0, float("inf"))]) == (0, 1, 6 * 10**9)
     with pytest.raises((ValueError, RuntimeError), match=message):
-        native.DenseSigns(**{**made, **changes})
+        signs(**changes)
