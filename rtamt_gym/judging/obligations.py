@@ -11,6 +11,8 @@ which an operator is asked follow from the formula around it:
 | below ``always`` or another temporal operator | every instant |
 | ``p implies it``, ``not p or it`` below ``always`` | the instants at which p holds |
 | ``p and it`` below ``eventually`` | the instants at which p holds |
+| ``p iff it``, ``p xor it`` below either | the instants at which p holds; and, negated or not, \
+those at which it does not |
 | ``next it`` | one instant later |
 
 p is a formula without a future; one that looks ahead narrows nothing. Below ``always`` every
@@ -139,8 +141,11 @@ def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> I
             yield from _asked_in(whole, universal=universal, asked=asked)
         case "iff" | "xor":
             left, right = parts
-            whole = left.implies(right) & right.implies(left)
-            whole = whole if name == "iff" else ~whole
+            right = right if name == "iff" else ~right
+            # Of what is equal to these, the one in whose parts the other side says when.
+            whole = (left & right) | (~left & ~right)
+            if universal:
+                whole = left.implies(right) & (~left).implies(~right)
             yield from _asked_in(whole, universal=universal, asked=asked)
         case _:
             yield node, universal, asked

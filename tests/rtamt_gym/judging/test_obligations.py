@@ -100,6 +100,30 @@ def past(draw: Any) -> Pattern:  # noqa: ANN401
     return f"always({R} implies ({formula}))", found
 
 
+@st.composite
+def both_ways(draw: Any) -> Pattern:  # noqa: ANN401
+    """An operator that is to hold where r holds, or does not, and is to fail elsewhere."""
+    name = draw(st.sampled_from(["eventually", "always", "until", "unless"]))
+    begin, end, text = window(draw)
+    two = name in {"until", "unless"}
+    formula = f"{P} {name}{text} {Q}" if two else f"{name}{text}({Q})"
+    around = draw(st.sampled_from(["always", "eventually"]))
+    relation = draw(st.sampled_from(["iff", "xor"]))
+    first = draw(st.booleans())
+    sides = f"({formula}) {relation} {R}" if first else f"{R} {relation} ({formula})"
+    where, elsewhere = (R, f"not ({R})") if relation == "iff" else (f"not ({R})", R)
+    lasts = name in {"always", "unless"}
+    holds = "newest" if lasts is (around == "always") else "oldest"
+    fails = "oldest" if holds == "newest" else "newest"
+    operands = (P, Q) if two else (Q,)
+    found = [
+        Expected(formula, name, kind, begin, end, operands, at)
+        for at, kind in ((where, holds), (elsewhere, fails))
+    ]
+    late = around == "always" if first else where != R  # the second comes first
+    return f"{around}({sides})", found[::-1] if late else found
+
+
 values = st.sampled_from([-2.0, -1.0, -0.0, 0.0, 1.0, 3.0])
 traces = st.lists(st.tuples(values, values, values), min_size=1, max_size=10)
 
@@ -140,7 +164,7 @@ NEGATED = (
 )
 
 
-@given(pattern=single() | nested() | past(), rows=traces)
+@given(pattern=single() | nested() | past() | both_ways(), rows=traces)
 @example(pattern=NEGATED, rows=[(1.0, -1.0, 1.0), (1.0, 1.0, 1.0)])
 def test_clocks_and_margins_are_those_of_the_definition(
     pattern: Pattern, rows: list[tuple[float, ...]]
@@ -161,7 +185,7 @@ def test_clocks_and_margins_are_those_of_the_definition(
 
 
 @settings(max_examples=50)
-@given(pattern=single() | nested() | past(), rows=traces, seed=st.integers(0, 99))
+@given(pattern=single() | nested() | past() | both_ways(), rows=traces, seed=st.integers(0, 99))
 def test_environments_have_clocks_of_their_own(
     pattern: Pattern, rows: list[tuple[float, ...]], seed: int
 ) -> None:
@@ -209,6 +233,12 @@ ENOUGH = [
     f"always({R} implies ({P} since[0:3] {Q}))",
     f"always({R} implies rise({Q}))",
     f"always({R} implies eventually[0:3]({Q})) and always({P} or next({P}))",
+    f"always({R} iff eventually[0:3]({Q}))",
+    f"always({R} xor eventually[0:3]({Q}))",
+    f"always(({P} until[0:3] {Q}) xor {R})",
+    f"eventually({R} iff always[0:3]({Q}))",
+    f"eventually({R} xor always[0:3]({Q}))",
+    f"next(eventually[0:3]({Q}))",
 ]
 
 NOT_ENOUGH = [
@@ -281,3 +311,24 @@ def test_windows_are_in_samples_and_rounded_as_asked() -> None:
     assert (found.begin, found.end) == (2, 5)
     (found,) = obligations_of(spec, Reading(period=0.1, align="outward"))
     assert (found.begin, found.end) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("next(eventually[0:2](q > 0))", [0, 1 / 3, 0, 0, 0]),
+        ("p > 0 or s_next(eventually[0:2](q > 0))", [0, 1 / 3, 0, 0, 0]),
+        ("always(next(eventually[0:2](q > 0)))", [0, 1 / 3, 0, 1 / 3, 2 / 3]),
+    ],
+)
+def test_what_the_next_sample_owes_is_asked_one_sample_later(
+    text: str, expected: list[float]
+) -> None:
+    one, many = One(text), made(text, 1)
+    found = []
+    for q in (1.0, -1.0, 1.0, -1.0, -1.0):
+        one.feed([-1.0, q, -1.0])
+        many.feed(np.array([[-1.0, q, -1.0]]))
+        assert bits([one.owed()[-1][0]]) == bits([lane(many, 0)[-1][0]])
+        found.append(one.owed()[-1][0])
+    assert found == pytest.approx(expected)
