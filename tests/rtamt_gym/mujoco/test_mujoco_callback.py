@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 import gymnasium as gym
@@ -67,6 +68,33 @@ def test_a_controller_in_the_slot_goes_on_and_is_put_back(integrator: str) -> No
         mujoco.set_mjcb_control(None)
     assert np.array_equal(data.qpos, bare.qpos)
     assert monitor.samples == 51
+
+
+@integrators
+def test_a_compiled_controller_goes_on_with_its_pointers_and_is_put_back(integrator: str) -> None:
+    model, data = arm(integrator)
+    given: list[tuple[int, int]] = []
+
+    @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_char), ctypes.POINTER(ctypes.c_char))
+    def controller(model: Any, data: Any) -> None:  # noqa: ANN401
+        pointers = (ctypes.cast(each, ctypes.c_void_p).value for each in (model, data))
+        given.append(tuple(each or 0 for each in pointers))  # type: ignore[arg-type]
+
+    mujoco.set_mjcb_control(controller)
+    try:
+        mujoco.mj_step(model, data, nstep=3)
+        alone = given.copy()
+        given.clear()
+        mujoco.mj_resetData(model, data)
+        monitor = StepMonitor(model, data, SPEC, SIGNALS)
+        with monitor.attached():
+            mujoco.mj_step(model, data, nstep=3)
+        assert mujoco.get_mjcb_control() is controller
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert given[: len(alone)] == alone
+    assert set(given) == set(alone)
+    assert monitor.samples == 4
 
 
 def test_forwards_in_between_are_no_samples() -> None:
@@ -219,3 +247,36 @@ def test_a_program_that_makes_no_step_has_one_sample() -> None:
         pass
     assert monitor.samples == 1
     assert monitor.verdict is rtamt.Verdict.UNDECIDED
+
+
+@integrators
+def test_the_last_sample_is_derived_too_where_the_monitor_derives(integrator: str) -> None:
+    model, data = arm(integrator)
+    seen: list[float] = []
+
+    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+        seen.append(float(data.sensor("rate").data[0]))
+        return 0.0
+
+    with StepMonitor(model, data, "always(x < 1)", {"x": look}, forward=True).attached():
+        mujoco.mj_step(model, data, nstep=20)
+    bare = mujoco.MjData(model)
+    mujoco.mj_step(model, bare, nstep=20)
+    assert bare.sensor("rate").data[0] != bare.joint("elbow").qvel[0]  # of the step before
+    assert seen[-1] == bare.joint("elbow").qvel[0]
+
+
+def test_a_finished_run_takes_no_more_samples() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, SPEC, SIGNALS)
+    with monitor.attached():
+        mujoco.mj_step(model, data, nstep=5)
+    monitor.finish()
+    details = monitor.details
+    with pytest.raises(StateError, match="after finish"), monitor.attached():
+        mujoco.mj_step(model, data, nstep=5)
+    assert (monitor.samples, monitor.details) == (6, details)
+    monitor.reset()
+    with monitor.attached():
+        mujoco.mj_step(model, data, nstep=5)
+    assert monitor.samples == 6

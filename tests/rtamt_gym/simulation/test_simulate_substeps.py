@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from environments import equal
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, simulate
@@ -74,6 +75,37 @@ def test_a_time_limit_counts_the_steps_of_the_simulation(
     )
     assert (ran.ended, ran.steps, ran.limit) == ("truncated", 2 * frames, 2 * frames)
     assert ran.duration == pytest.approx(2 * frames * period)
+
+
+@cases
+def test_a_monitor_in_the_environment_follows_beside_the_run(
+    env_id: str, frames: int, period: float, read: str
+) -> None:
+    def monitored() -> Any:  # noqa: ANN401
+        return StlMonitor(gym.make(env_id), SPEC, {"x": read}, substeps=True, details=True)
+
+    inside, alone = monitored(), monitored()
+    ran = simulate(
+        inside,
+        SPEC,
+        {"x": read},
+        policy=random_actions(inside, 5),
+        seed=3,
+        duration=2 * frames * period,
+        stop="end",
+        substeps=True,
+    )
+    assert ran.steps == 2 * frames
+    alone.reset(seed=3)
+    act = random_actions(alone, 5)
+    for _ in range(2):
+        alone.step(act(None))
+    (course,) = ran.courses.values()
+    assert inside.samples == alone.samples == 2 * frames + 1
+    assert inside.describe() == alone.describe()
+    assert course.robustness[-1] == alone.describe()["spec"]["robustness"]
+    following = act(None)  # after the run it goes on by itself
+    assert equal(inside.step(following), alone.step(following))
 
 
 def test_a_violation_between_two_observations_stops_the_run_at_its_sample() -> None:

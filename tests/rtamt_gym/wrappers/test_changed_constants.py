@@ -253,6 +253,23 @@ def test_rewards_and_observations_follow(observe: Any, mode: Any) -> None:  # no
     assert envs.observed == fresh_envs.observed
 
 
+def test_obligations_asked_for_after_a_change_are_those_of_the_next_episode() -> None:
+    values = {"a": 0.02, "w": 0.1}
+
+    def monitored(constants: dict[str, float]) -> StlMonitor[Any, Any]:
+        return StlMonitor(make_pole(), TEXT, ANGLE, constants=constants, on_violation="report")
+
+    def observing(env: StlMonitor[Any, Any]) -> StlReward[Any, Any]:
+        return StlReward(env, mode="add", observe="obligations")
+
+    changed, fresh = monitored({"a": 0.1}), observing(monitored(values))
+    changed.reset(seed=1)
+    changed.constants = values
+    env = observing(changed)
+    assert mismatch(episode(fresh, seed=2), episode(env, seed=2)) == ""
+    assert env.observed == fresh.observed
+
+
 def test_agents_follow() -> None:
     numbers = {"a": [3.0, 2.0, 1.0, 0.0], "b": [1.0, 1.0, 1.0, 1.0]}
     given: dict[str, Any] = {"signals": {"x": "a: obs[0]"}, "period": 1, "on_violation": "report"}

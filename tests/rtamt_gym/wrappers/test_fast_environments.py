@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from typing import Any
 
@@ -175,6 +176,17 @@ def test_a_learners_other_calls_and_names_are_pufferlibs() -> None:
         _ = learner.no_such
     learner.close()
     assert shared.closed
+
+
+def test_a_learner_may_copy_what_it_holds_and_ask_for_protocols() -> None:
+    shared = shared_environments([make_pole] * 2)
+    learner = SharedBuffers(VectorStlMonitor(shared, SAFE, ANGLE))
+    obs, _ = learner.reset(seed=1)
+    again = copy.copy(learner)
+    assert again.recv()[0] is obs
+    assert again.driver_env is shared.driver_env
+    shared.__array__ = lambda *_: np.zeros(3)  # the environments' own protocols are not its own
+    assert not hasattr(learner, "__array__")
 
 
 def test_monitors_around_the_environments_write_rewards_and_ends_themselves() -> None:

@@ -199,6 +199,24 @@ def test_longer_bars_mean_more() -> None:
     assert heights[2] / heights[0] == pytest.approx(5.0, rel=0.1)
 
 
+def test_a_long_name_keeps_its_two_ends_and_leaves_the_bar_its_place() -> None:
+    def drawn(name: str) -> Picture:
+        gauge = Gauge(0.5, -1.0, 1.0, "UNDECIDED", 1.0)
+        panel = OverlayPanel([name], [], 600, 100, "below")
+        black = np.zeros((100, 600, 3), np.uint8)
+        return panel.draw(black, [Sight(0, "", (gauge,), ())])[100:]
+
+    middle = "i" * 90
+    shown = drawn(f"begin{middle}end")
+    assert np.array_equal(drawn(f"begin{middle[:40]}W{middle[40:]}end"), shown)
+    for other in (f"other{middle}end", f"begin{middle}one"):
+        changed = np.flatnonzero((drawn(other) != shown).any(axis=(0, 2)))
+        assert changed.size
+        assert changed.max() < 0.35 * 600
+    short = drawn("begin")[:, 210:]
+    assert (short != shown[:, 210:]).any()  # a short name leaves the bar more
+
+
 def test_signals_can_be_chosen() -> None:
     heights = [
         frames(made(Painted(VALUES), signals=signals))[0].shape[0] for signals in (None, ["x"], ())

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from parallel_environments import Crew
 from vector_environments import difference, trajectory
 
@@ -89,6 +90,31 @@ def test_an_environment_is_made_again_with_its_own_signals() -> None:
         assert env.spec is not None
         again = gym.make(env.spec)
         assert not difference(again.reset(seed=7), env.reset(seed=7))
+    finally:
+        del gym.registry["Drift-v0"]
+
+
+def speed(step: Any) -> float:  # noqa: ANN401
+    return float(step.obs[1])
+
+
+class Heard(Drift):
+    """It names a function."""
+
+    signals: Any = {**OWN, "speed": speed}  # noqa: RUF012 - as an environment has it
+
+
+def test_json_needs_no_function_that_the_environment_names_itself() -> None:
+    gym.register("Drift-v0", f"{__name__}:Heard")
+    try:
+        env = StlMonitor(gym.make("Drift-v0"), TEXT)
+        assert env.spec is not None
+        again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+        assert not difference(trajectory_of(again), trajectory_of(env))
+        given = StlMonitor(gym.make("Drift-v0"), TEXT, {"speed": speed})
+        assert given.spec is not None
+        with pytest.raises(InputError, match="signal 'speed' is a callable, which JSON cannot"):
+            given.spec.to_json()
     finally:
         del gym.registry["Drift-v0"]
 

@@ -154,6 +154,16 @@ def test_a_monitor_that_is_there_is_used() -> None:
         ParallelStlReward(OneOf(Crew({"lead": [1.0]})), SPECS, SIGNALS, mode="replace")
 
 
+def test_a_close_closes_what_is_inside_and_ends_the_episode_in_the_records() -> None:
+    crew = Crew({"lead": [0.0, 1.0, 2.0], "wing": [1.0, 1.0, 1.0]})
+    env = ParallelStlReward(crew, SPECS, SIGNALS, **options("add"))
+    env.reset()
+    env.step({agent: np.zeros(1) for agent in env.agents})
+    env.close()
+    assert crew.closed
+    assert [(each["samples"], each["truncated"]) for each in env.stl_episodes] == [(2, True)]
+
+
 def test_constants_change_what_is_paid() -> None:
     env = made(constants={"low": 0})
     for low in (0.0, 0.5):

@@ -13,6 +13,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 from environments import Env, continued, equal, restored, rollout
+from gymnasium.envs.mujoco.inverted_pendulum_v5 import InvertedPendulumEnv
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
@@ -307,3 +308,24 @@ def test_environments_of_a_vector_are_wrapped_one_by_one() -> None:
     envs.step(envs.action_space.sample())
     assert [env.samples for env in envs.unwrapped.envs] == [6, 6]  # type: ignore[attr-defined]
     envs.close()
+
+
+class Rebuilt(InvertedPendulumEnv):
+    """Builds its simulation anew at every reset, as one does whose model is drawn."""
+
+    def reset(self, **arguments: Any) -> Any:  # noqa: ANN401
+        self.model, self.data = self._initialize_simulation()
+        return super().reset(**arguments)
+
+
+@pytest.mark.parametrize("substeps", [False, True])
+def test_a_simulation_that_is_built_anew_is_read_where_it_is_now(substeps: bool) -> None:  # noqa: FBT001
+    specs = {"near": "always(abs(x) < 0.5)", "still": "always(abs(v) < 2 or x > 9)"}
+    signals = {"x": "joint:slider.qpos", "v": "qvel[1]"}
+    shown = []
+    for kind in (InvertedPendulumEnv, Rebuilt):
+        env = StlMonitor(
+            kind(), specs, signals, substeps=substeps, details=True, on_violation="report"
+        )
+        shown.append([rollout(env, seed=seed) for seed in range(3)])
+    assert equal(*shown)

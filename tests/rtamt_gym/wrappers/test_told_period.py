@@ -194,6 +194,16 @@ def test_each_of_many_environments_is_compared(make: Make, mode: AutoresetMode) 
         trajectory(VectorStlReward(sync(makes, mode), TIMED, X, mode="add"), 1)
 
 
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_a_short_episode_is_compared_from_its_own_reset_on(mode: AutoresetMode) -> None:
+    def lasting(steps: int) -> Make:
+        return lambda: gym.make("CartPole-v1", max_episode_steps=steps)
+
+    envs = VectorStlMonitor(sync([lasting(2), lasting(5)], mode), TIMED, X)
+    trajectory(envs, 12)
+    assert len(envs.stl_episodes) > 3
+
+
 def test_a_given_period_that_the_time_contradicts_is_told_once() -> None:
     env = StlMonitor(reacher(), TIMED, X, period=0.1)
     env.reset(seed=1)

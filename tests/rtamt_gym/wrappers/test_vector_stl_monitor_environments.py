@@ -29,7 +29,7 @@ from vector_environments import (
     trajectory,
 )
 
-from rtamt import StateError
+from rtamt import InputError, StateError
 from rtamt_gym import StlMonitor, VectorStlMonitor
 
 
@@ -115,6 +115,26 @@ def test_terminal_observations_may_come_as_a_batch() -> None:
     assert [each["robustness"] for each in envs.stl_episodes[0]["specs"].values()] == [-0.5]
 
 
+def test_what_is_observed_is_appended_to_a_batch_of_terminal_observations_too() -> None:
+    envs = VectorStlMonitor(
+        Bare(AutoresetMode.SAME_STEP),
+        "always(x < 2.5)",
+        {"x": "obs['x'][0]"},
+        observe="state",
+        clip=3.0,
+    )
+    obs, _ = envs.reset()
+    assert envs.observation_space.contains(obs)
+    envs.step(np.zeros(2))
+    obs, *_, infos = envs.step(np.zeros(2))
+    assert infos["final_obs"].keys() == obs.keys()
+    assert infos["final_obs"]["x"].tolist() == [[2], [3]]
+    # robustness, lower, upper, the time that is left, and the verdict
+    (name,) = obs.keys() - {"x"}
+    assert infos["final_obs"][name][1].tolist() == [-0.5, -0.5, -0.5, 1, -1]
+    assert obs[name].tolist() == [[0.5, -3, 0.5, 1, 0], [2.5, -3, 2.5, 1, 0]]
+
+
 def test_an_environment_without_terminal_observations_is_refused_at_the_first_end() -> None:
     envs = VectorStlMonitor(
         Bare(AutoresetMode.SAME_STEP, ends=False), "always(x < 9)", {"x": "obs['x'][0]"}
@@ -127,6 +147,15 @@ def test_an_environment_without_terminal_observations_is_refused_at_the_first_en
         "expected the observations at the ends of episodes in infos['final_obs'], as "
         "AutoresetMode.SAME_STEP has them, got the keys 'speed'"
     )
+
+
+def test_monitors_in_other_processes_are_found_at_the_first_reset() -> None:
+    envs = VectorStlMonitor(AsyncVectorEnv([make_monitored_pole] * 2), TEXT, ANGLE)
+    try:
+        with pytest.raises(InputError, match="StlMonitor around each of its environments"):
+            envs.reset(seed=1)
+    finally:
+        envs.close()
 
 
 # ---- resets ----
