@@ -155,8 +155,7 @@ def _episode(
         raise NotShownError(
             "it cannot be read as it was when it was judged; rtamt monitor says why"
         ) from None
-    if not isinstance(trace, Trace):
-        raise NotShownError("this page shows samples")
+    assert isinstance(trace, Trace), "it is not dense"  # noqa: S101 - for mypy
     if unknown := [name for name in spec.variables if name in trace.unknown]:
         raise NotShownError(f"values of {', '.join(unknown)} are not known")
     whole = viewed(spec, reading.view)

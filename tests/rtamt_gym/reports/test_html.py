@@ -150,6 +150,19 @@ def test_bins_count_every_number_once_and_never_mix_signs(values: list[float]) -
         assert -1e-6 * abs(value / found.width) - 1 <= place <= len(found.counts) + 1
 
 
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([2.5e-5, 1.0e-7, None, 0.0], ["2.5e\N{MINUS SIGN}05", "1e\N{MINUS SIGN}07", "", "0"]),
+        ([1.25e6, 3.0, -0.5], ["1.25e+06", "3", "\N{MINUS SIGN}0.5"]),
+    ],
+)
+def test_a_column_of_tiny_or_huge_numbers_has_each_in_its_own_digits(
+    values: list[float | None], texts: list[str]
+) -> None:
+    assert aligned(values) == texts
+
+
 @given(st.lists(st.floats(-1e5, 1e5).map(lambda value: round(value, 6)), min_size=1))
 def test_the_points_of_a_column_align_and_signs_stay(values: list[float]) -> None:
     texts = [text.replace("\N{MINUS SIGN}", "-") for text in aligned(values)]

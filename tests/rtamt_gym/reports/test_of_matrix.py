@@ -2,14 +2,17 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rtamt_gym.__main__ import main
+from rtamt_gym.reports.html import render
 from rtamt_gym.reports.of_matrix import of_matrix
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.write import report_of
 from rtamt_gym.results.outcome import Moment
 
 SPEC = "near = always(gap > 2); answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
@@ -131,3 +134,52 @@ def test_without_times_bounds_count_steps(
     assert section.unit == "steps"
     assert section.requirements[0].words == "x stays below 3 during the first 1 step"
     assert section.requirements[0].worst[0].decided_at == Moment(1, None)
+
+
+@pytest.mark.parametrize(("samples", "drawn"), [(20_000, True), (20_001, False)])
+def test_of_a_very_long_trace_the_signals_are_drawn_and_no_bounds(
+    samples: int,
+    drawn: bool,  # noqa: FBT001
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = ["5"] * samples
+    rows[700] = "1"
+    (tmp_path / "t.csv").write_text("\n".join(["gap", *rows, ""]), encoding="utf-8")
+    main(["monitor", "always(gap > 2)", "--json", "t.csv"])
+    section = of_matrix(json.loads(capsys.readouterr().out), tmp_path, ROOM)
+    (episode,) = section.requirements[0].worst
+    assert (episode.samples, episode.final) == (samples, -1.0)
+    assert episode.decided_at == Moment(700, None)
+    assert episode.deciding[0].values == {"gap": 1.0}
+    assert min(episode.signals["gap"]) == min(episode.predicates["gap > 2"]) + 2 == 1.0
+    for curve in (episode.robustness, episode.lower, episode.upper):
+        assert len(curve) == drawn * len(episode.times)
+
+
+def test_an_outcome_that_knows_its_time_alone_is_marked_at_that_sample(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = judged(tmp_path, monkeypatch, capsys)
+    (cell,) = (trial["outcomes"]["near"] for trial in kept["trials"] if trial["name"] == "near.csv")
+    assert cell["decided_at"] == {"sample": 1, "seconds": 0.5}
+    cell["decided_at"]["sample"] = None
+    (episode,) = of_matrix(kept, tmp_path, ROOM).requirements[0].worst
+    assert episode.decided_at == Moment(1, 0.5)
+
+
+def test_rows_say_how_often_they_were_asked_and_whether_they_hung_on_an_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{time},{4 if time == 1 else 0},9\n" for time in range(5))
+    (tmp_path / "t.csv").write_text(f"time,req,gnt\n{rows}", encoding="utf-8")
+    either = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
+    others = "answered = always(req >= 3 implies gnt > 5); idle = always(req >= 5 implies gnt > 5)"
+    assert main(["monitor", f"{either}; {others}", "--json", "t.csv"]) == 0
+    (tmp_path / "t.json").write_text(capsys.readouterr().out, encoding="utf-8")
+    page = render(report_of(tmp_path / "t.json"))
+    cells = re.findall(r">(\d+x[^<]*|never|not for certain)</td>", page)
+    assert cells == ["1x, no answer", "1x", "never"]

@@ -6,13 +6,13 @@ import copy
 import functools
 import pickle
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
 from pole_functions import drift, energies, energy, sideways
 from vector_environments import MODES, difference, sync, trajectory
 
@@ -145,6 +145,41 @@ def test_an_environment_out_of_reach_is_not_taken_for_all_of_them(
     assert f": {why}; read step.obs or step.info, or wrap each environment" in text
 
 
+def test_an_environment_out_of_reach_has_no_protocol_of_any_kind() -> None:
+    def read(step: Step) -> float:
+        return float(not hasattr(step.env, "__len__") and copy.copy(step.obs)[0])
+
+    _, infos = VectorStlMonitor(native(), SPEC, {"x": read}).reset(seed=3)
+    assert len(set(infos["robustness"].tolist())) == FOUR
+
+
+def test_an_info_that_is_one_for_all_is_that_of_each() -> None:
+    class Shared(VectorEnv[Any, Any, Any]):
+        """Two environments that share a wind and a table of places."""
+
+        num_envs = 2
+        single_observation_space = spaces.Box(-9, 9, (1,))
+        single_action_space = spaces.Discrete(2)
+        observation_space = spaces.Box(-9, 9, (2, 1))
+        action_space = spaces.MultiDiscrete([2, 2])
+        metadata: ClassVar = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+        def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+            own = np.array([1.0, 2.0])
+            return own[:, None].astype(np.float32), {
+                "own": own,
+                "wind": 0.5,
+                "places": [10.0, 20.0, 30.0],
+            }
+
+    def read(step: Step) -> float:
+        info = step.info
+        return float(info["own"] + info["wind"] + sum(info["places"]))
+
+    _, infos = VectorStlMonitor(Shared(), "always[0:1](x < 0)", {"x": read}, period=1).reset()
+    assert infos["robustness"].tolist() == [-61.5, -62.5]
+
+
 @pytest.mark.parametrize(
     "read", [lambda step: step.obs[:, 0], lambda step: step.obs[..., :, 0].tolist()]
 )
@@ -157,6 +192,26 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
         "; the function is called for each environment, and for the batch of all it gives 4 "
         f"numbers: mark it, rtamt_gym.batched({read.__qualname__})"
     )
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_numbers_of_several_shapes_are_read_as_alone(mode: AutoresetMode) -> None:
+    def read(step: Step) -> Any:  # noqa: ANN401
+        """An array of one number where it is below zero, and else a number."""
+        return step.obs[:1] if step.obs[0] < 0 else float(step.obs[0])
+
+    together = VectorStlMonitor(poles(mode), SPEC, {"x": read})
+    obs, infos = together.reset(seed=3)
+    assert {False, True} == {bool(x < 0) for x in obs[:, 0]}
+    assert infos["robustness"].tolist() == (1.0 - obs[:, 0].astype(np.float64)).tolist()
+
+
+def test_arrays_of_several_shapes_are_no_numbers() -> None:
+    sizes = iter([1, 3, 2])
+    with pytest.raises(InputTypeError) as caught:
+        envs = VectorStlMonitor(native(3), SPEC, {"x": lambda _: np.zeros(next(sizes, 1))})
+        envs.reset()
+    assert str(caught.value).startswith("signal 'x': expected a number from ")
 
 
 def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:

@@ -1,0 +1,99 @@
+"""Charts say in words what a cell, a point and a curve are, and what is not shown."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_results import SPECS, evaluation, row, tank, wave
+
+from rtamt_gym import Parameter, Record, Run, compare, simulate, sweep
+from rtamt_gym.reports.charts import Chart, charts_of, episode_chart
+from rtamt_gym.reports.html import render
+from rtamt_gym.reports.model import Section
+from rtamt_gym.reports.of_evaluation import of_evaluation
+from rtamt_gym.reports.of_record import of_record
+from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.write import report_of
+
+INFLOW, LEAK = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
+
+
+def chart(section: Section, kind: str) -> Chart:
+    """The first chart of a kind of the first requirement."""
+    return next(each for each in charts_of(section, section.requirements[0]) if each.kind == kind)
+
+
+def raised(inflow: float, leak: float, start: float) -> Iterator[dict[str, float]]:
+    """The tank, filled higher at first."""
+    for sample in tank(inflow, leak):
+        yield {"level": sample["level"] + start}
+
+
+def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
+    start = Parameter("start", 0.0, 0.6)
+    options = {"samples": 3, "sampler": "grid", "period": 1, "progress": False}
+    one = of_record(sweep(tank, SPECS, [INFLOW, LEAK], **options), ROOM)
+    several = of_record(sweep(raised, SPECS, [INFLOW, LEAK, start], **options), ROOM)
+    says = "A cell is the least of several simulations."
+    assert says not in chart(one, "map").summary
+    folded = chart(several, "map")
+    assert folded.summary.endswith(f" {says}")
+    # The least over what is not drawn is at the greatest start.
+    alone, least = one.maps[0].cells[0][0], several.maps[0].cells[0][0]
+    assert alone is not None
+    assert least == pytest.approx(alone - 0.6)
+
+
+def test_points_that_are_left_out_are_counted() -> None:
+    heights = np.random.default_rng(1).normal(size=2100)
+    rows = [row({"dry": height}, case={"x": float(i)}) for i, height in enumerate(heights)]
+    formulas = {"dry": "always(x < 1)"}
+    many = chart(of_record(Record(rows, formulas, "made"), ROOM), "cases")
+    assert "; 100 simulations left out. The table of simulations" in many.summary
+    few = chart(of_record(Record(rows[:2000], formulas, "made"), ROOM), "cases")
+    assert "left out" not in few.summary
+
+
+def saved(run: Run, folder: Path) -> Section:
+    """The section of the file of a run."""
+    run.save(folder / "run.parquet")
+    return section_of(folder / "run.parquet", ROOM)
+
+
+def test_a_curve_of_each_instant_is_told_from_one_of_the_whole_episode(tmp_path: Path) -> None:
+    rows = [{"x": value} for value in (1.0, -2.0, 3.0)]
+    said = {}
+    for view in ("episode", "step"):
+        section = saved(
+            simulate(rows, "eventually[0:1](x > 0)", period=1, view=view, stop="end"), tmp_path
+        )
+        (episode,) = section.requirements[0].worst
+        said[view] = episode_chart(episode, section.unit).summary
+    assert "instant" not in said["episode"]
+    assert said["step"].endswith(
+        " The curve of robustness is of each instant, its bounds are about all of them."
+    )
+
+
+def test_a_long_episode_says_how_many_of_its_samples_are_shown() -> None:
+    made = evaluation([row({"low": -4.0, "seen": 1.0}, seed=0)], {"low": (wave(6000),)})
+    (episode,) = of_evaluation(made, ROOM).requirements[0].worst
+    assert 60 <= len(episode.times) < 6000
+    assert episode_chart(episode, "s").summary.endswith(
+        f" {len(episode.times)} of 6000 samples are shown."
+    )
+
+
+def test_a_comparison_draws_the_pairs_of_what_is_known_alone() -> None:
+    a, b = (
+        evaluation([row({"low": low, "seen": math.nan}, seed=i) for i in range(4)], {})
+        for low in (1.0, 2.0)
+    )
+    charts = re.findall(r'data-chart="([^"]*)"', render(report_of(compare(a, b))))
+    assert charts == ["comparison-low-pairs", "comparison-all-requirements-pairs"]
