@@ -11,6 +11,7 @@ ever evaluated as Python.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -156,15 +157,17 @@ class _Scanner:
         self._at = 0
 
     def peek(self, kind: re.Pattern[str] = _TOKEN) -> str:
-        match = kind.match(self._text.rstrip(), self._at)
-        return match[1] if match else ""
+        return self._match(kind)[1]
 
     def next(self, kind: re.Pattern[str] = _TOKEN) -> str:
-        match = kind.match(self._text.rstrip(), self._at)
-        if match is None:
-            return ""
+        match = self._match(kind)
         self._at = match.end()
         return match[1]
+
+    def _match(self, kind: re.Pattern[str]) -> re.Match[str]:
+        """The token at this place: one of any kind is there, and at the end the empty one."""
+        [match] = itertools.islice(kind.finditer(self._text.rstrip(), self._at), 1)
+        return match
 
     def expect(self, token: str, expected: str) -> None:
         if self.peek() != token:

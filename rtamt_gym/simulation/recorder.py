@@ -198,9 +198,7 @@ class Tally:
         return self._feed_step
 
     def columns(self) -> dict[str, Floats]:
-        """The values of every variable, if samples are kept; else none."""
-        if not self._samples:
-            return {}
+        """The values of every variable; of a tally that keeps samples, and has some."""
         table = np.array(self._samples, dtype=np.float64)
         return dict(zip(self._variables, np.ascontiguousarray(table.T), strict=True))
 

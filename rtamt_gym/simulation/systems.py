@@ -341,7 +341,9 @@ class Environment(System):
         """Who acts in an episode that begins now: the case, the policy or the baseline."""
         if self._case is not None and self._case.drives:
             return self._case.policy(self._policy, baseline_of(self._env), self._step_period)
-        policy = self._policy or baseline_of(self._env)
+        policy = self._policy
+        if policy is None:  # one that is a collection may be empty
+            policy = baseline_of(self._env)
         if policy is None:
             raise InputError(
                 "an environment needs a policy, a function from observation to action; ",

@@ -37,7 +37,10 @@ class _Lift:
         return self._shown(), self.height, self.timestep >= self.horizon, {"own": 1}
 
     def _shown(self) -> dict[str, Any]:
-        return {"height": self.height, "place": np.array([self.height, 1.0])}
+        shown = {"height": self.height, "place": np.array([self.height, 1.0])}
+        if self.made.get("picture"):
+            shown["picture"] = np.full((2, 3, 3), 200, np.uint8)
+        return shown
 
     def _check_success(self) -> bool:
         return self.height > 0.05

@@ -49,6 +49,15 @@ def test_robosuite_is_an_environment_of_gymnasium() -> None:
     assert inner.robosuite.horizon == 0
 
 
+def test_a_picture_of_robosuite_has_a_space_of_its_own_type() -> None:
+    env = robosuite.make("Lift", picture=True)
+    space = env.observation_space
+    assert space["picture"] == gym.spaces.Box(0, 255, (2, 3, 3), np.uint8)
+    assert space["place"] == gym.spaces.Box(-np.inf, np.inf, (2,), np.float64)
+    shown, _ = env.reset(seed=1)
+    assert space.contains(shown)
+
+
 def test_the_horizon_of_robosuite_truncates_and_leaves_a_window_open() -> None:
     ahead = "eventually[0:0.3](always[0:9](height > -1))"
     specs: Any = {**readings("success", hold=0.3), "ahead": ahead}

@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from rtamt_gym import Run
+from rtamt_gym import Run, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
+from rtamt_gym.simulation.environments import make
 
 
 def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:
@@ -79,3 +81,14 @@ def test_the_demo_prints_tables_of_80_columns_and_draws(
     assert "highway-fast-v0: 30 s in steps of 1 s" in lines
     assert lines[-1] == f"picture: {picture}"
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_on_an_empty_road_the_gap_is_the_longest_that_is_told() -> None:
+    env = make(HIGHWAY.env_id)
+    road: Any = env.unwrapped
+    road.config["vehicles_count"] = 0
+    careful = HIGHWAY.drivers["careful"](env)
+    run = simulate(env, "always(gap > 99)", HIGHWAY.signals, policy=careful, seed=0, duration=3)
+    env.close()
+    assert run.signals["gap"].tolist() == [100.0] * 4
+    assert run.signals["speed"][-1] > run.signals["speed"][0]  # so that it hurries

@@ -73,12 +73,36 @@ class Wide(Rich):
         return np.zeros(self.observation_space.shape or ())
 
 
+class Driven:
+    """A vehicle one of whose properties can be read only once it has a lane."""
+
+    speed = 25.0
+    lane = None
+    weight = 900
+
+    @property
+    def offset(self) -> float:
+        raise AttributeError(self.lane)
+
+    @property
+    def angle(self) -> float:
+        return 1.0 / (self.weight - 900)
+
+
+class Road(Rich):
+    """An environment of a vehicle."""
+
+    vehicle = Driven()
+
+
 @pytest.fixture(autouse=True)
 def _registered() -> Iterator[None]:
     gym.register("RtamtRich-v0", lambda **_: Rich(), max_episode_steps=9)
     gym.register("RtamtWide-v0", Wide)
+    gym.register("RtamtRoad-v0", lambda **_: Road())
     yield
-    del gym.registry["RtamtRich-v0"], gym.registry["RtamtWide-v0"]
+    for name in ("Rich", "Wide", "Road"):
+        del gym.registry[f"Rtamt{name}-v0"]
 
 
 def printed(capsys: Output, *arguments: str) -> tuple[list[str], list[list[str]]]:
@@ -347,3 +371,9 @@ def test_a_reward_that_is_no_number_is_left_out(
     monkeypatch.setattr(Wide, "step", lambda self, _action: (self._obs(), (1, 2), False, False, {}))
     _, rows = printed(capsys, "RtamtWide-v0", "--env-kwarg", "n=2")
     assert [row[0] for row in rows] == ["obs[0]", "obs[1]", "action", "info['level']"]
+
+
+def test_what_a_vehicle_cannot_tell_yet_is_left_out(capsys: Output) -> None:
+    _, rows = printed(capsys, "RtamtRoad-v0", "--all")
+    found = {row[0]: row[1:] for row in rows if row[0].startswith("vehicle")}
+    assert found == {"vehicle.speed": ["25", "25"], "vehicle.weight": ["900", "900"]}

@@ -202,3 +202,16 @@ def test_a_file_that_is_no_case_exits_2(capsys: Output) -> None:
     assert capsys.readouterr().err == (
         "rtamt: error: cannot open none.json: No such file or directory\n"
     )
+
+
+def test_a_search_that_is_interrupted_at_once_says_that_it_found_nothing(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(Path.cwd())
+    Path("halted_plant.py").write_text(
+        "def plant(x):\n    raise KeyboardInterrupt\n    yield {'y': x}\n", encoding="utf-8"
+    )
+    vary = ["--vary", "x=0:1", "--period", "1", "--save", "case.json"]
+    assert main(["falsify", "halted_plant:plant", "always(y > 0)", *vary]) == 130
+    assert capsys.readouterr() == ("", "interrupted before a simulation was over\n")
+    assert not Path("case.json").exists()

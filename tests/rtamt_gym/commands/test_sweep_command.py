@@ -249,3 +249,12 @@ def test_mistakes_are_told_before_anything_runs(
     assert main(["sweep", *arguments]) == 2
     said = capsys.readouterr()
     assert (said.out, said.err) == ("", f"rtamt: error: {message}\n")
+
+
+def test_the_columns_of_a_map_may_be_those_of_the_scenario(capsys: Output) -> None:
+    axes = ["--heat-map", "map.png", "--x", "throttle[0]", "--y", "brakes[1]", "--samples", "1"]
+    assert main(["sweep", "rtamt/ChasingCars-v0", "--requirement", "CC1", *axes]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("rtamt: error: there is no column 'brakes[1]'; the space has 'throttle")
+    assert "'brake[1]'" in said
+    assert not Path("map.png").exists()

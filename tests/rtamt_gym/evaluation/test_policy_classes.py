@@ -138,3 +138,20 @@ def test_a_class_that_cannot_be_made_or_called_is_refused(kind: type, message: s
     assert str(caught.value) == message
     with pytest.raises(InputError, match=r"^--policy fractions:Fraction: expected a class"):
         policy_of("fractions:Fraction", gym.make("CartPole-v1"))
+
+
+def test_one_on_a_builtin_type_that_does_not_tell_its_arguments_is_one_too() -> None:
+    class Counter(dict[str, int]):
+        """Acts by how often it was asked."""
+
+        def __call__(self, _obs: Any) -> int:  # noqa: ANN401
+            self["asked"] = self.get("asked", 0) + 1
+            return self["asked"] % 2
+
+    counted, known = (
+        evaluate_policy(
+            kind, "CartPole-v1", SPEC, SIGNALS, episodes=2, keep=0, at_termination="complete"
+        )
+        for kind in (Counter, Alternating)
+    )
+    assert [row.simulated for row in counted.record] == [row.simulated for row in known.record]

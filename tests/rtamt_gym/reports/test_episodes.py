@@ -1,4 +1,4 @@
-"""An episode in full has what decided it, where its samples tell that, and is shown without else."""
+"""An episode in full has what decided it where its samples tell that; else it is shown without."""
 
 from __future__ import annotations
 
