@@ -11,7 +11,6 @@ ever evaluated as Python.
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -165,8 +164,9 @@ class _Scanner:
         return match[1]
 
     def _match(self, kind: re.Pattern[str]) -> re.Match[str]:
-        """The token at this place: one of any kind is there, and at the end the empty one."""
-        [match] = itertools.islice(kind.finditer(self._text.rstrip(), self._at), 1)
+        """The token at this place, which may be empty."""
+        match = kind.match(self._text.rstrip(), self._at)
+        assert match is not None  # noqa: S101 - the empty token is one of any kind
         return match
 
     def expect(self, token: str, expected: str) -> None:
