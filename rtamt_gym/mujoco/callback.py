@@ -8,6 +8,7 @@ states that are only tried, at the half of the step and at its end. Their times 
 from __future__ import annotations
 
 import ctypes
+from _ctypes import CFuncPtr  # the class of all functions of ctypes
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -65,12 +66,11 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
 
 def _called_from_python(controller: Any) -> Any:  # noqa: ANN401
     """What calls a controller with model and data; None if there is none."""
-    if not isinstance(controller, _COMPILED):
+    if not isinstance(controller, CFuncPtr):
         return controller
     pointed = ctypes.cast(controller, _POINTED)  # whatever it calls its arguments
     return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001
 
 
 _POINTED = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-_COMPILED = _POINTED.__base__
-"""The class of functions of ctypes, as Numba makes them too; MuJoCo gives these pointers."""
+"""What MuJoCo calls: it gives pointers. Numba makes functions of ctypes too."""

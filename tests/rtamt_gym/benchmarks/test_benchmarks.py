@@ -51,7 +51,7 @@ def test_robosuite_is_an_environment_of_gymnasium() -> None:
 
 def test_a_picture_of_robosuite_has_a_space_of_its_own_type() -> None:
     env = robosuite.make("Lift", picture=True)
-    space = env.observation_space
+    space: Any = env.observation_space
     assert space["picture"] == gym.spaces.Box(0, 255, (2, 3, 3), np.uint8)
     assert space["place"] == gym.spaces.Box(-np.inf, np.inf, (2,), np.float64)
     shown, _ = env.reset(seed=1)

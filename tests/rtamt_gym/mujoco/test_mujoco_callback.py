@@ -75,11 +75,12 @@ def test_a_compiled_controller_goes_on_with_its_pointers_and_is_put_back(integra
     model, data = arm(integrator)
     given: list[tuple[int, int]] = []
 
-    @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_char), ctypes.POINTER(ctypes.c_char))
-    def controller(model: Any, data: Any) -> None:  # noqa: ANN401
+    def note(model: Any, data: Any) -> None:  # noqa: ANN401
         pointers = (ctypes.cast(each, ctypes.c_void_p).value for each in (model, data))
         given.append(tuple(each or 0 for each in pointers))  # type: ignore[arg-type]
 
+    pointer = ctypes.POINTER(ctypes.c_char)
+    controller = ctypes.CFUNCTYPE(None, pointer, pointer)(note)
     mujoco.set_mjcb_control(controller)
     try:
         mujoco.mj_step(model, data, nstep=3)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def raised(inflow: float, leak: float, start: float) -> Iterator[dict[str, float
 
 def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
     start = Parameter("start", 0.0, 0.6)
-    options = {"samples": 3, "sampler": "grid", "period": 1, "progress": False}
+    options: dict[str, Any] = {"samples": 3, "sampler": "grid", "period": 1, "progress": False}
     one = of_record(sweep(tank, SPECS, [INFLOW, LEAK], **options), ROOM)
     several = of_record(sweep(raised, SPECS, [INFLOW, LEAK, start], **options), ROOM)
     says = "A cell is the least of several simulations."

@@ -6,7 +6,7 @@ import copy
 import functools
 import pickle
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -162,7 +162,7 @@ def test_an_info_that_is_one_for_all_is_that_of_each() -> None:
         single_action_space = spaces.Discrete(2)
         observation_space = spaces.Box(-9, 9, (2, 1))
         action_space = spaces.MultiDiscrete([2, 2])
-        metadata: ClassVar = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+        metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
         def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
             own = np.array([1.0, 2.0])
@@ -196,7 +196,11 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
 
 def test_arrays_of_several_shapes_are_no_numbers() -> None:
     sizes = iter([1, 3, 2])
-    envs = VectorStlMonitor(native(3), SPEC, {"x": lambda _: np.zeros(next(sizes, 1))})
+
+    def read(_: Step) -> Any:  # noqa: ANN401
+        return np.zeros(next(sizes, 1))
+
+    envs = VectorStlMonitor(native(3), SPEC, {"x": read})
     with pytest.raises(InputTypeError) as caught:
         envs.reset()
     assert str(caught.value).startswith("signal 'x': expected a number from ")
