@@ -110,10 +110,27 @@ def test_metadata_is_taken_over_and_says_how_the_dataset_was_made(carts: Any) ->
         assert new[key] == old[key]
     assert made.env_spec == carts.env_spec
     assert made.recover_environment().spec.id == "CartPole-v1"
-    shaped = relabel(carts, SPECS, SIGNALS, dataset_id="cart/shaped-v0", mode="terminal", clip=2.0)
+    shaping: Any = {"mode": "terminal", "clip": 2.0, "weights": {"back": 0.25}}
+    shaped = relabel(carts, SPECS, SIGNALS, dataset_id="cart/shaped-v0", **shaping)
     said = shaped.storage.metadata
     assert "ref_max_score" not in said
-    assert (said["rtamt"]["mode"], said["rtamt"]["clip"]) == ("terminal", 2.0)
+    assert {name: said["rtamt"][name] for name in shaping} == shaping
+
+
+@pytest.mark.parametrize("data_format", ["hdf5", "arrow"])
+def test_details_of_every_specification_are_kept(data_format: str) -> None:
+    source = dataset_of(episodes(3)[0], data_format=data_format)
+    relabel(source, SPECS, SIGNALS, dataset_id="cart/told-v0", details=True, **OPTIONS)
+    told = relabel(source, SPECS, SIGNALS, details=True, **OPTIONS)
+    for found, expected in zip(minari.load_dataset("cart/told-v0"), told, strict=True):
+        stl = found.infos["stl"]
+        for name in SPECS:
+            for key in ("robustness", "lower", "upper"):
+                if data_format == "arrow":  # Minari reads a mapping for each sample
+                    values = [each[name][key] for each in stl]
+                else:
+                    values = stl[name][key]
+                assert np.array_equal(values, expected.infos["stl"][name][key])
 
 
 def test_satisfied_episodes_keep_their_seeds_and_play_again(carts: Any) -> None:  # noqa: ANN401

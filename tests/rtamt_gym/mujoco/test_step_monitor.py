@@ -48,6 +48,13 @@ def looks(model: Any) -> dict[str, Callable[[Any], float]]:  # noqa: ANN401
     }
 
 
+def test_what_is_judged_is_said_as_wrappers_say_it() -> None:
+    model, data = arm("Euler")
+    judging = StepMonitor(model, data, SPECS, SIGNALS, view="step", nan="hold").judging
+    assert {name: str(spec) for name, spec in judging.specs.items()} == SPECS
+    assert (judging.reading.view, judging.reading.nan) == ("step", "hold")
+
+
 @integrators
 @pytest.mark.parametrize("forward", [False, True])
 def test_samples_are_those_of_a_loop_written_by_hand(

@@ -2,13 +2,16 @@
 
 import json
 import math
+import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from made_results import row, searched, swept
 
-from rtamt_gym import Record, SavedCase, Sweep
+from rtamt_gym import Parameter, Record, SavedCase, Signal, Sweep, Waveform, falsify
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_search import convergence_of, of_case, of_search
@@ -110,6 +113,23 @@ def test_a_search_shows_its_course_and_the_case_that_it_found() -> None:
     (episode,) = section.requirements[0].worst
     assert episode.verdict == "violated"
     assert episode.final == pytest.approx(found.robustness, rel=1e-5)
+
+
+def test_a_case_that_was_made_simpler_says_by_how_many_simulations() -> None:
+    def leaking(push: Waveform, leak: float) -> Iterator[dict[str, float]]:
+        level = 0.0
+        for second in range(20):
+            level += push(second) - leak * level
+            yield {"level": level}
+
+    space = [Signal("push", 0, 1, points=4, duration=20), Parameter("leak", 0, 0.5, default=0)]
+    options: Any = {"period": 1, "optimizer": "random"}
+    reduced = falsify(leaking, "always(level < 8)", space, **options)
+    whole = falsify(leaking, "always(level < 8)", space, reduce=False, **options)
+    assert reduced.reductions > 0
+    (says,) = (note for note in of_search(reduced, ROOM).notes if "made simpler" in note)
+    assert re.findall(r"\d+", says) == [str(reduced.reductions)]
+    assert not any("simpler" in note for note in of_search(whole, ROOM).notes)
 
 
 def test_every_new_least_of_a_long_search_is_shown() -> None:

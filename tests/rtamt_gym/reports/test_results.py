@@ -15,7 +15,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym import Evaluation, compare, compare_methods, write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import ShownFile
+from rtamt_gym.reports.model import Fact, ShownFile
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.write import report_of
@@ -81,6 +81,10 @@ def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
     page = render(report_of(made))
     assert "shaped" in page
     assert page.count('data-chart="methods-curves') == 2  # learning, and profiles
+    of_tasks = {name: {"reach": runs, "push": runs} for name, runs in curves.items()}
+    several = section_of(compare_methods(of_tasks, steps=[100, 200], resamples=200), ROOM)
+    assert Fact("tasks", "reach, push") in several.facts
+    assert "tasks" not in {fact.name for fact in section.facts}
     without = section_of(compare_methods({"plain": [0.0, 0.5], "shaped": [1.0, 0.5]}), ROOM)
     assert without.methods is not None
     assert without.methods.curves == ()
