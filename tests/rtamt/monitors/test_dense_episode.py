@@ -181,6 +181,38 @@ def test_a_window_of_the_past_may_be_empty_at_the_first_instant(backend: Backend
     assert (monitor.robustness, monitor.lower) == (math.inf, math.inf)
 
 
+@pytest.mark.parametrize(
+    ("text", "lower", "upper"),
+    [
+        ("eventually[0:3](eventually[0:4](x > 0 or 1 > 0))", 1.0, math.inf),
+        ("eventually[0:3](eventually[0:4](x > 0 or true))", math.inf, math.inf),
+        ("always[0:3](always[0:4](x > 0 and 2 > 1))", -math.inf, 1.0),
+    ],
+)
+def test_before_the_first_event_constants_bound_the_first_instant(
+    text: str, lower: float, upper: float, backend: Backend
+) -> None:
+    monitor = DenseEpisodeMonitor(text, backend=backend)
+    assert (monitor.lower, monitor.upper) == (lower, upper)
+
+
+@pytest.mark.parametrize(
+    ("text", "last", "bounds"),
+    [
+        ("always(eventually[1:inf](eventually[0:1](x > 0) and y > 0))", -5.0, (-math.inf, -5.0)),
+        ("eventually(always[1:inf](always[0:1](x > 0) or y > 0))", 5.0, (5.0, math.inf)),
+    ],
+)
+def test_the_last_instant_of_which_a_cut_trace_shows_something_reads_that_alone(
+    text: str, last: float, bounds: tuple[float, float], backend: Backend
+) -> None:
+    """At 4 s the inner operator begins at the end, where y is what it was nowhere before."""
+    monitor = DenseEpisodeMonitor(text, resolution="1s", backend=backend)
+    monitor.update(x=[(0, 2.0), (5, 2.0)], y=[(0, -last), (5, last)])
+    monitor.finish("cut")
+    assert (monitor.lower, monitor.upper) == bounds
+
+
 def test_until_over_a_late_operand_reads_its_left_side_at_every_step(backend: Backend) -> None:
     late = "(y == -1) until[0.25:1] (eventually[0.75:0.75] always[0.25:1.75] (x < -1))"
     monitor = DenseEpisodeMonitor(late, backend=backend)
