@@ -247,6 +247,19 @@ def test_a_default_in_a_state_is_a_number() -> None:
         at = state.find(held, at + 1)
 
 
+def test_a_signal_that_no_operator_reads_has_a_value_in_a_state() -> None:
+    """Such signals are those inside of terms: nothing is written there, and nobody reads it."""
+    monitor = DenseMonitor("x - y > 3", backend="native")
+    monitor.update(x=[(0, 1.0), (1, 2.0)], y=[(0, 1.0), (2, 9.0)])
+    state = monitor._machine.state()
+    before, nothing = struct.pack("=q", -(2**63)), struct.pack("=q", 0)
+    value = struct.pack("=q", 1) + before + struct.pack("=d", math.nan)
+    places = [i for i in range(len(state)) if state.startswith(value + before, i)]
+    assert places
+    for place in places:
+        refused(monitor._machine, state[:place] + nothing + state[place + len(value) :])
+
+
 def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
     """A state is a mark of the program, whether it is finished, what times are, and the begin."""
     monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")

@@ -41,6 +41,28 @@ def test_registers_that_are_a_program_are_read() -> None:
     assert made.look(3) == (1.0, -np.inf, 1.0)
 
 
+def test_new_registers_take_in_the_first_position() -> None:
+    """Registers that were never reset: what fails at the first instant alone is not missed."""
+    nested = (("WINDOW", "min", 0, 0, 0, 4, False, False), ("WINDOW", "min", 1, 1, *ENDLESS[4:]))
+    made = native.DenseRegions(**regions(rows=nested, initial=(2,), streams=(0, 1)))
+    made.advance(np.array([0, 1]), [np.array([-1.0, 3.0])], 6)
+    assert made.look(3) == (-1.0, -np.inf, -1.0)
+
+
+def test_a_state_of_registers_in_another_order_is_refused() -> None:
+    rows = (("WINDOW", "min", i, i, *ENDLESS[4:]) for i in range(2))
+    both = {"terms": 2, "rows": (*rows, ("MAP", "min", 2, 3, *LEAST[4:])), "initial": (2, 3, 4)}
+    x, y = np.array([1.0, 5.0]), np.array([2.0, -7.0])
+    made, other = (native.DenseRegions(**regions(**both, streams=s)) for s in ((0, 1), (1, 0)))
+    made.advance(np.array([0, 2]), [x, y], 4)
+    before = other.state()
+    with pytest.raises(ValueError, match="those of other programs"):
+        other.restore(made.state())
+    assert other.state() == before
+    other.advance(np.array([0, 2]), [x, y], 4)
+    assert other.look(3) == made.look(3) == (-7.0, -np.inf, -7.0)
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -60,6 +60,20 @@ def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
             assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
 
 
+@pytest.mark.parametrize("end", get_args(End))
+def test_what_reads_the_past_alone_is_the_same_at_each_end(end: End) -> None:
+    """At the last instant x holds, which needs no more there, for the first time."""
+    rows = [
+        ("WINDOW", "max", 0, 0, -2, -2, False, False),
+        ("WINDOW", "since", 1, 0, None, 0, False, False),
+    ]
+    given, last = [(np.array([0.0, 3.0]), np.array([-1.0, 1.0]))], 6 * 10**9
+    found = signs(rows=rows, result=2, given=given, end=end)
+    assert found.fails_at([(0, last)]) == (3 * 10**9, 1, 0)
+    assert found.fails_at([(last, last)]) == (0, 0, None)
+    assert found.holds_at([(last, last)])
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
