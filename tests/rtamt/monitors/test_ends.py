@@ -64,6 +64,24 @@ def test_endless_operators_inside_others_agree_with_the_definition(
     agrees_with_its_definition(data.draw(st.sampled_from(outer)), trace, backend)
 
 
+# What a bound takes from samples far from its time: a window of the past that lies before the
+# first sample, the whole past of unseen times, and values that nobody reads before a cut.
+SELDOM_READ = [
+    ("eventually[0:1](always(historically[3:3](eventually[4:4](a > 0 and 1 > 0))))", [3.0] * 4),
+    ("eventually[5:9](always(once(a > 0 and 1 > 0)))", [3.0, 2.0]),
+    ("eventually((a > 0) xor (eventually[2:9](a < 0)))", [-1.0, -4.0, 1.0, 2.0]),
+]
+
+
+@pytest.mark.parametrize(("text", "a"), SELDOM_READ)
+def test_a_reading_of_what_is_seldom_read_agrees_with_its_definition(
+    text: str, a: list[float], backend: Backend
+) -> None:
+    nothing = [0.0] * len(a)
+    trace = {"a": a, "b": nothing, "c": nothing}
+    agrees_with_its_definition(parse(text).formula, trace, backend)
+
+
 def test_the_golden_file_of_ends_is_whole() -> None:
     assert len(CUT) == 400
 

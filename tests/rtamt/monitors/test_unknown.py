@@ -109,6 +109,17 @@ def test_a_cut_moves_the_robustness_to_the_nearest_bound_of_both(
         assert after == max(lower, min(before, upper))
 
 
+def test_a_cut_moves_the_robustness_no_further_than_the_greatest_upper_bound(
+    backend: Backend,
+) -> None:
+    # Of an ended trace the window is empty, which is inf; of a cut one it is at most 1.
+    monitor = EpisodeMonitor("(b > 0) or always[5:8](a > 0 and 1 > 0)", backend=backend)
+    monitor.update(a=1.0, b=Between(0.0, 3.0))
+    assert monitor.robustness == INF
+    assert monitor.finish("cut") == 3.0
+    assert monitor.bounds() == (0.0, 3.0)
+
+
 @given(formulas(3, endless=True), traces(), st.sampled_from(ENDS))
 @settings(max_examples=60)
 def test_without_an_unknown_sample_nothing_changes(
