@@ -142,6 +142,26 @@ def test_a_cut_is_forgotten_by_a_reset(at_once: bool, backend: Backend) -> None:
     assert offered(vector) == expected(lanes)
 
 
+@pytest.mark.parametrize("text", ["x > 0 or always[1:5](5 > 0)", "always[1:5](5 > 0) or x > 0"])
+def test_a_cut_moves_what_a_lane_shows_into_the_bounds_of_both_ends(
+    text: str, backend: Backend
+) -> None:
+    """What no sample has reached is 5, so that the trace is worth 5 to 9, and showed inf."""
+    vector = VectorEpisodeMonitor(text, 3, backend=backend)
+    lanes = [EpisodeMonitor(text, backend=backend) for _ in range(3)]
+    rows: list[list[float | Between]] = [[Between(2.0, 9.0)], [1.0], [Between(3.0, 7.0)]]
+    lower, upper = ends(rows)
+    vector.update(lower, upper=upper)
+    for lane, row in zip(lanes, rows, strict=True):
+        lane.update(row)
+    for chosen in ([True, False, False], [False, True, True]):
+        vector.finish(np.array(chosen), end="cut")
+        for lane in np.array(lanes)[chosen]:
+            lane.finish("cut")
+        assert offered(vector) == expected(lanes)
+    assert identical(vector.robustness, [9.0, 5.0, 7.0])
+
+
 def test_neutral_predicates(backend: Backend) -> None:
     text = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
     vector = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)

@@ -99,6 +99,22 @@ def test_a_variable_is_not_read_behind_a_trace_by_what_goes_on_there(
 
 @edges
 @pytest.mark.parametrize("n", LENGTHS)
+@pytest.mark.parametrize("window", ["min", "max", "until", "since"])
+def test_a_window_over_variables_reads_them_from_their_begin_to_their_end(
+    window: str, n: int, edge: str
+) -> None:
+    """A trace that is not read from its end has its columns read where they are."""
+    reader = SampleReader(Monitor("x + y > 0").program)
+    loads = [(i, "LOAD", name, i, 0, 0.0, 0, 0) for i, name in enumerate("xy")]
+    row = (2, "WINDOW", window, 0, int(window in ("until", "since")), 0.0, 31, 0)
+    machine = native.DiscreteMachine([*loads, row], 2, ("x", "y"), 2, [(2, 0), (2, 0)], reader)
+    data = trace(n).values()
+    found = machine.evaluate([between(values, edge) for values in data], n)[0]
+    assert bits(found) == bits(machine.run(list(data), n)[0])
+
+
+@edges
+@pytest.mark.parametrize("n", LENGTHS)
 @pytest.mark.parametrize("text", TEXTS)
 def test_a_block_is_read_from_its_begin_to_its_end(text: str, n: int, edge: str) -> None:
     data = trace(n)

@@ -86,6 +86,18 @@ def test_a_window_holds_no_more_than_its_state(monkeypatch: pytest.MonkeyPatch) 
     assert monitor._machine.state() == state
 
 
+def test_the_place_in_a_window_lies_within_its_block_in_a_state() -> None:
+    """A window of 8 is kept in two blocks of 4, of which each sample goes on by a place."""
+    monitor = Monitor("once[0:7](x > 0)", backend="native")
+    monitor.update(1.0)
+    monitor.update(1.0)
+    machine = monitor._machine
+    state, place = machine.state(), struct.pack("=QQ", 2, 4)
+    assert state.count(place) == 1
+    for other, limit in ((4, 4), (5, 4), (2, 5), (2, 2)):
+        refused(machine, state.replace(place, struct.pack("=QQ", other, limit)))
+
+
 CHANGED: dict[str, Callable[[], Any]] = {
     "discrete": lambda: Monitor("y = once[0:40](x > 2); next(historically[3:9](x > 1)) and y"),
     "discrete pairs": lambda: Monitor("(x > 0) until[2:30] (x > 1)"),

@@ -329,6 +329,21 @@ def test_a_term_that_loses_its_value_meanwhile_is_refused(
     assert at_once(read, write_to_it)[0] <= {"'sqrt(x)' is not a number", "a term was not a number"}
 
 
+@pytest.mark.parametrize("at", [600, 601, 1023])
+def test_the_sample_is_named_that_lost_its_value_between_two_looks(
+    at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every value is looked at first; the results of the samples before it write over it then."""
+    monitor = Monitor("next(x > 0)", backend="native")
+    machine = cast("Any", monitor._machine)
+    memory = np.ones(2_500)
+    monkeypatch.setattr(np, "empty", lambda n: memory[at : at + n])
+    x = memory[:1_400]
+    with pytest.raises(InputError, match=rf"^variable 'x' is nan at sample {at};"):
+        machine.run([x], len(x))
+    assert machine.samples == at // 256 * 256
+
+
 # Units, which tools call from threads of their own.
 
 
