@@ -28,10 +28,10 @@ LENGTHS = (0, 1, 2, 3, 4, 5, 8, 9, 16, 17, 33, 64, 65, 127, 1000, 2047, 2048, 20
 COMMON = (1.0, 0.5, 2.0, 3.0, -1.0, 0.0, math.inf)
 
 
-def machine(row: tuple[object, ...]) -> DiscreteMachine:
-    """One instruction behind two inputs."""
+def machine(*rows: tuple[object, ...]) -> DiscreteMachine:
+    """Instructions behind two inputs, the first of which is observed."""
     loads = [(i, "LOAD", name, i, 0, 0.0, 0, 0) for i, name in enumerate("xy")]
-    made = native.DiscreteMachine([*loads, row], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
+    made = native.DiscreteMachine([*loads, *rows], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
     return cast("DiscreteMachine", made)
 
 
@@ -102,6 +102,19 @@ def test_a_delay_over_a_trace_gives_the_bits_of_its_definition(length: int) -> N
     rows, line = trace(2 * BLOCK + 5, length, range(2 * BLOCK)), DelayLine(length)
     expected = [line.push(x) for x, _ in rows]
     assert bits(made.evaluate(columns(rows), len(rows))[0]) == bits(expected)
+
+
+def test_what_memory_held_before_is_not_taken_for_a_register() -> None:
+    """Machines that are gone leave the number of the register that the next ones write."""
+    window = (2, "WINDOW", "max", 0, 0, 0.0, 31, 0)
+    two = float(np.array([2]).view(np.float64)[0])
+    constants = [(i, "CONST", "", 0, 0, two, 0, 0) for i in (3, 4)]
+    x, y = (np.random.default_rng(seed).normal(size=2 * BLOCK) for seed in range(2))
+    expected = bits(machine(window).run([x, y], 2 * BLOCK)[0])
+    gone = [machine(window, *constants) for _ in range(20)]
+    del gone
+    for made in [machine(window) for _ in range(20)]:
+        assert bits(made.evaluate([x, y], 2 * BLOCK)[0]) == expected
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])
