@@ -217,3 +217,24 @@ def test_a_whole_trace_that_decides_nothing_is_not_decided() -> None:
         monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")
         monitor._machine.run(events, decided=decided)
         assert (monitor.decided_at, monitor.settled, monitor.robustness) == (None, 3.0, 1.0)
+
+
+def test_a_state_is_that_of_a_machine_which_looks_as_far_away() -> None:
+    """With another reach a trace of the same events would be too long at another time."""
+    near, far = (native.DenseEpisodeMachine(**episode(LOAD, reach=reach)) for reach in (0, 1))
+    native.DenseEpisodeMachine(**episode(LOAD)).restore(near.state())
+    with pytest.raises(ValueError, match=r"^expected a state that a native machine with this prog"):
+        far.restore(near.state())
+
+
+def test_a_state_keeps_nothing_of_before_its_trace() -> None:
+    monitor = DenseEpisodeMonitor("always(eventually[0:9](x > 0))", backend="native")
+    monitor.update(x=[(0, 1.0), (1, 2.0), (2, 3.0)])
+    state = monitor._machine.state()
+    kept = struct.pack("=3q", 0, 2 * 10**9, 4 * 10**9)  # where x has a step: two for each tick
+    assert kept in state
+    for first in (-1, -(2**62)):
+        damaged = state.replace(kept, struct.pack("=q", first) + kept[8:])
+        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+            monitor._machine.restore(damaged)
+    assert monitor._machine.state() == state

@@ -227,6 +227,36 @@ def test_what_a_verdict_stands_on(seed: int) -> None:
         assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
 
 
+ENDS = (
+    # A bounded window of the future reads what it holds even if it has not begun; a part of an
+    # operator without an end is still open then.
+    "always[1:2](historically[0:1](x > 0))",
+    "eventually[1:2](once[0:2](x < 0))",
+    "always(always[1:2](historically[0:1](x > 0)))",
+    "(eventually(x > 0)) until[1:inf] (y > 0)",
+    "always((eventually(x > 0)) until[1:inf] (y > 0))",
+    # What is best is more than what there is now, through a window of the whole past too.
+    "always(once(eventually[0:2](x > 0)))",
+    "always(historically(eventually[0:2](x > 0)))",
+    "eventually(historically(always[0:2](x < 0)))",
+)
+
+
+@pytest.mark.parametrize("end", get_args(End))
+@pytest.mark.parametrize("text", ENDS)
+def test_an_episode_that_ends_at_each_tick(text: str, end: End) -> None:
+    """Before a window begins, on the tick before it, while it lasts, and behind it."""
+    for ticks in range(1, 8):
+        native, python = (
+            DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+        )
+        call = {name: [(k / 2, -1.0) for k in range(ticks)] for name in native.variables}
+        assert repr(native.update(call)) == repr(python.update(call)), ticks
+        assert repr(native.bounds()) == repr(python.bounds()), ticks
+        assert repr(native.finish(end)) == repr(python.finish(end)), ticks
+        assert repr(native.bounds()) == repr(python.bounds()), ticks
+
+
 STAIRS = (
     "eventually[0:20](x > 0)",
     "once[0:20](x > 0)",
