@@ -197,6 +197,17 @@ def test_a_bound_update_keeps_its_machine() -> None:
     assert update(EVENTS) == [(0.0, 4.0)]
 
 
+def test_the_reader_is_not_asked_for_the_times_of_ticks() -> None:
+    """What is rare is left to Python; this reader can do nothing at all."""
+    known = monitor()
+    made = native.DenseMachine(**arguments(reader=object()))
+    steps = known.update(EVENTS)
+    assert steps
+    assert made.update(EVENTS) == steps
+    assert made.settled == known.settled
+    assert made.finish() == known.finish()
+
+
 # Snapshots. --------------------------------------------------------------------------------------
 
 FOREIGN = (
