@@ -194,6 +194,22 @@ def test_a_single_instant_of_dense_time_counts(backend: Backend) -> None:
     assert str(found.asked[0]).startswith("asked 1x, first at time 2024-01-01T00:00:02")
 
 
+def test_between_two_instants_that_are_read_nothing_is(backend: Backend) -> None:
+    spec = "(a > 0 implies b > 0) and next(next(a > 0 implies b > 0))"
+    found = judge(spec, {"a": [-1, 1, -1], "b": [1, 1, 1]}, backend=backend)
+    assert (found.never_asked, found.asked[0].samples) == (True, 0)
+
+
+def test_what_until_holds_is_not_asked_at_the_last_instant_of_its_window(backend: Backend) -> None:
+    spec = "(a > 0 implies b > 0) until[0:2] c > 0"
+    trace = {"a": [-1, -1, -1, 1], "b": [1] * 4, "c": [1] * 4}
+    late = judge(f"next({spec})", trace, end="complete", backend=backend)
+    assert (late.never_asked, late.asked[0].samples) == (True, 0)
+    events = {"a": [(0, -1), (2, 1), (5, 1)], "b": [(0, 1), (5, 1)], "c": [(0, 1), (5, 1)]}
+    dense = judge_dense(spec, events, backend=backend)
+    assert (dense.never_asked, dense.asked[0].occasions) == (True, 0)
+
+
 def test_named_formulas_count_where_they_are_used(backend: Backend) -> None:
     spec = "granted = req >= 3 implies gnt >= 3; always granted and always[2:3] granted"
     found = judge(spec, {"req": [0, 3, 3, 3], "gnt": [3] * 4}, backend=backend)

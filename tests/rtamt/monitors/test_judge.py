@@ -251,6 +251,37 @@ def test_what_was_not_recorded_is_said_in_words_and_numbers(
         assert part.end is None or part.begin <= part.end
 
 
+@pytest.mark.parametrize(
+    ("text", "trace"),
+    [
+        # Behind the trace a constant stays what it is, and decides what an operator may reach.
+        ("(eventually 1 > 2) until a > b", {"a": [0.5], "b": [2.0]}),
+        ("always(not (1 > 2) until a > b)", {"a": [0.0, -1.0], "b": [0.0, -1.0]}),
+        ("always(eventually(a > 0 and 2 > 1))", {"a": [-3.0, -2.0]}),
+        # Past operators read recorded samples there, so that the values go on changing.
+        (
+            "eventually[0:2](always(always[1:1](b > 0 and 2 > 1) and once[0:1](a > 0)))",
+            {"a": [2.0, 0.0], "b": [2.0, 0.0]},
+        ),
+        (
+            "always[0:1](always[1:2](b > 0 and 2 > 1) until[1:inf] once[1:2](a > 0))",
+            {"a": [-2.0], "b": [-1.0]},
+        ),
+        (
+            (
+                "not ((always[1:1](b > 0 and 2 > 1) or a > 0) until[2:inf] "
+                "(always[1:2](a > 0) and historically[0:1](b > 0)))"
+            ),
+            {"a": [3.0, 2.0], "b": [0.0, 1.0]},
+        ),
+    ],
+)
+def test_operators_reach_what_goes_on_behind_the_trace(
+    text: str, trace: Trace, backend: Backend
+) -> None:
+    agrees(parse(text).formula, trace, backend)
+
+
 def test_the_text_names_what_is_missing_and_the_way_out() -> None:
     text = str(judge("always(always[0:2](x > 0))", {"x": [2] * 10}, 0.1))
     assert text == inspect.cleandoc("""

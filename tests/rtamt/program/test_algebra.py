@@ -165,6 +165,18 @@ def test_numbers_and_arrays_are_folded_alike() -> None:
         row("min", lambda x, y: (max(x[0], y[0]),), (INF,), arrays=least)
 
 
+def test_numbers_and_arrays_are_compared_for_each_pair_of_a_fold_of_one_operand() -> None:
+    numbers = (2.0, 3.0, -1.0, -0.0, 0.0, -INF, INF)
+    for pair in itertools.permutations(numbers, 2):
+
+        def combine(x: Numbers, y: Numbers, pair: Numbers = pair) -> Numbers:
+            wrong = str((x[0], y[0])) == str(pair)
+            return (5.0,) if wrong else FOLDS["min"].combine(x, y)
+
+        with pytest.raises(AssertionError, match="combine and combine_arrays differ"):
+            row("min", combine, arrays=least)
+
+
 def test_a_row_names_its_dual_and_its_mirror() -> None:
     with pytest.raises(AssertionError, match=r"^'min' is not the dual of 'min'$"):
         _table(row("min", least))

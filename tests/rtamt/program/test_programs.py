@@ -18,6 +18,7 @@ from rtamt import Formula, SpecificationError
 from rtamt.language.parser import as_specification
 from rtamt.program.dense_lowering import compile_dense
 from rtamt.program.dense_regions import compile_regions
+from rtamt.program.encoding import encoded_episode
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -104,11 +105,66 @@ def test_the_listing_says_which_constants_are_neutral() -> None:
     assert str(neutral).count("CONST 0, neutral ") == 1
 
 
+def test_the_listing_has_what_waits_for_ever_and_the_registers_of_names() -> None:
+    listing = str(compiled("p = x > 1; q = eventually(y > 0); always[0:2](p or q)"))
+    assert listing.splitlines() == [
+        "0  LOAD x                 0  x",
+        "1  CONST 1                0  1",
+        "2  MAP above 0 1          0  x > 1",
+        "3  LOAD y                 0  y",
+        "4  CONST 0                0  0",
+        "5  MAP above 3 4          0  y > 0",
+        "6  WINDOW max [0, inf] 5  -  eventually(y > 0)",
+        "7  MAP max 2 6            -  x > 1 or eventually(y > 0)",
+        "8  WINDOW min [0, 2] 7    -  always[0:2](x > 1 or eventually(y > 0))",
+        "result 8, p = 2, q = 6",
+    ]
+    assert str(PROGRAM).splitlines()[-1] == f"result {PROGRAM.result}"
+
+
 @pytest.mark.parametrize("compiler", [compile_dense, compile_regions])
 def test_regions_refuse_what_dense_time_refuses(compiler: Callable[..., object]) -> None:
     spec = rtamt.parse("once[0:4e9](once[0:4e9](x > 0))")
     with pytest.raises(SpecificationError, match="nested here are together 2\\*\\*62 ticks of 1ns"):
         compiler(spec, Fraction(1, 10**9))
+
+
+@pytest.mark.parametrize(
+    ("text", "ticks"),
+    [
+        ("x > 0", 0),
+        ("always(x > 0)", 0),
+        ("historically(x > 0)", 0),
+        ("once[0:2](x > 0)", 2),
+        ("eventually[1:inf](x > 0)", 1),
+        ("always[0:2](x > 0) and eventually[1:3](x > 0)", 3),
+        ("always[0:2](eventually[1:3](x > 0))", 5),
+    ],
+)
+def test_regions_reach_as_far_as_their_bounds_together(text: str, ticks: int) -> None:
+    assert compile_regions(rtamt.parse(text), Fraction(1)).reach == ticks
+
+
+def test_regions_have_the_named_formulas_that_are_asked_for() -> None:
+    spec = rtamt.parse("p = once[0:9](y > 0); x > 0")
+    alone = compile_regions(spec, Fraction(1))
+    assert (dict(alone.program.outputs), len(alone.program.instructions)) == ({}, 3)
+    named = compile_regions(spec, Fraction(1), named=True)
+    assert [*named.program.outputs] == ["p"]
+    assert isinstance(named.program.instructions[named.program.outputs["p"]], Window)
+    assert (alone.reach, named.reach) == (0, 0)
+
+
+def test_of_the_rows_of_an_episode_only_windows_say_how_an_end_is_read() -> None:
+    program = compiled("(x > 0) until[2:inf] (y > 0) or next(x > 0 and y > 0)")
+    rows = encoded_episode(program).formulas
+    marked = {(row.kind, row.guard, row.endless) for row in rows}
+    assert marked == {
+        ("MAP", False, False),
+        ("WINDOW", False, False),
+        ("WINDOW", True, True),
+        ("WINDOW", False, True),
+    }
 
 
 @pytest.mark.parametrize(

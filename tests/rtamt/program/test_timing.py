@@ -56,6 +56,14 @@ def test_a_float_period_means_its_simple_fraction(samples: int, steps: int) -> N
     assert as_period(samples / steps) == Fraction(samples, steps)
 
 
+def test_a_float_period_means_a_fraction_within_a_relative_1e_12_of_it() -> None:
+    for near in (0.1 * (1 - 9e-13), 0.1 * (1 + 9e-13)):
+        assert near != 0.1
+        assert as_period(near) == Fraction(1, 10)
+    for off in (0.1 * (1 - 11e-13), 0.1 * (1 + 11e-13)):
+        assert as_period(off) != Fraction(1, 10)
+
+
 def test_a_period_and_its_inverse_are_at_most_1e300() -> None:
     for value in (Fraction(10**300), Fraction(1, 10**300)):
         assert as_period(value) == value
