@@ -1,12 +1,14 @@
-"""Snapshots of the Python machines."""
+"""Snapshots of the Python machines, and what leaves their state as it was."""
 
 import copy
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rtamt import DenseMonitor, EpisodeMonitor, Monitor, VectorMonitor
+from rtamt.machines.backend import Backend
 
 TEXT = "always[0:3]((x > 0) implies ((y > 1) until[0:5] once[0:2](x > 2)))"
 Machine = Any
@@ -53,3 +55,13 @@ def test_a_machine_that_is_reset_is_as_new(kind: str) -> None:
     machine.reset()
     assert str(machine.state()) == str(new)
     assert feed(kind, machine, range(12)) == expected
+
+
+def test_a_machine_that_evaluates_a_trace_goes_on_where_it_was(backend: Backend) -> None:
+    machine: Machine = Monitor(TEXT, backend=backend)._machine
+    other: Machine = Monitor(TEXT, backend=backend)._machine
+    for each in (machine, other):
+        feed("discrete", each, range(9))
+    machine.evaluate([np.arange(5.0), np.ones(5)], 5)
+    assert machine.samples == other.samples
+    assert feed("discrete", machine, range(9, 20)) == feed("discrete", other, range(9, 20))

@@ -30,6 +30,12 @@ from rtamt import (
     judge_dense,
     variable,
 )
+from rtamt.inputs.event_reader import EventReader
+from rtamt.language.parser import as_specification
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.dense.rows import dense_of
+from rtamt.program.dense_lowering import NANOSECOND
+from rtamt.program.dense_regions import compile_regions
 
 Backend = Literal["native", "python"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
@@ -236,6 +242,26 @@ def test_memory_is_that_of_the_windows(backend: Backend) -> None:
         monitor.update(x=[(i, (-1) ** i)], y=[(i, 2 * (-1) ** (i // 2))])
         sizes.append(len(pickle.dumps(monitor)))
     assert max(sizes[100:]) <= max(sizes[:100]) + 64
+
+
+def test_nothing_is_settled_before_all_variables_are_known(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(x > y)", backend=backend)
+    assert monitor.settled == -math.inf
+    monitor.update(x=[(0, 1), (1, 2)])
+    assert monitor.settled == -math.inf
+    monitor.update(y=[(3, 1)])
+    assert monitor.settled == -math.inf
+    monitor.update(x=[(5, 4)])
+    assert monitor.settled == 3.0
+
+
+def test_a_whole_trace_is_refused_by_the_machine_where_nothing_overlaps(backend: Backend) -> None:
+    regions = compile_regions(as_specification("always(x > y)"), NANOSECOND)
+    reader = EventReader(dense_of(regions), bounds=True)
+    machine = BACKENDS[backend].dense_episode_machine(regions, reader)
+    apart = reader.whole({"x": [(0, 1), (1, 2)], "y": [(3, 1)]})
+    with pytest.raises(InputError, match=r"^expected signals that overlap in time, got 'x', which"):
+        machine.run(apart)
 
 
 def test_errors(backend: Backend) -> None:

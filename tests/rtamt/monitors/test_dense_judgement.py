@@ -221,6 +221,11 @@ UNLESS, LATER = "x > 5 unless[0:14] y > 2", "x > 5 unless[12:14] y > 2"
             "cut",
             ["eventually[0:4](x < 5) at 7.25 s: not recorded: 10 s to 11.25 s"],
         ),
+        (
+            "eventually[0:2] always[9:inf](x > 10)",
+            "cut",
+            ["always[9:inf](x > 10) at 1 s: not recorded: 10 s and later"],
+        ),
     ],
 )
 def test_it_names_what_was_not_recorded(

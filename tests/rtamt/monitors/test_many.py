@@ -15,6 +15,15 @@ from rtamt.machines.backend import Backend
 NAN = math.nan
 
 
+def test_a_nan_is_told_by_its_sample_however_many_variables_there_are(backend: Backend) -> None:
+    text, short = "always(x > y or z > 0)", {"x": [[1.0]], "y": [[1.0]], "z": [[NAN]]}
+    with pytest.raises(InputError, match=r"variable 'z' is nan at sample 0; "):
+        evaluate_many(text, short, backend=backend)
+    alone = {name: values[0] for name, values in short.items()}
+    with pytest.raises(InputError, match=r"^variable 'z' is nan at sample 0; "):
+        evaluate(text, alone, backend=backend)
+
+
 @st.composite
 def tables(draw: st.DrawFn, values: tuple[float, ...]) -> dict[str, np.ndarray[Any, Any]]:
     """Values of every variable, of shape (traces, samples)."""

@@ -86,6 +86,17 @@ def test_the_robustness_of_a_cut_trace_is_moved_to_both_bounds(backend: Backend)
     assert np.isnan(again.robustness[0])
 
 
+def test_the_robustness_of_a_cut_trace_is_below_what_only_one_reading_reaches(
+    backend: Backend,
+) -> None:
+    text = "input float req; output float gnt; eventually[1:1](once[1:1](gnt >= 3) or req > 9)"
+    monitor = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
+    monitor.update(req=0.0, gnt=0.0)
+    assert identical([monitor.robustness, monitor.lower], [-np.inf, -np.inf])
+    monitor.finish("cut")
+    assert identical([monitor.robustness, monitor.lower, monitor.upper], [-0.0, -0.0, np.inf])
+
+
 def test_a_complete_end_gives_both_readings_of_the_robustness(backend: Backend) -> None:
     text = "input float req; output float gnt; always((req >= 3 or gnt >= 3) and req > -9)"
     monitor = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
