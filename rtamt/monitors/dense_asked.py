@@ -151,7 +151,7 @@ def _opposite(
         opposite = _with_result(specification, ~left)
     regions = compile_regions(opposite, whole.resolution, interface=STANDARD)
     dense = dense_of(regions)
-    reader = EventReader(dense, nan, max_gap)
+    reader = EventReader(dense, nan, max_gap, bounds=True)
     reader.unknown = unknown
     return regions, reader.with_clock(BACKENDS[backend].clock(dense))
 

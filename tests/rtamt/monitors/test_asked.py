@@ -4,7 +4,7 @@ import copy
 import math
 import pickle
 from dataclasses import astuple
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -262,3 +262,15 @@ def test_formulas_that_share_their_parts_are_walked_once() -> None:
         formula = formula.always(0, 1) & formula.always(1, 2)
     found = judge(formula, {"a": [1.0] * 40, "b": [1.0] * 40}, end="complete")
     assert astuple(found.asked[0])[1:] == (31, 1, 0, False)
+
+
+@pytest.mark.parametrize("options", [{}, {"nan": "unknown"}, {"max_gap": 9}], ids=str)
+def test_a_request_in_dense_time_may_be_between_two_values(
+    options: dict[str, Any], backend: Backend
+) -> None:
+    a = [(0, Between(1.0, 2.0)), (2, Between(-1.0, 1.0)), (4, 1.0), (5, 1.0)]
+    whole: dict[str, Any] = {"a": a, "b": [(0, 1.0), (5, 1.0)]}
+    spec = "always(a > 0 implies b > 0)"
+    found = judge_dense(spec, whole, backend=backend, **options)
+    assert [astuple(each)[1:] for each in found.asked] == [(3.0, 2, 0.0, False)]
+    assert str(found).splitlines()[-1] == "asked 2x, first at time 0"
