@@ -125,11 +125,19 @@ _ANSWERS: Final = Covering(
             *("dense_errors", "dense_judgement", "episode_state", "evidence", "explain"),
             *("explain_dense", "explain_dense_edges", "explain_dense_reasons", "explain_edges"),
             *("explain_episode", "golden"),
-            *("holds", "hostile_arguments", "joint", "judge", "limits", "many", "operator_clocks"),
-            *("options", "unknown_lanes", "vector", "vector_columns", "vector_errors"),
+            *("holds", "hostile_arguments", "joint", "judge", "limits", "many", "named_formulas"),
+            *(
+                "operator_clocks",
+                "options",
+                "unknown_lanes",
+                "vector",
+                "vector_columns",
+                "vector_errors",
+            ),
             "verdict_book",
         ),
         "tests/rtamt/language/test_table.py",  # it explains operators made of operators
+        "tests/rtamt/program/test_align.py",  # it explains bounds that were rounded
         "rtamt/monitors",
     ),
     backend="python",

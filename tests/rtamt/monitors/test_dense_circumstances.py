@@ -138,3 +138,17 @@ def test_a_broken_until_says_which_side_broke(backend: Backend) -> None:
         ("broken", "a > 0", (2, 2)),
         ("missing", "b > 0", (0, 2)),
     ]
+
+
+def test_a_window_from_right_after_a_time_does_not_have_its_begin(backend: Backend) -> None:
+    trace: Signals = {  # the until holds at 0 s alone
+        "p": [(0.0, 1.0), (1.0, -1.0), (9.0, -1.0)],
+        "q": [(0.0, -1.0), (1.0, 1.0), (9.0, 1.0)],
+        "r": [(0.0, -2.0), (9.0, -2.0)],
+    }
+    spec = "always[0:2](p > 0 until[1:2] q > 0 or eventually[3:4](r > 0))"
+    why = explain_dense(spec, trace, resolution="1s", backend=backend)
+    assert (why.steps[1].time, why.steps[1].after) == (0, True)
+    (missing,) = [each for each in why.circumstances if each.text == "r > 0"]
+    assert (missing.role, missing.window) == ("missing", (3, 5))
+    assert (missing.open_begin, missing.open_end) == (True, True)

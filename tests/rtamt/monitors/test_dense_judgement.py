@@ -214,6 +214,11 @@ UNLESS, LATER = "x > 5 unless[0:14] y > 2", "x > 5 unless[12:14] y > 2"
         ("always(x > 5)", "open", ["always(x > 5): not recorded: 10 s and later"]),
         ("always[20:inf](x > 5)", "cut", ["always[20:inf](x > 5): not recorded: 20 s and later"]),
         ("always(x > 5)", "cut", []),
+        (  # a past without begin reads the first instant
+            "once(always[0:12](x > 5))",
+            "cut",
+            ["always[0:12](x > 5): not recorded: 10 s to 12 s"],
+        ),
         (UNLESS, "cut", [f"{UNLESS}: not recorded: 10 s to 14 s"]),
         (LATER, "open", [f"{LATER}: not recorded: 10 s to 14 s"]),
         (

@@ -72,3 +72,10 @@ def test_a_zero_that_hangs_on_a_predicate_of_no_concern_neither_holds_nor_fails(
     assert given.robustness == -math.inf
     assert not holds(given.robustness)
     assert "counts only whether it holds" in str(given)
+
+
+def test_a_formula_without_spaces_fills_its_lines_and_is_not_broken_at_a_minus() -> None:
+    formula = f"{'abs(-' * 40}x{')' * 40}"
+    first, second, *_ = str(explain(f"{formula} > 5", {"x": [1]})).splitlines()
+    assert (len(first), len(second)) == (80, 80)
+    assert f"decided by {formula}".startswith(first[first.index("decided") :] + second.strip())

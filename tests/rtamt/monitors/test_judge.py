@@ -231,6 +231,16 @@ def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatc
             "cut",
             ["always[0:9](x > 0): not recorded: samples 3 to 9"],
         ),
+        (  # a window that begins later needs nothing of the samples before it
+            "eventually[5:10](always[0:20](x > 0))",
+            {"x": [1] * 7},
+            None,
+            "cut",
+            [
+                "eventually[5:10] always[0:20](x > 0): not recorded: samples 7 to 10",
+                "always[0:20](x > 0) at sample 5: not recorded: samples 7 to 25",
+            ],
+        ),
         ("always(x > 0)", {"x": [1]}, None, "cut", []),
         ("always[0:9](x > 0)", {"x": [1]}, None, "complete", []),
         ("always[0:9](x > 0)", {"x": [-1]}, None, "cut", []),
@@ -311,6 +321,13 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
     trace = {f"signal_{k}": [0] for k in range(1, 30)}
     lines = str(judge(f"always({long})", trace)).splitlines()
     assert max(map(len, lines)) <= 80
+
+
+def test_a_formula_without_spaces_fills_its_lines_and_is_not_broken_at_a_minus() -> None:
+    formula = f"{'abs(-' * 40}x{')' * 40}"
+    first, second, *_ = str(judge(f"always({formula} > 5)", {"x": [1]})).splitlines()
+    assert (len(first), len(second)) == (80, 80)
+    assert f"VIOLATED: always({formula}".startswith(first + second.strip())
 
 
 def test_a_judgement_is_a_value() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 import rtamt
-from rtamt import Monitor
+from rtamt import InputError, Monitor
 from rtamt.machines.backend import BACKENDS
 
 EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
@@ -90,3 +90,16 @@ def test_a_back_end_that_is_not_built_is_refused(monkeypatch: pytest.MonkeyPatch
         "backend='native' was not built; reinstall rtamt where a C++20 compiler is found"
     )
     assert Monitor("x > 0", backend="python").update(2.0) == 2.0
+
+
+@pytest.mark.parametrize("call", DENSE, ids=lambda call: call.__name__)
+@pytest.mark.parametrize("option", [{"nan": "unknown"}, {"max_gap": 1}], ids=str)
+def test_what_gives_one_number_says_who_takes_values_that_are_not_known(
+    call: Callable[..., object], option: dict[str, object]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        call(*CALLS[call], **option)
+    assert str(caught.value) == (
+        f"{next(iter(option))}= speaks of values that are not known; DenseEpisodeMonitor and "
+        "judge_dense give bounds; others give one number for each time"
+    )
