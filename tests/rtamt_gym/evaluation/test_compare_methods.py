@@ -121,6 +121,13 @@ def test_scores_beyond_one_have_thresholds_too() -> None:
     assert str(found).startswith("return, a run for each training seed")
 
 
+def test_what_is_drawn_has_seed_0_if_none_is_given() -> None:
+    found = compared(resamples=200)
+    assert found.seed == 0
+    assert found == compared(resamples=200, seed=0)
+    assert found != compared(resamples=200, seed=1)
+
+
 def test_a_file_holds_all_of_it(tmp_path: Path) -> None:
     curves = {"plain": np.outer(PLAIN, [0.5, 1.0]), "shaped": np.outer(SHAPED, [0.5, 1.0])}
     found = compare_methods(curves, steps=[5, 10], confidence=0.9, resamples=500, seed=3)

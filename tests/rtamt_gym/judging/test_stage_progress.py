@@ -181,6 +181,9 @@ def test_the_end_decides_stages_as_it_is_read() -> None:
     almost = math.nextafter(1.0, 0.0)  # what is seen holds, and is not certain
     assert played(spec, rows, "complete") == [almost, almost, 1.0]
     assert played(spec, rows, "cut") == [almost, almost, almost]
+    columns = {"a": np.ones(2), "b": np.ones(2)}
+    assert progress_of(spec, columns, Reading(end="complete")) == 1.0
+    assert progress_of(spec, columns, Reading(end="cut")) == almost
 
 
 def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
@@ -229,6 +232,32 @@ def test_a_state_brings_the_progress_back() -> None:
     other.restore(state)
     panel.restore(state)
     for row, came in (((0.0, -2.0, 0.0), 0.75), ((0.0, 1.0, 0.0), 1.0)):
+        feed(row)
+        feed_other(row)
+        assert panel.progress == other.progress == {"task": came}
+
+
+def test_a_stage_holds_values_from_before_it_was_next() -> None:
+    spec, nan = rtamt.parse("eventually(a > 0 and eventually(b > 0))"), math.nan
+    panel = Panel({"task": spec}, Reading(nan="hold"))
+    feed = panel.feeder(NAMES)
+    found = []
+    for row in ((-1.0, -4.0, 0.0), (1.0, nan, 0.0), (1.0, nan, 0.0), (1.0, -1.0, 0.0)):
+        feed(row)
+        found.append(panel.progress["task"])
+    assert found == [0, 0.5, 0.5, 0.875]
+
+
+def test_a_state_brings_the_values_that_are_held_back() -> None:
+    specs = {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}
+    panel, other = (Panel(specs, Reading(nan="hold")) for _ in range(2))
+    feed, feed_other = panel.feeder(NAMES), other.feeder(NAMES)
+    feed((-1.0, -4.0, 0.0))
+    state = pickle.loads(pickle.dumps(panel.state()))
+    feed((-1.0, -8.0, 0.0))
+    panel.restore(state)
+    other.restore(state)
+    for row, came in (((1.0, math.nan, 0.0), 0.5), ((1.0, -1.0, 0.0), 0.875)):
         feed(row)
         feed_other(row)
         assert panel.progress == other.progress == {"task": came}

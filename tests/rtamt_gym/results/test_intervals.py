@@ -84,6 +84,16 @@ def test_the_ends_of_the_exact_interval_are_quantiles_of_the_beta_distribution(
     assert low <= count / total <= high
 
 
+@pytest.mark.parametrize("count", range(3800, 3830, 3))
+def test_the_search_for_an_end_may_begin_where_the_chance_is_the_least_of_numbers(
+    count: int,
+) -> None:
+    total = 1_000_000
+    low, high = clopper_pearson(count, total)
+    assert low == pytest.approx(beta.ppf(0.025, count, total - count + 1), rel=1e-9)
+    assert high == pytest.approx(beta.ppf(0.975, count + 1, total - count), rel=1e-9)
+
+
 @given(st.integers(1, 400), st.data())
 def test_as_many_and_as_few_have_half_of_what_is_left_at_the_ends(
     total: int, data: st.DataObject

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Callable
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import pytest
@@ -48,6 +49,44 @@ def test_the_minimum_tells_the_zeros_apart(values: list[float]) -> None:
     for found in (shaping.least(values), lanes[0]):
         assert (found, math.copysign(1.0, found)) == (lowest, math.copysign(1.0, lowest))
     assert lanes[1] == 3.0
+
+
+class Traced:
+    """An array that has no numbers yet, as those have of which JAX compiles a function."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __array_namespace__(self) -> Any:  # noqa: ANN401
+        def function(name: str) -> Callable[..., Traced]:
+            return lambda *args: Traced(f"{name}({', '.join(str(a) for a in args)})")
+
+        names = ("minimum", "logical_or", "signbit", "where")
+        return SimpleNamespace(**{name: function(name) for name in names})
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __eq__(self, other: object) -> Any:  # noqa: ANN401
+        return Traced(f"({self} == {other})")
+
+    __hash__ = None  # type: ignore[assignment] # as arrays have none
+
+    def __and__(self, other: Traced) -> Traced:
+        return Traced(f"({self} & {other})")
+
+    def all(self) -> Traced:
+        return Traced(f"all({self})")
+
+    def __bool__(self) -> bool:
+        raise TypeError(f"{self} is not known yet")
+
+
+def test_the_minimum_of_arrays_without_numbers_looks_at_none_of_them() -> None:
+    found: Any = shaping.least([cast("Any", Traced(name)) for name in "ab"])
+    assert str(found) == (
+        "where(((minimum(a, b) == 0.0) & logical_or(signbit(a), signbit(b))), -0.0, minimum(a, b))"
+    )
 
 
 def test_arrays_are_computed_by_their_own_library(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,6 +220,12 @@ def test_specifications_of_one_priority_count_as_their_minimum() -> None:
 def test_a_level_that_no_specification_has_is_no_level() -> None:
     shape = Shaping.of("ab", mode="hierarchical", priorities={"a": "comfort", "b": "safety"})
     assert shape.levels == ((1,), (0,))
+
+
+def test_what_is_not_told_weighs_1() -> None:
+    shape = Shaping.of("ab", mode="add")
+    assert (shape.weight, shape.clip, shape.weights) == (1.0, 1.0, (1.0, 1.0))
+    assert shape.reward(2.0, 0.0, 0.5, terminated=False, ended=False) == 2.5
 
 
 def test_a_bonus_or_a_penalty_settles() -> None:
