@@ -17,7 +17,7 @@ def test_each_named_formula_is_late_by_its_own_future(backend: Backend) -> None:
     """
     monitor = Monitor(spec, backend=backend)
     assert monitor.latencies == {"high": 0, "soon": 2}
-    seen = []
+    seen: list[list[float]] = []
     for x in (3.0, 0.0, 5.0):
         monitor.update(x=x)
         seen.append([*monitor.values.values()])
