@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Final
 
 # An operator, and what stands for it in a mutant.
@@ -23,6 +25,21 @@ class Site:
     end_line: int
     end_column: int
     change: str
+
+
+def told_apart(sites: Iterable[Site]) -> dict[Site, Site]:
+    """Each site, in the order of the source, with a change that says which one of its line it is.
+
+    Of two that are alike on one line the second is ``0 to 1 at 2``.
+    """
+    times: Counter[tuple[int, str]] = Counter()
+    told = {}
+    for site in sorted(set(sites)):
+        change = site.change.partition(" at ")[0]
+        times[site.line, change] += 1
+        place = times[site.line, change]
+        told[site] = replace(site, change=f"{change} at {place}" if place > 1 else change)
+    return told
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,13 @@ import re
 import subprocess
 import sys
 import sysconfig
-from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import nanobind  # type: ignore[import-untyped]
 import tree_sitter_cpp
-from changes import ARITHMETIC, BITS, COMPARISONS, NATIVE_LOGIC, Site
+from changes import ARITHMETIC, BITS, COMPARISONS, NATIVE_LOGIC, Site, told_apart
 from tree_sitter import Language, Node, Parser
 
 HEADER: Final = Path(__file__).with_name("mutants.hpp")
@@ -139,16 +137,9 @@ def _site(node: Node, change: str) -> Site:
 
 
 def _mutants(text: bytes) -> dict[Site, tuple[Node, str]]:
-    """The node of each mutant, and what it becomes; a change says which one of its line it is."""
+    """The node of each mutant, and what it becomes."""
     found = {_site(node, change): (node, mutated) for node, change, mutated in _all_mutated(text)}
-    times: Counter[tuple[int, str]] = Counter()
-    made = {}
-    for site in sorted(found):
-        times[site.line, site.change] += 1
-        place = times[site.line, site.change]
-        change = f"{site.change} at {place}" if place > 1 else site.change
-        made[replace(site, change=change)] = found[site]
-    return made
+    return {told: found[site] for site, told in told_apart(found).items()}
 
 
 def _all_mutated(text: bytes) -> Iterator[tuple[Node, str, str]]:

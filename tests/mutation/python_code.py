@@ -18,7 +18,15 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Final
 
-from changes import ARITHMETIC, BITS, COMPARISONS, PYTHON_COMPARISONS, PYTHON_LOGIC, Site
+from changes import (
+    ARITHMETIC,
+    BITS,
+    COMPARISONS,
+    PYTHON_COMPARISONS,
+    PYTHON_LOGIC,
+    Site,
+    told_apart,
+)
 
 _OPERATORS: Final[dict[type[ast.AST], str]] = {
     ast.Add: "+",
@@ -74,16 +82,21 @@ class Choices(dict[int, bool]):
 
 def sites(source: str) -> list[Site]:
     """Every change that a mutant can make, in the order of the source."""
-    rewriter = _Rewriter({})
-    rewriter.visit(ast.parse(source))
-    return sorted(set(rewriter.found))
+    return list(_told_sites(source).values())
 
 
 def rewritten(source: str, numbers: Mapping[Site, int]) -> ast.Module:
     """The module with these mutants in it, each turned on by its number."""
     tree = ast.parse(source)
-    _Rewriter(numbers).visit(tree)
+    places = {site: numbers[told] for site, told in _told_sites(source).items() if told in numbers}
+    _Rewriter(places).visit(tree)
     return ast.fix_missing_locations(tree)
+
+
+def _told_sites(source: str) -> dict[Site, Site]:
+    rewriter = _Rewriter({})
+    rewriter.visit(ast.parse(source))
+    return told_apart(rewriter.found)
 
 
 class _Rewriter(ast.NodeTransformer):

@@ -129,7 +129,7 @@ def test_an_expression_and_a_statement_have_a_choice_each() -> None:
         "not removed",
         "statement removed",
         "< to <=",
-        "<= to < at 2",
+        "<= to <",
         "2 to 3",
     ]
     made: dict[str, object] = {}
@@ -147,6 +147,15 @@ def test_an_expression_and_a_statement_have_a_choice_each() -> None:
         (False, [True]),
         (False, [False]),
         (False, [False]),
+    ]
+
+
+def test_changes_that_are_alike_on_a_line_are_told_apart() -> None:
+    sites = python_code.sites("f(1, 2, 1, a < b < c, d < 1)\nf(1)\n")
+    changes = [site.change for site in sites if "to" in site.change]
+    assert sorted(changes) == [
+        *("1 to 2", "1 to 2", "1 to 2 at 2", "1 to 2 at 3", "2 to 3"),
+        *("< to <=", "< to <= at 2", "< to <= at 3"),
     ]
 
 
