@@ -1,5 +1,6 @@
 """What is judged is checked and compiled once, before the first simulation."""
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -271,11 +272,14 @@ def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # n
             found += event == "call" and frame.f_code.co_filename.startswith(ours)
 
         case = {"env.length": steps}
+        gc.collect()
+        gc.disable()  # what other tests left behind is not ended in between
         sys.setprofile(count)
         try:
             ((_, trial),) = runner.run([case], [1])
         finally:
             sys.setprofile(None)
+            gc.enable()
         assert trial.simulated == steps
         return found
 
