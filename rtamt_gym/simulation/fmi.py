@@ -355,7 +355,10 @@ def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is n
     """Reads the model description of an FMU."""
     fmpy = _fmpy()
     try:
-        described = fmpy.read_model_description(path, validate=validate)
+        # FMPy leaves an entry of the archive open. If it then raises, the traceback keeps the file
+        # open too, unless it is ours.
+        with path.open("rb") as file:
+            described = fmpy.read_model_description(file, validate=validate)
     except OSError:
         raise
     except Exception as error:  # FMPy has no class of its own for what it refuses

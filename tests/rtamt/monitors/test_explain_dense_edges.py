@@ -297,7 +297,7 @@ FIRST, LAST = "2026-01-01T00:00:00.000000000", "2026-01-02T00:00:00.000000000"
         (NUMBERS, np.float64(30), InputError, "expected a time from 1.0 to 3.0, got 30.0"),
         (
             DATES,
-            np.datetime64("NaT"),
+            np.datetime64("NaT", "s"),
             InputError,
             f"expected a time from {FIRST} to {LAST}, got NaT",
         ),

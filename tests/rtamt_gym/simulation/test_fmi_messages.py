@@ -1,6 +1,7 @@
 """What FMUs say when they fail, and FMUs that break the rules of the standard."""
 
 import gc
+import io
 import math
 import sys
 from fractions import Fraction
@@ -106,6 +107,8 @@ def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version
     assert first == f"cannot read the FMU {broken}: Failed to validate modelDescription.xml:"
     assert last == "Fmus(..., validate=False) takes it without this check"
     assert "'perhaps' is not a valid value" in str(refused.value)
+    files = [item for item in gc.get_objects() if isinstance(item, io.FileIO)]
+    assert [file for file in files if file.name == str(broken) and not file.closed] == []
     run = simulate(Fmus(broken, validate=False), LOW, duration=1)
     assert run.courses == simulate(Fmus(tank), LOW, duration=1).courses
 
