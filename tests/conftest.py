@@ -1,9 +1,20 @@
-"""Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=nightly``."""
+"""Suites, back-ends and Hypothesis profiles of the tests.
 
-from collections.abc import Iterator
+``pytest -q`` runs the suite ``quick``: every test that is not marked ``slow``, and each property on
+a fifth of its examples. Where paths are named, their tests run in full.
+"""
+
+import gc
+import os
+import stat
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, Phase, settings
+from _pytest.doctest import DoctestModule
+from hypothesis import HealthCheck, Phase, is_hypothesis_test, settings
 
 import rtamt
 
@@ -12,8 +23,8 @@ pytest.register_assert_rewrite(
     "array_contract", "ros_contract", "ros_live", "ros_tutorial", "ros2_client"
 )
 
-# Every run repeats the same few examples; those of a night are many, and others each time. A
-# property whose examples are slow has a number of its own, in both.
+# Every run repeats the same few examples; a nightly run draws many other examples. A property with
+# slow examples sets its own number with `examples` of tests/support/profiles.py.
 settings.register_profile(
     "repeatable",
     derandomize=True,
@@ -29,6 +40,8 @@ settings.register_profile(
     max_examples=1000,
     print_blob=True,
 )
+# The examples of `quick` are the first fifth of those of `repeatable`.
+settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=10)
 # Sanitizers look at memory: a tenth of the time, and each path of the machines still comes.
 settings.register_profile("sanitized", settings.get_profile("repeatable"), max_examples=15)
 # A mutant is killed by the first example that fails, however long the example is; hundreds of
@@ -67,15 +80,93 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--backend", choices=BACKENDS, help="leave out the tests that run another back-end alone"
     )
+    parser.addoption(
+        "--suite",
+        choices=("quick", "rest", "all"),
+        help="quick: no slow tests, few examples; rest: slow tests and all examples; "
+        "default: quick, or all where paths are named",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose the suite; xdist hands the options of this process to its workers."""
+    if config.option.suite is None:
+        bare = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+        config.option.suite = "quick" if bare else "all"
+    if config.option.suite == "quick" and not config.getoption("--hypothesis-profile"):
+        settings.load_profile("quick")
+    config.pluginmanager.register(_Collection())
+    if hasattr(config, "workerinput") and hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=partial(_disconnect, _open_pipes()))
+
+
+class _Collection:
+    """Faster collection, in the folders of the packages too, which this file does not govern."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection(self) -> Generator[None, object, object]:
+        """Collection makes much and discards little: looking for garbage is a fifth of its time."""
+        gc.disable()
+        try:
+            return (yield)
+        finally:
+            gc.enable()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(
+        self, file_path: Path
+    ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        """Look for doctests only in files with prompts."""
+        collectors = yield
+        return [
+            collector
+            for collector in collectors
+            if not isinstance(collector, DoctestModule)
+            or ">>> " in file_path.read_text(encoding="utf-8")
+        ]
+
+
+def _open_pipes() -> list[int]:
+    """Return the open pipes of this process, except the standard streams."""
+    pipes = []
+    for descriptor in range(3, 64):
+        with suppress(OSError):
+            if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
+                pipes.append(descriptor)
+    return pipes
+
+
+def _disconnect(pipes: list[int]) -> None:
+    """Leave the pipes of xdist to the worker: it waits for a dead worker until all ends close."""
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in pipes:
+        os.dup2(nothing, descriptor)
+    os.close(nothing)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    only = config.getoption("--backend")
-    if only is None:
-        return
-    run = {item: _backend_of(item) in {None, only} for item in items}
+    only: str | None = config.getoption("--backend")
+    suite: str = config.getoption("--suite")
+    run = {
+        item: (only is None or _backend_of(item) in {None, only}) and _is_of_suite(item, suite)
+        for item in items
+    }
     config.hook.pytest_deselected(items=[item for item in items if not run[item]])
     items[:] = [item for item in items if run[item]]
+
+
+def _is_of_suite(item: pytest.Item, suite: str) -> bool:
+    """Return whether a suite runs a test; `rest` repeats properties on all their examples."""
+    slow = any(
+        mark.kwargs.get("backend") in {None, _backend_of(item)}
+        for mark in item.iter_markers("slow")
+    )
+    match suite:
+        case "quick":
+            return not slow
+        case "rest":
+            return slow or is_hypothesis_test(getattr(item, "obj", None))
+    return True
 
 
 def _backend_of(item: pytest.Item) -> str | None:

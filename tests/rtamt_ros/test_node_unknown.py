@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_middleware import SECOND
 from memory_nodes import MS, send, started
+from profiles import examples
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -30,7 +31,7 @@ TEXTS = [
 Step = tuple[float | None, float | None]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     st.sampled_from(TEXTS),
     st.lists(
@@ -155,7 +156,7 @@ class _Sent:
         return its
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(
     st.sampled_from(TEXTS),
     st.lists(

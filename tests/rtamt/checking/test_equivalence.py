@@ -6,6 +6,7 @@ from typing import get_args
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from small_texts import VALUES, texts
 
 import rtamt
@@ -50,7 +51,7 @@ def test_a_requirement_without_an_end_is_equal_as_far_as_was_asked() -> None:
 WHOLES = ("always({})", "eventually({})", "not (x > 0 until ({}))", "always(x > 0 implies ({}))")
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(whole=st.sampled_from(WHOLES), one=texts, other=texts, end=st.sampled_from(get_args(End)))
 def test_wholes_without_an_end_are_proved_equal_by_their_parts(
     whole: str, one: str, other: str, end: End

@@ -8,6 +8,7 @@ from fractions import Fraction
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from small_texts import texts_of
 
 import rtamt
@@ -33,7 +34,7 @@ def judged(text: str, example: Example) -> rtamt.Judgement:
 
 
 @given(text=texts)
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_examples_are_judged_as_they_say(text: str) -> None:
     found = only(text, count=30)
     for each in found.examples:

@@ -11,6 +11,7 @@ from compat_specs import LANGUAGES, declared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import robustness
+from profiles import examples
 from strategies import VARIABLES, Trace, formulas, length, traces
 
 import rtamt
@@ -93,7 +94,7 @@ def test_reset_starts_afresh(formula: Formula, trace: Trace, after: int) -> None
     assert play(spec, trace) == play(declared(formula), trace)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=formulas(), trace=traces(least=2), after=st.integers(0, 12))
 def test_copies_go_on_by_themselves(formula: Formula, trace: Trace, after: int) -> None:
     spec = declared(formula)
@@ -104,7 +105,7 @@ def test_copies_go_on_by_themselves(formula: Formula, trace: Trace, after: int) 
     assert [play(twin, rest) for twin in twins] == [expected, expected]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(p=formulas(2), q=formulas(2), trace=traces())
 def test_get_value_gives_the_last_robustness_of_named_formulas(
     p: Formula, q: Formula, trace: Trace
@@ -128,7 +129,7 @@ def test_get_value_gives_the_last_robustness_of_named_formulas(
     assert spec.get_value("a") == trace["a"]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(p=formulas(2), q=formulas(2), trace=traces(most=16))
 def test_before_its_latency_a_named_formula_has_the_robustness_of_the_samples_so_far(
     p: Formula, q: Formula, trace: Trace, backend: str

@@ -11,6 +11,7 @@ from compat_specs import LANGUAGES, call, held, update
 from compat_specs import declared_dense as declared
 from dense_signals import Signals, chunked, chunks, relevant, signals
 from hypothesis import given, settings
+from profiles import examples
 from strategies import formulas
 
 import rtamt
@@ -22,7 +23,7 @@ bounded = formulas(dense=True).filter(lambda f: f.variables)
 # Laws. -------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=formulas(endless=True, dense=True).filter(lambda f: f.variables), whole=signals())
 def test_evaluate_holds_every_signal_to_the_end_of_the_longest_and_gives_lists(
     formula: Formula, whole: Signals, backend: str
@@ -33,7 +34,7 @@ def test_evaluate_holds_every_signal_to_the_end_of_the_longest_and_gives_lists(
     assert spec.evaluate(*call(whole)) == expected
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=bounded, whole=signals(), shares=chunks(1))
 def test_copies_go_on_by_themselves_and_reset_starts_afresh(
     formula: Formula, whole: Signals, shares: list[list[float]]

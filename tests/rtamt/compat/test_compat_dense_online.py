@@ -8,6 +8,7 @@ from compat_specs import LANGUAGES, Pairs, call, held, update
 from compat_specs import declared_dense as declared
 from dense_signals import Breakpoints, Signals, by_value, chunked, chunks, relevant, signals
 from hypothesis import given, settings
+from profiles import examples
 from strategies import formulas
 
 import rtamt
@@ -82,7 +83,7 @@ def whole_trace(formula: Formula, whole: Signals) -> Breakpoints:
     return by_value([(time + horizon, value) for time, value in steps])
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=bounded, whole=signals(), shares=chunks())
 def test_with_final_update_the_calls_give_what_evaluate_does(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: str
@@ -97,7 +98,7 @@ def test_with_final_update_the_calls_give_what_evaluate_does(
         update(spec, {formula.variables[0]: [(1e6, 0.0)]})
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=bounded, whole=signals())
 def test_an_event_replaces_the_one_of_the_same_time_in_whatever_call(
     formula: Formula, whole: Signals, backend: str

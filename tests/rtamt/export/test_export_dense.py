@@ -10,6 +10,7 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_oracle import SEMANTICS
+from profiles import examples
 from strategies import Trace, length, sample, traces
 
 from rtamt import DenseMonitor, InputError, SemanticsName, SpecificationError, parse
@@ -19,7 +20,7 @@ OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     drawn=texts(dense=True),
     trace=traces(),

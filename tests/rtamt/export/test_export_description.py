@@ -11,6 +11,7 @@ from fmpy import read_model_description  # type: ignore[import-untyped]
 from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt import SpecificationError, export_fmu
@@ -28,7 +29,7 @@ whole = always(near implies eventually[0:T](odom.twist[1].x < 0 and near))
 
 
 def test_every_export_is_valid(tmp_path: Path) -> None:
-    @settings(max_examples=20)
+    @settings(max_examples=examples(20))
     @given(drawn=texts(dense=True), fmi=st.sampled_from((2, 3)), dense=st.booleans())
     def check(drawn: Drawn, fmi: Fmi, dense: bool) -> None:  # noqa: FBT001 - hypothesis draws it
         kind: dict[str, Any] = {"dense": True} if dense else {"period": "500ms"}

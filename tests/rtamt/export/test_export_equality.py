@@ -11,6 +11,7 @@ from exported import Drawn, Unit, exported, texts
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import Trace, length, sample, traces
 
 from rtamt import EpisodeMonitor, InputError, SemanticsName, SpecificationError, export_fmu, parse
@@ -48,7 +49,7 @@ def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> 
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(drawn=texts(), trace=traces(), period=st.sampled_from((1.0, 0.5)))
 def test_an_exported_monitor_is_the_episode_monitor(
     fmi: Fmi, drawn: Drawn, trace: Trace, period: float
@@ -65,7 +66,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(drawn=texts(), trace=traces())
 def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
     fmi: Fmi, drawn: Drawn, trace: Trace
@@ -87,7 +88,7 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
 
 
 @pytest.mark.parametrize("semantics", get_args(SemanticsName)[1:])
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(drawn=texts(), trace=traces())
 def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, trace: Trace) -> None:
     try:

@@ -8,6 +8,7 @@ from exported import Drawn, Unit, exported, texts
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import Trace, length, sample, traces
 
 from rtamt import SpecificationError, parse
@@ -30,7 +31,7 @@ def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> l
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(drawn=texts(dense=True), trace=traces(4), at=st.integers(0, 4))
 def test_a_restored_monitor_goes_on_alike(
     fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, at: int

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import (
@@ -371,7 +372,7 @@ def test_only_an_endless_root_from_now_is_monitored(text: str, backend: Backend)
 @given(
     formula=formulas().filter(lambda f: bool(f.variables)), trace=traces(least=2), data=st.data()
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_nan_is_refused_and_the_monitor_continues_like_an_undisturbed_twin(
     formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
 ) -> None:

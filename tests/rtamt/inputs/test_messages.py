@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from message_classes import MODULES, Twist, Vector
+from profiles import examples
 from strategies import Trace, formulas, length, traces
 
 import rtamt
@@ -80,7 +81,7 @@ def needed(sample: dict[str, Any], variables: tuple[str, ...]) -> dict[str, Any]
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(formula=formulas(2), trace=traces())
 def test_messages_of_any_form_mean_their_fields(
     form: str, formula: Formula, trace: Trace, backend: Backend
@@ -97,7 +98,7 @@ def test_messages_of_any_form_mean_their_fields(
             assert np.array_equal(fields.update(sample), expected, equal_nan=True)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(formula=formulas(2), trace=traces())
 def test_blocks_take_messages_in_a_row_and_nested_columns(
     formula: Formula, trace: Trace, backend: Backend

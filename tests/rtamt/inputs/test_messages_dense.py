@@ -11,6 +11,7 @@ import pytest
 from dense_signals import Signals, signals
 from hypothesis import given, settings
 from message_classes import MODULES, Slotted, Twist, Vector
+from profiles import examples
 from strategies import formulas
 
 import rtamt
@@ -24,7 +25,7 @@ def dotted(formula: Formula) -> str:
     return re.sub(r"\b[abc]\b", lambda name: FIELDS[name[0]], str(formula))
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(formula=formulas(dense=True).filter(lambda f: f.variables), whole=signals())
 def test_events_of_messages_are_events_of_their_fields(
     formula: Formula, whole: Signals, backend: Backend

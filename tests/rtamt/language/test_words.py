@@ -5,6 +5,7 @@ from collections import Counter
 
 import pytest
 from hypothesis import given, settings
+from profiles import examples
 from strategies import formulas, rooted
 from words_reader import read
 
@@ -103,7 +104,7 @@ def test_every_operator_has_words_in_one_table() -> None:
 
 @pytest.mark.parametrize("name", OPERATORS)
 def test_words_of_every_operator_read_back(name: str) -> None:
-    @settings(max_examples=20)
+    @settings(max_examples=examples(20))
     @given(rooted(name, depth=1, endless=True))
     def check(formula: Formula) -> None:
         assert read(in_words(formula)) is formula

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode, robustness
+from profiles import examples
 from strategies import chunkings
 
 from rtamt import EpisodeMonitor, Formula, Interval, Monitor, evaluate, variable
@@ -40,7 +41,7 @@ seeds = st.integers(0, 10**6)
 
 
 @pytest.mark.parametrize("name", TIMED)
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(begin=st.integers(0, 20), width=widths, seed=seeds)
 def test_long_windows_mean_what_their_definition_says(
     name: str, begin: int, width: int, seed: int, backend: Backend
@@ -59,7 +60,7 @@ def test_long_windows_mean_what_their_definition_says(
 
 
 @pytest.mark.parametrize("name", TIMED)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(begin=st.integers(0, 20), width=widths, seed=seeds, chunks=chunkings(200))
 def test_long_windows_do_not_depend_on_chunks_resets_and_duplicates(
     name: str, begin: int, width: int, seed: int, chunks: list[slice], backend: Backend

@@ -9,6 +9,7 @@ from bits import identical
 from hypothesis import given, settings
 from implying import aware, requirements
 from interface_cases import Case
+from profiles import examples
 from strategies import Trace, length, traces
 
 from rtamt import Formula, Specification, parse
@@ -44,13 +45,13 @@ def agrees(
         assert identical(part.bounds(end), foresight.bounds(end)), end
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(formula=requirements(total=False), trace=traces(most=20))
 def test_one_pass_finds_what_many_do(formula: Formula, trace: Trace, backend: BackendName) -> None:
     agrees(formula, trace, length(trace), backend)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(case=aware(requirements(2)), trace=traces(most=12))
 def test_so_it_is_under_every_semantics(case: Case, trace: Trace, backend: BackendName) -> None:
     spec, semantics = case

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from implying import aware, dense_requirements, requirements
 from interface_cases import Case, read
 from interface_oracle import SEMANTICS
+from profiles import examples
 from strategies import INFINITIES, Trace, length, traces
 
 import rtamt
@@ -41,13 +42,13 @@ def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
         ), end
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(250))
 @given(formula=requirements(), trace=traces(most=8))
 def test_it_is_as_defined(formula: Formula, trace: Trace, backend: Backend) -> None:
     agrees(formula, trace, backend)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     formula=requirements(total=False),
     trace=traces(most=6, values=INFINITIES),
@@ -56,7 +57,7 @@ def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> N
     agrees(formula, trace, backend)
 
 
-@settings(max_examples=120)
+@settings(max_examples=examples(120))
 @given(case=aware(requirements(2)), trace=traces(most=6))
 def test_left_sides_are_judged_by_standard_semantics(
     case: Case, trace: Trace, backend: Backend
@@ -72,7 +73,7 @@ def test_left_sides_are_judged_by_standard_semantics(
 # Dense time. -------------------------------------------------------------------------------------
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(formula=dense_requirements(), whole=signals())
 def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Backend) -> None:
     assume(formula.variables)
@@ -83,7 +84,7 @@ def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Bac
         assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=dense_requirements(), whole=signals(), data=st.data())
 def test_dense_left_sides_are_judged_by_standard_semantics(
     formula: Formula, whole: Signals, data: st.DataObject, backend: Backend

@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from implying import requirements
 from oracle import robustness
+from profiles import examples
 from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
 
 import rtamt
@@ -55,7 +56,7 @@ def named(why: Explanation) -> list[tuple[Formula, range]]:
 
 
 @pytest.mark.parametrize("name", [None, *FORMULAS])
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(data=st.data())
 def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
     name: str | None, data: st.DataObject
@@ -74,7 +75,7 @@ def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
             assert not holds(robustness(formula, other, n)[sample])
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(case=violated())
 def test_each_is_what_it_says(case: Case, backend: Backend) -> None:
     formula, trace, sample = case
@@ -95,7 +96,7 @@ def test_each_is_what_it_says(case: Case, backend: Backend) -> None:
     assert pickle.loads(pickle.dumps(why)) == why
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(case=violated())
 def test_what_is_satisfied_has_none(case: Case) -> None:
     formula, trace, sample = case
@@ -117,7 +118,7 @@ RESPONSES = st.sampled_from(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(
     formula=RESPONSES,
     req=st.lists(st.sampled_from((0.0, 2.0, 3.0, 5.0)), min_size=8, max_size=8),

@@ -10,6 +10,7 @@ from dense_signals import Signals, bitwise, by_value, relevant, signals
 from golden_cases import cases
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import DENSE, INFINITIES, Trace, formulas, length, rooted, traces
 
 from rtamt import (
@@ -47,7 +48,7 @@ def test_evaluate_dense_gives_the_definition(
 
 
 @pytest.mark.parametrize("name", DENSE)
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(data=st.data(), whole=signals())
 def test_every_operator_means_what_its_definition_says(
     name: str, data: st.DataObject, whole: Signals, backend: Backend
@@ -58,7 +59,7 @@ def test_every_operator_means_what_its_definition_says(
     assert bitwise(robustness) == bitwise(expected(formula, whole))
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(
     formula=formulas(endless=True, total=False, dense=True).filter(lambda f: f.variables),
     whole=signals(st.sampled_from(INFINITIES)),
@@ -146,7 +147,7 @@ def sampled(trace: Trace) -> Signals:
     return {name: list(enumerate(map(float, column))) for name, column in trace.items()}
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=agreeing().filter(lambda f: f.variables), trace=traces())
 def test_dense_time_equals_discrete_time_on_samples_as_steps(
     formula: Formula, trace: Trace, backend: Backend
@@ -159,7 +160,7 @@ def test_dense_time_equals_discrete_time_on_samples_as_steps(
 
 @pytest.mark.parametrize("operator", ["always", "eventually"])
 @given(trace=traces(), begin=st.integers(1, 3), width=st.integers(0, 3))
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sample(
     operator: str, trace: Trace, begin: int, width: int, backend: Backend
 ) -> None:

@@ -9,6 +9,7 @@ from dense_signals import Signals, relevant, signals
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from implying import dense_requirements
+from profiles import examples
 from region_oracle import STEP, Regions
 from strategies import QUARTERS, formulas, rooted
 
@@ -80,7 +81,7 @@ def check(formula: Formula, whole: Signals, instant: int, seed: int, backend: Ba
 seeds = st.integers(0, 2**32)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=st.one_of(dense_requirements(), formulas(2, dense=True)), whole=signals(), seed=seeds
 )
@@ -91,7 +92,7 @@ def test_a_violation_stays_as_long_as_what_is_named_keeps_its_sign(
 
 
 @pytest.mark.parametrize("name", ["since", "until", "unless"])
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(data=st.data(), whole=signals(), instant=st.integers(0, 12), seed=seeds)
 def test_so_does_one_of_two_operands_at_any_time(
     name: str, data: st.DataObject, whole: Signals, instant: int, seed: int, backend: Backend

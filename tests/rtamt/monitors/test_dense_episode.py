@@ -15,6 +15,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 from interface_oracle import SEMANTICS
+from profiles import examples
 from region_oracle import Regions, inside
 from strategies import formulas
 
@@ -50,7 +51,7 @@ def seen(monitor: DenseEpisodeMonitor) -> tuple[float, float, float]:
     return monitor.robustness, monitor.lower, monitor.upper
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     formula=formulas(depth=2, endless=True, dense=True),
     whole=signals(INTEGERS),
@@ -110,7 +111,7 @@ def endless_over_late(rng: random.Random) -> Formula:
     return rng.choice((*outer, inner.once(0, 1), third.until(inner, 0, 2)))
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(seed=st.integers(0, 2**32))
 def test_so_it_is_of_futures_without_an_end_over_what_settles_late(
     seed: int, backend: Backend
@@ -128,7 +129,7 @@ def test_so_it_is_of_futures_without_an_end_over_what_settles_late(
     agrees(formula, whole, [[rng.random() for _ in range(2)] for _ in whole], backend)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True), whole=signals())
 def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
     spec, semantics = case
@@ -142,7 +143,7 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
         assert identical(seen(monitor), definition.ended(spec.formula, end))
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=formulas(depth=2, endless=True, dense=True),
     whole=signals(INTEGERS),

@@ -11,6 +11,7 @@ import pytest
 from dense_signals import Signals, chunked, chunks, of, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import formulas
 
 from rtamt import (
@@ -247,7 +248,7 @@ def test_a_term_is_no_number_only_within_the_trace(backend: Backend) -> None:
     shares=chunks(),
     data=st.data(),
 )
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_a_refused_update_leaves_no_trace(
     formula: Formula,
     whole: Signals,

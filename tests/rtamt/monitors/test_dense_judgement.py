@@ -17,6 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 from interface_oracle import SEMANTICS
+from profiles import examples
 from region_oracle import Regions, inside
 from strategies import VARIABLES, formulas
 
@@ -71,7 +72,7 @@ def test_it_is_what_the_definition_says(formula: Formula, whole: Signals, backen
     agrees(formula, whole, backend)
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(
     formula=formulas(depth=1, endless=True, dense=True),
     nested=st.sampled_from(NESTED),
@@ -83,7 +84,7 @@ def test_endless_operators_inside_others_and_zeros(
     agrees(nested(formula), whole, backend)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True), whole=signals())
 def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
     spec, semantics = case
@@ -95,7 +96,7 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
         assert identical(values(found), definition.ended(spec.formula, end)), end
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=formulas(depth=2, dense=True), whole=signals(INTEGERS), after=signals(INTEGERS))
 def test_no_continuation_contradicts_what_was_decided(
     formula: Formula, whole: Signals, after: Signals, backend: Backend
@@ -115,7 +116,7 @@ def test_no_continuation_contradicts_what_was_decided(
         assert found.verdict is U or (found.verdict is S) == rtamt.holds(later)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS))
 def test_resolution_unit_and_backend_do_not_matter(formula: Formula, whole: Signals) -> None:
     assume(formula.variables)
@@ -289,7 +290,7 @@ def test_golden_instants(backend: Backend) -> None:
         assert holds(found.robustness) == (found.verdict is S)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS))
 def test_what_is_open_holds_at_every_later_end(
     formula: Formula, whole: Signals, backend: Backend
@@ -337,7 +338,7 @@ def test_the_deciding_time_is_one_of_the_callers(backend: Backend) -> None:
     assert judge_dense("always(x > 0)", {"x": [(0, 1)]}, backend=backend).decided_at is None
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(whole=signals(), shift=st.sampled_from((-(2**61), 2**61)))
 def test_times_far_from_0_lose_nothing(whole: Signals, shift: int, backend: Backend) -> None:
     text = f"always({VARIABLES[0]} < 0 implies eventually[2:3]({VARIABLES[0]} > 0))"

@@ -20,6 +20,7 @@ from dense_signals import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import formulas
 
 from rtamt import DenseMonitor, Events, Formula, evaluate_dense, parse
@@ -92,7 +93,7 @@ def test_back_ends_agree_to_the_bit(
 
 @pytest.mark.parametrize("operator", ["always", "eventually"])
 @given(whole=signals(), shares=chunks())
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_a_whole_formula_without_an_end_gives_the_extreme_so_far(
     operator: str, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
@@ -133,7 +134,7 @@ def test_named_formulas_have_values_late_by_their_own_latency(backend: Backend) 
 
 
 @given(formula=bounded, other=bounded, whole=signals(), shares=chunks())
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_values_are_the_robustness_just_before_it_is_unknown(
     formula: Formula, other: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
@@ -167,7 +168,7 @@ def again(monitor: DenseMonitor) -> DenseMonitor:
 
 @pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy, again])
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_a_twin_continues_and_leaves_the_original_alone(
     twin: Callable[[DenseMonitor], DenseMonitor],
     formula: Formula,
@@ -208,7 +209,7 @@ def test_a_twin_has_the_unit_and_the_interface_of_the_original(
 
 
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_a_state_stays_as_it_was_taken_whatever_goes_on_from_it(
     formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
 ) -> None:
@@ -225,7 +226,7 @@ def test_a_state_stays_as_it_was_taken_whatever_goes_on_from_it(
 
 
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 6))
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_reset_forgets_everything(
     formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
 ) -> None:

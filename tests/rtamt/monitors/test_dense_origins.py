@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from reasons_oracle import Operands, Part, Reasons
 
 from rtamt.language.operators import OPERATORS
@@ -79,7 +80,7 @@ def marked(parts: list[Part]) -> list[tuple[int, int, int, bool]]:
 
 
 @pytest.mark.parametrize("name", ["since", "until"])
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(seed=st.integers(0, 2**32))
 def test_of_two_operands_the_best_witness_and_the_worst_place_on_the_way_decide(
     name: str, seed: int
@@ -96,7 +97,7 @@ def test_of_two_operands_the_best_witness_and_the_worst_place_on_the_way_decide(
 
 
 @pytest.mark.parametrize("name", WINDOWS)
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(seed=st.integers(0, 2**32))
 def test_of_a_window_the_first_best_place_decides(name: str, seed: int) -> None:
     case = drawn(seed)
@@ -129,7 +130,7 @@ def of_operators(inner: str, outer: str, bounds: Bounds, *, mapped: bool) -> Ope
 @pytest.mark.parametrize("inner", ["since", "until", "once", "always"])
 @example(seed=328)  # a since changes one position before its left side does
 @example(seed=789)  # an until changes one position after
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(seed=st.integers(0, 2**32))
 def test_an_operator_made_of_operators_is_explained_through_the_inner_one(
     inner: str, outer: str, seed: int

@@ -12,6 +12,7 @@ from dense_signals import INTEGERS, Signals, bitwise, chunked, chunks, play, rel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_oracle import SEMANTICS
+from profiles import examples
 from region_oracle import Regions
 from strategies import DENSE, formulas, rooted
 
@@ -42,7 +43,7 @@ def truth(formula: Formula, whole: Signals) -> list[tuple[float, bool]]:
     return [(float(time), value > 0) for time, value in steps]
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=any_formula, whole=zeros)
 def test_the_sign_bit_is_clear_where_the_formula_holds(
     formula: Formula, whole: Signals, backend: Backend
@@ -50,7 +51,7 @@ def test_the_sign_bit_is_clear_where_the_formula_holds(
     assert holding(evaluate_dense(formula, whole, backend=backend)) == truth(formula, whole)
 
 
-@settings(max_examples=6)
+@settings(max_examples=examples(6))
 @pytest.mark.parametrize("name", DENSE)
 @given(data=st.data(), whole=zeros)
 def test_so_it_is_under_every_operator(
@@ -61,7 +62,7 @@ def test_so_it_is_under_every_operator(
     assert holding(evaluate_dense(formula, whole, backend=backend)) == truth(formula, whole)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=any_formula, whole=zeros)
 def test_boolean_semantics_has_infinities_of_the_same_signs(
     formula: Formula, whole: Signals, backend: Backend
@@ -71,7 +72,7 @@ def test_boolean_semantics_has_infinities_of_the_same_signs(
     assert holding(robustness) == truth(formula, whole)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=bounded, whole=zeros, shares=chunks())
 def test_chunks_do_not_change_a_sign(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
@@ -81,7 +82,7 @@ def test_chunks_do_not_change_a_sign(
 
 
 @pytest.mark.parametrize("semantics", [*SEMANTICS, "boolean"])
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(formula=bounded.filter(lambda f: len(f.variables) > 1), whole=zeros, shares=chunks(2))
 def test_back_ends_give_the_same_bits_under_every_semantics(
     semantics: SemanticsName, formula: Formula, whole: Signals, shares: list[list[float]]
@@ -124,7 +125,7 @@ def drawn_runs(rng: random.Random, last: int) -> InstantRuns:
     return tuple(runs)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(formula=any_formula, seed=st.integers(0, 2**32), end=st.sampled_from(get_args(End)))
 def test_where_a_formula_fails_and_holds_for_certain_is_counted(
     formula: Formula, seed: int, end: End, backend: Backend

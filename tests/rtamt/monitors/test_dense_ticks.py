@@ -14,6 +14,7 @@ from dense_oracle import Definition
 from dense_signals import INTEGERS, Signals, bitwise, chunked, chunks, play, relevant, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import formulas
 
 from rtamt import DenseMonitor, Events, Formula, Specification, evaluate_dense, parse
@@ -68,7 +69,7 @@ def test_times_in_tenths_give_what_rational_arithmetic_gives(
     assert bitwise(evaluate_dense(spec, times, backend=backend)) == bitwise(expected)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=bounded, whole=zeros, shares=chunks(), start=st.sampled_from((0, 1_700_000_000)))
 def test_chunks_do_not_matter_at_decimal_times(
     formula: Formula, whole: Signals, shares: list[list[float]], start: int, backend: Backend
@@ -79,7 +80,7 @@ def test_chunks_do_not_matter_at_decimal_times(
     assert bitwise(steps) == bitwise(evaluate_dense(spec, times, backend=backend))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=any_formula, whole=zeros)
 def test_the_unit_in_which_times_are_written_does_not_matter(
     formula: Formula, whole: Signals, backend: Backend

@@ -17,6 +17,7 @@ from interface_cases import Case, cases
 from interface_oracle import SEMANTICS
 from interval_oracle import Ends, contains, hull, inside, order
 from oracle import Trace, Value, predicate
+from profiles import examples
 from region_oracle import Regions
 from strategies import QUARTERS, formulas
 from uncertain_traces import UNKNOWN, some_value
@@ -86,7 +87,7 @@ def around(found: Judgement, value: float) -> bool:
     return order(found.lower) <= order(value) <= order(found.upper)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     formula=formulas(depth=2, endless=True, dense=True),
     whole=uncertain_signals(),
@@ -118,7 +119,7 @@ def test_every_trace_inside_has_its_value_inside_the_bounds(
                 assert around(found, after)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(formula=formulas(depth=2, endless=True, dense=True, total=False), whole=uncertain_signals())
 def test_the_bounds_are_those_of_intervals_at_every_instant(
     formula: Formula, whole: Uncertain, backend: Backend
@@ -148,7 +149,7 @@ def between(f: Node, trace: Trace, i: int | None) -> Value:
     return hull(predicate(f, {name: [x]}, 0)[0] for x in (*ends, *inner))
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=formulas(depth=2, endless=True, dense=True),
     whole=uncertain_signals(),
@@ -176,7 +177,7 @@ def test_chunks_copies_and_back_ends_do_not_matter(
         assert monitor.verdict is found.verdict
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     formula=formulas(depth=2, endless=True, dense=True), whole=signals(), end=st.sampled_from(ENDS)
 )
@@ -203,7 +204,7 @@ def test_without_unknown_values_nothing_changes(
     assert identical(values(monitor), values(found))
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True),
     whole=uncertain_signals(),
@@ -238,7 +239,7 @@ def with_holes(events: list[tuple[float, float]], most: float) -> list[tuple[flo
     return [*found, events[-1]]
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=formulas(depth=2, endless=True, dense=True),
     whole=signals(),

@@ -9,6 +9,7 @@ from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode, horizon
+from profiles import examples
 from strategies import (
     FORMULAS,
     INFINITIES,
@@ -46,7 +47,7 @@ def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend)
 
 
 @pytest.mark.parametrize("name", [name for name in OPERATORS if name not in TERMS])
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(data=st.data(), trace=traces(most=10))
 def test_every_operator_is_bounded_as_its_definition_says(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -70,7 +71,7 @@ def endless(draw: st.DrawFn) -> Formula:
 
 
 @pytest.mark.parametrize("name", FORMULAS)
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(data=st.data(), trace=traces(most=10))
 def test_endless_windows_inside_every_operator_inside_windows(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -106,7 +107,7 @@ def test_infinite_samples_agree_with_the_definition(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     inner=formulas(depth=1),
     begin=st.integers(0, 9),

@@ -12,6 +12,7 @@ from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode
+from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import EpisodeMonitor, Formula, InputError, SpecificationError, StateError, Verdict
@@ -128,7 +129,7 @@ DUPLICATES: dict[str, Callable[[EpisodeMonitor], EpisodeMonitor]] = {
 
 
 @pytest.mark.parametrize("duplicate", DUPLICATES)
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=formulas(endless=True, depth=2), trace=traces(most=12), data=st.data())
 def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
     duplicate: str, formula: Formula, trace: Trace, data: st.DataObject, backend: Backend

@@ -15,6 +15,7 @@ from bits import identical
 from episode_monitors import feed, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import Trace, formulas, length, traces
 
 from rtamt import EpisodeMonitor, Formula, InputError, Verdict
@@ -60,7 +61,7 @@ TWINS: dict[str, Callable[[EpisodeMonitor], EpisodeMonitor]] = {
 }
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     formula=formulas(endless=True, depth=2).filter(lambda f: bool(f.variables)),
     trace=traces(),

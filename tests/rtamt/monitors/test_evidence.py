@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from implying import aware, dense_requirements, requirements
 from interface_cases import Case
+from profiles import examples
 from strategies import Trace, length, traces
 from uncertain_traces import Uncertain, uncertain_traces
 
@@ -42,7 +43,7 @@ def of(found: Judgement) -> Evidence[object]:
     return Evidence(found.asked, found.vacuous, found.never_asked)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(case=aware(requirements(2)), trace=traces(most=8))
 def test_a_run_has_the_rows_of_its_judgement(case: Case, trace: Trace, backend: Backend) -> None:
     spec, semantics = case
@@ -61,7 +62,7 @@ def test_a_run_has_the_rows_of_its_judgement(case: Case, trace: Trace, backend: 
         assert its.evidence(table.T, end, monitor.verdict) == of(found)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(case=aware(requirements(2, total=False)), trace=uncertain_traces(most=6))
 def test_samples_that_are_not_known(case: Case, trace: Uncertain, backend: Backend) -> None:
     spec, semantics = case
@@ -85,7 +86,7 @@ def test_samples_that_are_not_known(case: Case, trace: Uncertain, backend: Backe
         assert its.evidence(columns, end, monitor.verdict, n=n) == of(found)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(case=aware(requirements(1)), trace=uncertain_traces(most=5, share=0.6))
 def test_left_sides_that_are_not_known_hold_by_standard_semantics(
     case: Case, trace: Uncertain, backend: Backend
@@ -106,7 +107,7 @@ def test_left_sides_that_are_not_known_hold_by_standard_semantics(
     assert counted[0] == counted[1]
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=requirements(2), several=st.lists(traces(most=6), min_size=2, max_size=3))
 def test_each_lane_has_its_own(formula: Formula, several: list[Trace], backend: Backend) -> None:
     assume(formula.variables)
@@ -122,7 +123,7 @@ def test_each_lane_has_its_own(formula: Formula, several: list[Trace], backend: 
         assert its.evidence(table.T, "cut", Verdict(verdict)) == of(found)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formula=dense_requirements(), whole=signals(), data=st.data())
 def test_a_run_in_dense_time_has_the_rows_of_its_judgement(
     formula: Formula, whole: Signals, data: st.DataObject, backend: Backend

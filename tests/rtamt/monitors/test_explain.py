@@ -12,6 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from opened import opened
 from oracle import bounds, robustness
+from profiles import examples
 from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
 
 import rtamt
@@ -58,7 +59,7 @@ def reached(formula: Formula, trace: Trace, n: int, i: int, j: int) -> float:
 
 
 @pytest.mark.parametrize("name", FORMULAS)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(data=st.data())
 def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_that_value(
     name: str, data: st.DataObject, backend: Backend

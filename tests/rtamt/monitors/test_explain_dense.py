@@ -17,6 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from opened import opened
 from oracle import order
+from profiles import examples
 from region_oracle import Regions
 from strategies import DENSE, INFINITIES, formulas, rooted
 
@@ -151,7 +152,7 @@ def checked(case: Case, backend: Backend) -> DenseExplanation:
 
 
 @pytest.mark.parametrize("name", DENSE)
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(data=st.data())
 def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_that_value(
     name: str, data: st.DataObject, backend: Backend
@@ -187,19 +188,19 @@ def changing_after_instants(draw: st.DrawFn) -> Case:
     return formula, whole, draw(st.sampled_from(np.arange(begin, end + 0.1, STEP / 2).tolist()))
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(case=changing_after_instants())
 def test_a_witness_may_be_an_instant_before_a_change(case: Case, backend: Backend) -> None:
     checked(case, backend)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(case=cases(values=st.sampled_from(INFINITIES), total=False))
 def test_infinite_values_are_explained(case: Case, backend: Backend) -> None:
     checked(case, backend)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(case=cases())
 def test_back_ends_explain_alike_and_fit_80_columns(case: Case) -> None:
     formula, whole, time = case
@@ -270,7 +271,7 @@ def test_golden_instants_are_explained(backend: Backend) -> None:
 # Times. ------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(case=cases())
 def test_times_may_be_late_or_dates(case: Case) -> None:
     formula, whole, time = case

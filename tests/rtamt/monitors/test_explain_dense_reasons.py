@@ -14,6 +14,7 @@ import pytest
 from dense_signals import Signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from reasons_oracle import Operands, Part, holds, same
 from region_oracle import Regions
 
@@ -105,7 +106,7 @@ class Said:
 
 
 @pytest.mark.parametrize("name", ["since", "until", "unless"])
-@settings(max_examples=250)
+@settings(max_examples=examples(250))
 @given(seed=st.integers(0, 2**32))
 def test_an_explanation_names_what_the_definition_chooses(
     name: str, seed: int, backend: Backend

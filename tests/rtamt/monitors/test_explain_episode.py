@@ -8,6 +8,7 @@ from typing import Literal
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import Trace, formulas, length, traces
 
 from rtamt import EpisodeMonitor, Formula, InputError, StateError, explain
@@ -21,7 +22,7 @@ def fed(monitor: EpisodeMonitor, trace: Trace, samples: range) -> EpisodeMonitor
     return monitor
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(formula=formulas(endless=True), trace=traces(least=2), data=st.data())
 def test_an_episode_is_explained_as_the_trace_of_its_samples(
     formula: Formula, trace: Trace, data: st.DataObject, backend: Backend

@@ -15,6 +15,7 @@ import pytest
 from bits import identical
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import VARIABLES, Trace, formulas, length, sample, traces
 
 import rtamt
@@ -41,7 +42,7 @@ def least(values: Sequence[float]) -> float:
     return min(values, key=lambda value: (value, math.copysign(1.0, value)))
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(specs=SEVERAL, trace=traces(), form=st.sampled_from(["list", "tuple", "array", "held"]))
 def test_monitors_fed_together_are_those_fed_alone(
     specs: list[Formula], trace: Trace, form: str
@@ -75,7 +76,7 @@ def test_monitors_fed_together_are_those_fed_alone(
     assert len(seen) == length(trace) == fed[0].samples
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(specs=SEVERAL, trace=traces())
 def test_a_sample_taken_without_its_numbers_is_a_sample_fed(
     specs: list[Formula], trace: Trace
@@ -100,7 +101,7 @@ def test_a_sample_taken_without_its_numbers_is_a_sample_fed(
         assert identical(seen["taken"][i], values)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(specs=SEVERAL, trace=traces(least=4))
 def test_monitors_that_are_reset_restored_and_copied_are_fed_on(
     specs: list[Formula], trace: Trace

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases
 from interface_oracle import SEMANTICS
+from profiles import examples
 from strategies import INFINITIES, Trace, formulas, length, traces
 
 from rtamt import (
@@ -102,7 +103,7 @@ def random_late_until(rng: random.Random) -> Formula:
     return rng.choice((formula, ~formula))
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(seed=st.integers(0, 2**32))
 def test_what_was_not_recorded_is_reached_through_what_is_undecided(
     seed: int, backend: Backend
@@ -115,7 +116,7 @@ def test_what_was_not_recorded_is_reached_through_what_is_undecided(
     assert {(part.formula, part.at) for part in found.untested} <= open_ones
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(formula=formulas(depth=1, endless=True), data=st.data(), trace=traces(most=8))
 def test_endless_operators_inside_others_and_late_operands(
     formula: Formula, data: st.DataObject, trace: Trace, backend: Backend
@@ -126,7 +127,7 @@ def test_endless_operators_inside_others_and_late_operands(
     agrees(data.draw(st.sampled_from(outer)), trace, backend)
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(
     inner=formulas(depth=1),
     begin=st.integers(0, 40),
@@ -142,7 +143,7 @@ def test_windows_longer_than_the_trace(
     agrees(inner.historically(past, past + width).always(), trace, backend)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(formula=formulas(depth=2, endless=True, total=False), trace=traces(values=INFINITIES))
 def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> None:
     agrees(formula, trace, backend)
@@ -400,7 +401,7 @@ def test_more_endless_operators_than_a_monitor_takes(backend: Backend) -> None:
     assert (found.verdict, found.robustness, found.decided_at) == (S, 2.0, None)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(case=cases(st.sampled_from(SEMANTICS), endless=True), trace=traces(most=8))
 def test_every_semantics_is_that_of_the_monitor(case: Case, trace: Trace, backend: Backend) -> None:
     spec, semantics = case

@@ -14,6 +14,7 @@ from boolean_oracle import holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import horizon, order, robustness
+from profiles import examples
 from strategies import (
     INFINITIES,
     TERMS,
@@ -59,7 +60,7 @@ def test_strategies_draw_every_operator() -> None:
     drawn: set[str] = set()
 
     @given(formulas(endless=True))
-    @settings(max_examples=200)
+    @settings(max_examples=examples(200))
     def collect(formula: Formula) -> None:
         drawn.update(node.op.name for node in formula.nodes() if node.op is not None)
 
@@ -68,7 +69,7 @@ def test_strategies_draw_every_operator() -> None:
 
 
 @pytest.mark.parametrize("name", ROOTS)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(data=st.data(), trace=traces())
 def test_every_operator_means_what_its_definition_says(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -79,7 +80,7 @@ def test_every_operator_means_what_its_definition_says(
 
 
 @pytest.mark.parametrize("name", [name for name in ROOTS if name not in TERMS])
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(data=st.data(), trace=traces(most=16))
 def test_every_operator_online_gives_its_definition_late_by_its_horizon(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -215,7 +216,7 @@ def test_reset_forgets_everything(case: tuple[Formula, Trace, int], backend: Bac
     [copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))],
     ids=["copy", "deepcopy", "pickle"],
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(case=interrupted())
 def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
     duplicate: Callable[[Monitor], Monitor], case: tuple[Formula, Trace, int], backend: Backend

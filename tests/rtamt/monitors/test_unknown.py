@@ -15,6 +15,7 @@ from episode_monitors import offered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_oracle import order
+from profiles import examples
 from strategies import VARIABLES, formulas, traces
 from uncertain_traces import UNKNOWN, Uncertain, one_of, uncertain_traces
 
@@ -79,7 +80,7 @@ def test_every_trace_inside_has_its_value_inside_the_bounds(
 
 
 @given(formulas(3, endless=True), uncertain_traces(), st.sampled_from(ENDS))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_both_back_ends_agree_to_the_bit(formula: Formula, trace: Uncertain, end: End) -> None:
     monitors = [EpisodeMonitor(formula, backend=name) for name in BACKENDS]
     for i in range(len(trace["a"])):
@@ -93,7 +94,7 @@ def test_both_back_ends_agree_to_the_bit(formula: Formula, trace: Uncertain, end
 
 
 @given(formulas(3, endless=True), uncertain_traces())
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_a_cut_moves_the_robustness_to_the_nearest_bound_of_both(
     formula: Formula, trace: Uncertain
 ) -> None:
@@ -121,7 +122,7 @@ def test_a_cut_moves_the_robustness_no_further_than_the_greatest_upper_bound(
 
 
 @given(formulas(3, endless=True), traces(), st.sampled_from(ENDS))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_without_an_unknown_sample_nothing_changes(
     formula: Formula, trace: dict[str, list[float]], end: End
 ) -> None:
@@ -248,7 +249,7 @@ DUPLICATES: list[Callable[[Any], Any]] = [copy.copy, lambda m: pickle.loads(pick
 
 @pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
 @given(trace=uncertain_traces(least=3, most=6), seed=st.integers(0, 9))
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_duplicates_go_on_alike_and_apart(
     duplicate: Callable[[Any], Any], trace: Uncertain, seed: int
 ) -> None:
@@ -362,7 +363,7 @@ def test_an_interval_is_a_value() -> None:
     st.sampled_from(ENDS),
     st.sampled_from(["nan", "ends"]),
 )
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_a_judgement_is_what_the_monitor_says(
     formula: Formula, trace: Uncertain, end: End, form: str
 ) -> None:

@@ -12,6 +12,7 @@ from bits import bits, identical
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 from strategies import formulas
 from uncertain_traces import UNKNOWN, some_value
 
@@ -51,7 +52,7 @@ def expected(lanes: list[EpisodeMonitor]) -> list[list[int]]:
 
 
 @given(formulas(3, endless=True), st.integers(0, 2**32))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_each_lane_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
     for backend in BACKENDS:
         rng, num = random.Random(seed), 3

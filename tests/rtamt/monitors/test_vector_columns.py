@@ -9,6 +9,7 @@ import pytest
 from bits import bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt import EpisodeMonitor, VectorEpisodeMonitor
 from rtamt.machines.backend import BACKENDS
@@ -70,7 +71,7 @@ def texts(draw: st.DrawFn) -> str:
 
 
 @pytest.mark.parametrize("single", list(BACKENDS))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(text=texts(), num=st.integers(1, 4), seed=st.integers(0, 2**32 - 1))
 def test_lanes_in_columns_are_episode_monitors_bit_for_bit(
     text: str, num: int, seed: int, single: Backend, backend: Backend

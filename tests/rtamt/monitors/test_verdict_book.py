@@ -15,6 +15,7 @@ from bits import bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 from rtamt import (
     EpisodeMonitor,
@@ -103,7 +104,7 @@ def columns_of(book: VerdictBook) -> list[tuple[int, ...]]:
     return [tuple(VARIABLES.index(name) for name in each.variables) for each in book.monitors]
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     texts=st.lists(st.sampled_from(TEXTS), min_size=1, max_size=4),
     num=st.integers(1, 5),
@@ -323,7 +324,7 @@ def drawn(random: np.random.Generator, kind: str, shape: tuple[int, ...]) -> Any
     return values
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(num=st.integers(1, 7), seed=st.integers(0, 2**32 - 1))
 def test_values_of_some_lanes_are_spread_over_all(num: int, seed: int, backend: Backend) -> None:
     random = np.random.default_rng(seed)

@@ -31,6 +31,7 @@ from fmu_calls import (
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from interface_cases import VACUITY, Case, cases
+from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import (
@@ -69,7 +70,7 @@ def compare(version: Version, programs: Programs, expected: Expected, trace: Tra
 
 
 @versions
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(part=formulas(2, endless=True), whole=formulas(endless=True), trace=traces())
 def test_steps_of_a_period_give_what_the_monitors_give(
     version: Version, part: Formula, whole: Formula, trace: Trace
@@ -81,7 +82,7 @@ def test_steps_of_a_period_give_what_the_monitors_give(
 
 
 @versions
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(case=cases(VACUITY, endless=True), trace=traces())
 def test_what_hangs_on_neutral_predicates_stays_open(
     version: Version, case: Case, trace: Trace
@@ -93,7 +94,7 @@ def test_what_hangs_on_neutral_predicates_stays_open(
 
 # Between two samples there are eight eighths of a period, which doubles add up exactly.
 @versions
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=formulas(2),
     trace=traces(),
@@ -141,7 +142,7 @@ def test_the_rounding_of_times_neither_adds_nor_loses_samples(
 
 
 @versions
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     formula=formulas(2, endless=True, dense=True),
     root=st.sampled_from(("", "always", "eventually")),
@@ -179,7 +180,7 @@ def order(value: float) -> tuple[float, float]:
     return value, math.copysign(1.0, value)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     formula=formulas(2, endless=True, dense=True),
     trace=traces(8),

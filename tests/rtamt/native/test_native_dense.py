@@ -16,6 +16,7 @@ import pytest
 from dense_signals import INTEGERS, Breakpoints, Signals, bitwise, chunked, chunks, of, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
@@ -135,7 +136,7 @@ DECLARED = st.sampled_from(
 
 
 @pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(text=DECLARED, whole=signals(), shares=chunks(), silent=st.sets(st.sampled_from("abc")))
 def test_so_it_does_with_declared_values(
     kind: Kind, text: str, whole: Signals, shares: list[list[float]], silent: set[str]
@@ -145,7 +146,7 @@ def test_so_it_does_with_declared_values(
 
 
 @pytest.mark.parametrize("name", DENSE)
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(data=st.data(), whole=signals(), shares=chunks(), scale=scales)
 def test_so_does_every_operator(
     name: str, data: st.DataObject, whole: Signals, shares: list[list[float]], scale: float

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 import rtamt
 from rtamt import End, Formula, Verdict, patterns
@@ -153,7 +154,7 @@ _columns = st.integers(1, 12).flatmap(
 def test_a_pattern_is_its_definition(name: str, backend: Literal["native", "python"]) -> None:
     formula, define = DEFINITIONS[name]
 
-    @settings(max_examples=30)
+    @settings(max_examples=examples(30))
     @given(_columns)
     def check(columns: list[list[float]]) -> None:
         trace = dict(zip("xyz", columns, strict=True))

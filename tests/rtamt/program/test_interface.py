@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_cases import NEUTRAL, RELATIVE, VACUITY, Case, cases, read
 from oracle import episode, horizon, robustness
+from profiles import examples
 from strategies import (
     INFINITIES,
     VARIABLES,
@@ -104,7 +105,7 @@ def test_episode_monitor_gives_the_definition_and_its_bounds(
         assert identical(found, episode(spec.formula, trace, n, read(case)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(case=cases(), rows=st.lists(traces(least=4, most=4), min_size=3, max_size=3))
 def test_lanes_in_lockstep_are_single_monitors(
     case: Case, rows: list[Trace], backend: Backend
@@ -131,7 +132,7 @@ def test_lanes_in_lockstep_are_single_monitors(
     [copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))],
     ids=["copy", "deepcopy", "pickle"],
 )
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(case=cases(), trace=traces(least=4, most=8))
 def test_a_duplicate_keeps_the_semantics_and_goes_on(
     duplicate: Callable[[Monitor], Monitor], case: Case, trace: Trace, backend: Backend

@@ -14,6 +14,7 @@ from dense_signals import Signals, chunked, chunks, play, relevant, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases, read
+from profiles import examples
 
 from rtamt import DenseMonitor, SemanticsName, evaluate_dense
 
@@ -45,7 +46,7 @@ def test_evaluate_dense_gives_the_definition(case: Case, whole: Signals, backend
     assert found == expected(case, whole)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(case=dense(endless=False), whole=signals(), shares=chunks())
 def test_dense_monitor_gives_the_definition_in_any_chunks(
     case: Case, whole: Signals, shares: list[list[float]], backend: Backend

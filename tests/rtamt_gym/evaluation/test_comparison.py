@@ -12,6 +12,7 @@ import pytest
 from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Comparison, Evaluation, Record, compare, evaluate_policy
@@ -34,7 +35,7 @@ def satisfies(row: tuple[float, float, bool], which: tuple[int, ...]) -> bool:
     return not failed and not row[2] and all(row[i] > 0 for i in which)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(episodes, episodes)
 def test_episodes_are_paired_by_their_seeds(
     of_a: dict[int, tuple[float, float, bool]], of_b: dict[int, tuple[float, float, bool]]
@@ -70,7 +71,7 @@ def test_an_evaluation_is_no_different_from_itself(
         assert compared.robustness is None or compared.robustness.value == 0.0
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(episodes, episodes)
 def test_a_file_gives_an_equal_comparison_back(
     tmp_path_factory: pytest.TempPathFactory,

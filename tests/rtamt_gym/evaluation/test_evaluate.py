@@ -15,6 +15,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from walks import SIGNALS, SPECS, Model, Walk, by_hand
 
 from rtamt import InputError, InputTypeError, StateError, Verdict
@@ -29,7 +30,7 @@ def evaluation(policy: Any = None, env: Any = None, **options: Any) -> Evaluatio
     return evaluate_policy(policy or Model(), env or Walk, SPECS, SIGNALS, **chosen)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(
     steps=st.integers(1, 9),
     goal=st.floats(0.2, 4.0),

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from painted import Painted
 from PIL import Image
+from profiles import examples
 
 from rtamt_gym import Evaluation, StlMonitor, evaluate_policy
 from rtamt_gym.__main__ import main
@@ -65,7 +66,7 @@ def values(steps: int, violation: int | None) -> list[float]:
     return [2.0 if i == violation else 0.0 for i in range(steps + 1)]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.integers(1, 80), st.data(), st.sampled_from(["end", "violation"]))
 def test_pictures_are_spread_and_show_the_violation_and_the_end(
     steps: int, data: st.DataObject, stop: Stop

@@ -9,6 +9,7 @@ import pytest
 from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt_gym import Record, compare
 from rtamt_gym.evaluation.tables import evaluation_table, show
@@ -104,7 +105,7 @@ names = st.lists(
 values = st.sampled_from([-math.inf, -1.23456e-7, -123456.0, 0.0, 1e300, math.inf, FAILED])
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(names, st.data())
 def test_every_line_fits_80_columns(names: list[str], data: st.DataObject) -> None:
     count = data.draw(st.integers(1, 5))

@@ -13,6 +13,7 @@ from bits import bits
 from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from replay import shaping_options
 from strategies import VARIABLES, Trace, formulas, length, sample, traces
 
@@ -81,7 +82,7 @@ def played(env: gym.Env[Any, Any], steps: int) -> list[Any]:
     return found
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     specs=SPECS,
     trace=traces(least=4),
@@ -103,7 +104,7 @@ def test_infos_are_those_of_monitors_that_are_fed_one_by_one(
 
 
 @pytest.mark.parametrize("mode", ["add", "replace", "potential", "terminal", "progress"])
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(
     specs=SPECS,
     trace=traces(least=4),

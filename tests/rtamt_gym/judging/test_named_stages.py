@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from staged import NAMES, End, Rows, progress, verdict
 from strategies import Trace, formulas, length, traces
 
@@ -69,7 +70,7 @@ def played(spec: Specification, rows: Rows, reading: Reading, end: End = "comple
 
 @pytest.mark.parametrize("end", ["complete", "cut", "open"])
 def test_progress_in_named_stages_is_its_definition(end: End) -> None:
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(requirements(), conditions(), traces())
     def check(whole: Formula, wanted: list[Formula], trace: Trace) -> None:
         rows = rows_of(trace)
@@ -82,7 +83,7 @@ def test_progress_in_named_stages_is_its_definition(end: End) -> None:
     check()
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(conditions(), traces())
 def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace) -> None:
     spec = Specification.of(in_order(*wanted))
@@ -93,7 +94,7 @@ def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace)
     assert played(spec, rows, named) == played(spec, rows, Reading())
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(requirements(), conditions(), st.lists(traces(), min_size=3, max_size=3))
 def test_many_environments_have_the_progress_of_one(
     whole: Formula, wanted: list[Formula], several: list[Trace]
@@ -121,7 +122,7 @@ def test_many_environments_have_the_progress_of_one(
 
 @pytest.mark.parametrize("end", ["complete", "cut"])
 def test_a_recorded_trace_has_the_progress_that_its_run_had(end: End) -> None:
-    @settings(max_examples=20)
+    @settings(max_examples=examples(20))
     @given(requirements(), conditions(), traces())
     def check(whole: Formula, wanted: list[Formula], trace: Trace) -> None:
         spec = Specification.of(whole)
@@ -132,7 +133,7 @@ def test_a_recorded_trace_has_the_progress_that_its_run_had(end: End) -> None:
     check()
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(requirements(), st.lists(formulas(0), min_size=2, max_size=4), traces(), st.data())
 def test_events_have_the_progress_of_the_samples_that_they_are(
     whole: Formula, wanted: list[Formula], trace: Trace, data: st.DataObject

@@ -12,6 +12,7 @@ from bits import bits
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from obligations_oracle import Expected, clock, margin
+from profiles import examples
 
 import rtamt
 from rtamt_gym import Reading
@@ -184,7 +185,7 @@ def test_clocks_and_margins_are_those_of_the_definition(
             assert bits([found[0], *found[1]]) == bits([of_many[0], *of_many[1]])
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(pattern=single() | nested() | past() | both_ways(), rows=traces, seed=st.integers(0, 99))
 def test_environments_have_clocks_of_their_own(
     pattern: Pattern, rows: list[tuple[float, ...]], seed: int

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from staged import NAMES, End, Rows, decided, progress, verdict
 from strategies import Trace, formulas, length, traces
 
@@ -50,7 +51,7 @@ def played(spec: Specification, rows: Rows, end: End) -> list[float]:
 
 @pytest.mark.parametrize("end", ["complete", "cut"])
 def test_progress_is_its_definition_and_keeps_its_laws(end: End) -> None:
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(requirements(), traces())
     def check(formula: Formula, trace: Trace) -> None:
         rows = rows_of(trace)
@@ -67,7 +68,7 @@ def test_progress_is_its_definition_and_keeps_its_laws(end: End) -> None:
     check()
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(requirements(), st.lists(traces(), min_size=3, max_size=3), st.booleans())
 def test_many_environments_have_the_progress_of_one(
     formula: Formula,
@@ -101,7 +102,7 @@ def test_many_environments_have_the_progress_of_one(
     assert [kept[0], kept[2]] == [alone[0].progress["task"], alone[2].progress["task"]]
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(requirements(), st.lists(traces(least=2), min_size=2, max_size=2), st.data())
 def test_a_value_that_is_held_counts_as_if_it_came_again(
     formula: Formula, several: list[Trace], data: st.DataObject
@@ -143,7 +144,7 @@ def test_an_episode_holds_no_value_of_the_one_before() -> None:
 
 @pytest.mark.parametrize("end", ["complete", "cut"])
 def test_a_recorded_trace_has_the_progress_that_its_run_had(end: End) -> None:
-    @settings(max_examples=20)
+    @settings(max_examples=examples(20))
     @given(requirements(), traces())
     def check(formula: Formula, trace: Trace) -> None:
         spec = Specification.of(formula)

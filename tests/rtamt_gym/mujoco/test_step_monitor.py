@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mujoco_models import INTEGRATORS, arm, record, swing
+from profiles import examples
 from strategies import VARIABLES, formulas
 
 import rtamt
@@ -92,7 +93,7 @@ def test_samples_are_those_of_a_loop_written_by_hand(
         assert monitor.step() == monitor.robustness
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(formulas(endless=True), st.sampled_from(INTEGRATORS), st.integers(1, 20))
 def test_robustness_online_is_robustness_offline(
     formula: rtamt.Formula, integrator: str, steps: int

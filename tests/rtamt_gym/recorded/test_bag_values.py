@@ -11,6 +11,7 @@ import pytest
 from bags import START, Said, twist, write_bag
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt_gym import Reading
@@ -63,7 +64,7 @@ def written(folder: str, extension: str, commands: Events, speeds: Events, delay
 
 
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events(), period=st.sampled_from(["1/10", "1/3", "7/10"]))
 def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
     extension: str, commands: Events, speeds: Events, period: str
@@ -100,7 +101,7 @@ def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
 
 
 @pytest.mark.parametrize("extension", [".mcap", ".bag"])
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events())
 def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
     extension: str, commands: Events, speeds: Events
@@ -124,7 +125,7 @@ def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
     assert (whole.verdict, whole.found.robustness) == (expected.verdict, expected.robustness)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events(), delay=st.integers(0, 3_000_000_000))
 def test_stamps_of_headers_count_where_they_are_asked_for(
     commands: Events, speeds: Events, delay: int

@@ -15,6 +15,7 @@ import pytest
 from bags import START, Said, twist, write_bag
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt import InputError
@@ -58,7 +59,7 @@ def read(path: str | Path, columns: Columns, text: str = "always(x > 0)") -> Tra
 # The head says what was recorded. -----------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     step=st.sampled_from(["0.1", "0.5", "2", "0.04"]),
     start=st.sampled_from([0, 5, 1_700_000_000]),
@@ -311,7 +312,7 @@ def test_files_name_the_traces_that_are_too_short(capsys: Output) -> None:
 # Values are unknown where nothing was recorded. ---------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     count=st.integers(8, 16),
     text=st.sampled_from(FORMULAS),
@@ -350,7 +351,7 @@ def test_every_filling_of_the_holes_lies_within_the_bounds(
         assert found.verdict in (whole.verdict, rtamt.Verdict.UNDECIDED)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     count=st.integers(6, 14),
     text=st.sampled_from([f for f in FORMULAS if "once" not in f]),
@@ -386,7 +387,7 @@ def test_every_filling_of_the_holes_lies_within_the_bounds_in_dense_time(
 @given(
     count=st.integers(10, 20), hole=st.integers(2, 9), most=st.integers(1, 12), phase=st.booleans()
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 def test_a_hole_is_unknown_from_its_length_on(
     count: int, hole: int, most: int, *, phase: bool
 ) -> None:

@@ -12,6 +12,7 @@ import pytest
 from bags import START, twist, write_bag
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt import Verdict
@@ -52,7 +53,7 @@ def columns() -> st.SearchStrategy[list[tuple[int | None, int | None]]]:
     return st.lists(st.tuples(cell, cell), min_size=1, max_size=6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     rows=columns(),
     text=st.sampled_from(FORMULAS),
@@ -211,7 +212,7 @@ def test_what_is_known_is_explained_and_the_rest_says_why_not(folder: Path, caps
     assert "calm:\nrobustness 5 at 5 s, decided by req < 9 at 5 s\n" in said
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     rows=columns(),
     text=st.sampled_from([f for f in FORMULAS if "once" not in f]),

@@ -11,6 +11,7 @@ from evaluations import evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import ROOT
+from profiles import examples
 
 from rtamt import Verdict
 from rtamt_gym import Case, Evaluation, Run, Waveform, compare, compare_methods, simulate
@@ -62,7 +63,7 @@ RECORDED = st.builds(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(SIMULATED | RECORDED)
 def test_a_trial_survives_strict_json_to_the_last_bit(trial: Trial) -> None:
     text = json.dumps(plain(trial), allow_nan=False)

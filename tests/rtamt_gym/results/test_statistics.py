@@ -10,6 +10,7 @@ import pytest
 from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt import Asked, Verdict
 from rtamt_gym import Case
@@ -32,7 +33,7 @@ def shortfall(values: list[float], share: Fraction) -> float:
     return float(total / share)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(NUMBERS, SHARES)
 def test_the_conditional_value_at_risk_is_the_mean_of_the_lowest_quantiles(
     values: list[float], share: float
@@ -41,7 +42,7 @@ def test_the_conditional_value_at_risk_is_the_mean_of_the_lowest_quantiles(
     assert expected_shortfall(values, share) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(NUMBERS)
 def test_it_lies_between_the_least_value_and_the_mean(values: list[float]) -> None:
     found = expected_shortfall(values)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt_gym import Case, Parameter, Signal, Space, Waveform, falsify
@@ -28,7 +29,7 @@ def row_of(case: Case) -> Trial:
 
 
 @given(st.data())
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_whatever_violates_the_reduced_case_does_so_and_is_no_larger(data: st.DataObject) -> None:
     point = data.draw(st.lists(st.floats(0, 1), min_size=11, max_size=11))
     case = SPACE.case(point)

@@ -7,6 +7,7 @@ import pytest
 import rtamt_envs
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt import RtamtError
 from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, sweep
@@ -49,7 +50,7 @@ def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
     return drawn()
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(data=st.data())
 def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
     env = environment(data.draw(st.sampled_from(SCENARIOS)))

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -85,7 +86,7 @@ def mined(kind: Kind, traces: list[Signals], low: float, high: float, step: floa
 
 @pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
 @given(traces=campaigns(), low=st.sampled_from([-20.0, -20.25, -8.5]))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 def test_the_value_is_that_of_a_scan_of_all_values(
     kind: Kind, traces: list[Signals], low: float
 ) -> None:
@@ -109,7 +110,7 @@ def test_the_value_is_that_of_a_scan_of_all_values(
 
 @pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
 @given(traces=campaigns())
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=examples(4), deadline=None)
 def test_with_tolerance_0_the_neighbouring_float_fails(kind: Kind, traces: list[Signals]) -> None:
     try:
         result = mined(kind, traces, -30.5, 30.5, 0)
@@ -134,7 +135,7 @@ def test_a_strict_bound_is_the_next_float_after_the_greatest_sample() -> None:
 
 
 @given(traces=campaigns(), period=st.sampled_from([None, 0.5, "20ms"]), level=st.integers(-3, 3))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_a_bound_of_time_is_the_first_sample_that_reaches_the_level(
     traces: list[Signals], period: float | str | None, level: int
 ) -> None:

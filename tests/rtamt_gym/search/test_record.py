@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -60,7 +61,7 @@ def records(draw: st.DrawFn) -> Record:
     return Record(rows, dict.fromkeys(names, "always(x > 0)"), "a system")
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(record=records())
 def test_a_record_that_is_saved_and_loaded_is_the_same_to_the_last_bit(
     record: Record, tmp_path_factory: pytest.TempPathFactory
@@ -73,7 +74,7 @@ def test_a_record_that_is_saved_and_loaded_is_the_same_to_the_last_bit(
     assert repr(loaded.columns()) == repr(record.columns())
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(record=records())
 def test_a_frame_has_the_cells_of_the_columns(record: Record) -> None:
     frame = record.to_frame()

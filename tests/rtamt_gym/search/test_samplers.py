@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Parameter, Signal, Space
@@ -30,7 +31,7 @@ def mixed() -> Space:
     )
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(space=SPACES, sampler=st.sampled_from(ALL), power=st.integers(0, 3), seed=st.integers(0, 99))
 def test_points_are_in_the_unit_cube_and_those_of_a_seed_are_the_same(
     space: Space, sampler: Sampler, power: int, seed: int

@@ -14,6 +14,7 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 from fmus import library, write_fmu
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from saved import Kind, check
 
 import rtamt
@@ -89,7 +90,7 @@ def points(dimension: int = 6) -> st.SearchStrategy[list[float]]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(8), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(coordinates=points(), seed=st.integers(0, 2**32))
 def test_a_saved_case_runs_again_to_the_same_bits(
     kind: str, coordinates: list[float], seed: int, tmp_path: Path
@@ -97,7 +98,7 @@ def test_a_saved_case_runs_again_to_the_same_bits(
     check(KINDS[kind](), coordinates, seed, tmp_path / "case.json")
 
 
-@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(5), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(coordinates=points())
 def test_fmus_are_found_beside_the_file(
     tank: Path, coordinates: list[float], tmp_path: Path

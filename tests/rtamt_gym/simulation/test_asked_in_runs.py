@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from implying import requirements
+from profiles import examples
 from strategies import VARIABLES, Trace, length, sample, traces
 
 import rtamt
@@ -64,7 +65,7 @@ def server(every: float = 3.0, late: float = 1.0) -> Iterator[dict[str, float]]:
         yield {"req": 5.0 * (i % round(every) == 1), "gnt": 5.0 * ((i - late) % every == 1)}
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     formula=requirements(2),
     trace=traces(most=8),

@@ -12,6 +12,7 @@ from fmus import library, write_fmu
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from input_cases import of_step, waveforms
+from profiles import examples
 
 from rtamt import InputError
 from rtamt_gym import Fmus, Waveform, simulate
@@ -45,7 +46,7 @@ def levels(
     return found
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     inflow=waveforms(0, 4) | st.floats(0, 4),
     numbers=st.fixed_dictionaries(

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from input_cases import of_step, waveforms
+from profiles import examples
 
 from rtamt import InputError
 from rtamt_gym import Case, Parameter, Signal, Space, StepMonitor, Waveform, simulate
@@ -113,7 +114,7 @@ def arrays(of: Any) -> dict[str, bytes]:  # noqa: ANN401 - MuJoCo is not typed
     return {name: array.tobytes() for name, array in held if isinstance(array, np.ndarray)}
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.fixed_dictionaries({}, optional=ENTRIES))
 def test_a_model_runs_as_the_case_says_and_stays_as_it_was(case: dict[str, Any]) -> None:
     model, data = cart()
@@ -177,7 +178,7 @@ def test_a_space_of_a_model_is_run_by_its_columns() -> None:
 
 
 @given(st.floats(1, 20), st.floats(0, 2), st.sampled_from([0.01, 0.02]), waveforms(-3, 3))
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 def test_an_environment_steps_a_model_with_other_constants(
     mass: float, damping: float, timestep: float, push: Waveform
 ) -> None:

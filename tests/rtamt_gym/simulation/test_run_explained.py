@@ -14,6 +14,7 @@ from bits import bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import order
+from profiles import examples
 from strategies import INTEGERS, Trace, formulas, length, sample, traces
 
 import rtamt
@@ -29,7 +30,7 @@ def run(*values: float, specs: Any = SPECS, **options: Any) -> Run:  # noqa: ANN
     return simulate([{"x": x} for x in values], specs, period=0.5, **options)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     both=st.tuples(formulas(depth=2), formulas(depth=2)),
     trace=traces(values=INTEGERS),

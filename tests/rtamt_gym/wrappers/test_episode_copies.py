@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 from scripts import Case, Scripted, cases, variables
 from vector_environments import MODES, difference, sync
 
@@ -67,7 +68,7 @@ def test_a_copied_or_pickled_monitor_goes_on_alike(case: Case, before: int) -> N
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 @given(cases(COSTS, LANES), st.integers(0, 9))
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_a_copied_or_pickled_monitor_of_many_goes_on_alike(
     mode: AutoresetMode, case: Case, before: int
 ) -> None:

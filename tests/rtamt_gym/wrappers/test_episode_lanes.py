@@ -11,6 +11,7 @@ from episode_oracle import Flags, chargeable, mismatch
 from gymnasium.vector import AutoresetMode
 from hypothesis import assume, given, settings
 from numpy.typing import NDArray
+from profiles import examples
 from scripts import Case, Scripted, cases, variables
 from vector_environments import MODES, Envs, difference, sync
 
@@ -118,7 +119,7 @@ def costs(case: Case) -> bool:
 
 @modes
 @given(some_cases)
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_one_wrapper_around_all_gives_the_infos_of_a_wrapper_around_each(
     mode: AutoresetMode, case: Case
 ) -> None:

@@ -11,6 +11,7 @@ from episode_oracle import chargeable
 from gymnasium.vector import AutoresetMode
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scripts import Case, Script, Scripted, cases, variables
 from vector_environments import MODES, Envs, difference, sync
 
@@ -53,7 +54,7 @@ def lead(envs: Envs, steps: int) -> list[tuple[Any, ...]]:
 
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @given(shaped_cases, shapes, st.sampled_from((None, "state")))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_one_wrapper_around_all_pays_and_says_what_a_wrapper_around_each_does(
     autoreset: AutoresetMode, case: Case, mode: str, observe: str | None
 ) -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from parallel_environments import Crew, assert_as_one
+from profiles import examples
 
 from rtamt.errors import InputError, StateError
 from rtamt_gym import ParallelStlMonitor, Step
@@ -48,7 +49,7 @@ def crews(draw: Any) -> Callable[[], Crew]:  # noqa: ANN401
     return lambda: Crew(numbers, ends)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=examples(50))
 @pytest.mark.parametrize("name", SPECS)
 @given(
     make=crews(),
@@ -73,7 +74,7 @@ def test_agents_are_monitored_together_as_one(
     assert_as_one(make, specs, signals, act, period=1.0, nan="hold", **options)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=examples(50))
 @given(crews(), st.sampled_from(["violation", "depth"]), st.sampled_from(["report", "terminate"]))
 def test_costs_are_those_of_one(make: Callable[[], Crew], cost: str, on_violation: str) -> None:
     specs = {"apart": "always(x - y > -1.5)", "soon": "always(eventually[0:1](x > 0))"}
