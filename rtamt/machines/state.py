@@ -48,7 +48,7 @@ class StateFields:
     """An object whose state is the fields that its class names.
 
     A field holds a number, a tuple or array that is never changed in place, a list or deque of
-    such values, another such object, or a list of such objects or of deques. Snapshots share no
+    such values, another such object, or a list of such objects, lists or deques. Snapshots share no
     list with the object, and `restore` keeps the objects that fields refer to.
 
     Attributes:
@@ -79,7 +79,7 @@ class StateFields:
 
 def _copied(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
     if isinstance(value, list | deque):
-        if value and isinstance(value[0], StateFields | deque):
+        if value and isinstance(value[0], StateFields | list | deque):
             return [_copied(part) for part in value]
         return value.copy()
     return value.state() if isinstance(value, StateFields) else value

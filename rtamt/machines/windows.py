@@ -7,10 +7,12 @@ of fixed length): four combinations a push in the worst case, whatever the lengt
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from rtamt.machines.state import StateFields
-from rtamt.program.algebra import Arrays, Element, LatticeFold
+from rtamt.program.algebra import FOLDS, Arrays, Element, LatticeFold
 
 __all__ = [
     "DelayLine",
@@ -20,8 +22,8 @@ __all__ = [
     "SlidingWindow",
     "fold_all",
     "make_window",
-    "padded",
     "slide",
+    "suffixes",
 ]
 
 
@@ -151,32 +153,44 @@ class DelayLine(StateFields):
         return late
 
 
-def slide(fold: LatticeFold, elements: Arrays, width: int) -> Arrays:
-    """The folds of all windows of ``width`` elements, made from windows of powers of two."""
-    count = elements[0].shape[-1] - width + 1
-    power, size, taken = elements, 1, 0
-    result: Arrays | None = None
-    while True:
-        if width & size:
-            part = tuple(a[..., taken : taken + count] for a in power)
-            result = part if result is None else fold.combine_arrays(result, part)
-            taken += size
-        if taken == width:
-            return result or elements
-        power = fold.combine_arrays(
-            tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
-        )
-        size *= 2
+def slide(
+    fold: LatticeFold, elements: list[Element], rest: Element, width: int, count: int
+) -> list[float]:
+    """Return the results of `count` windows, of which window i begins with element i.
+
+    Args:
+        fold: The fold, whose result is its last number.
+        elements: The elements up to some time.
+        rest: The element of all later times.
+        width: The number of elements in a window.
+        count: The number of windows.
+    """
+    inside = max(0, min(count, len(elements) - width + 1))
+    folds: list[Element] = []
+    if inside:
+        push = make_window(fold, width).push
+        folds = [push(x) for x in elements[: width - 1 + inside]][width - 1 :]
+    folds += suffixes(fold, elements[inside:], rest)[: count - inside]
+    folds += [rest] * (count - len(folds))
+    return [x[-1] for x in folds]
+
+
+def suffixes(fold: LatticeFold, elements: list[Element], rest: Element) -> list[Element]:
+    """Return for each element the fold from there to the end and of the rest, which comes last."""
+    combine = FOLDS[fold.mirror].combine  # of the younger with the older
+    return [*accumulate(reversed(elements), combine, initial=rest)][::-1]
 
 
 def fold_all(fold: LatticeFold, elements: Arrays) -> Arrays:
-    """Folds all elements into one, along the last axis, which then has the length 1."""
-    return slide(fold, elements, elements[0].shape[-1])
-
-
-def padded(fold: LatticeFold, elements: Arrays, before: int, after: int) -> Arrays:
-    """The elements along the last axis, with identities of the fold before and after them."""
-    padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
-    return tuple(
-        np.pad(a, padding, constant_values=e) for a, e in zip(elements, fold.identity, strict=True)
-    )
+    """Fold all elements into one, along the last axis, which then has the length 1."""
+    while (count := elements[0].shape[-1]) > 1:
+        half = count // 2
+        pairs = fold.combine_arrays(
+            tuple(a[..., 0 : 2 * half : 2] for a in elements),
+            tuple(a[..., 1 : 2 * half : 2] for a in elements),
+        )
+        elements = tuple(
+            np.concatenate([b, a[..., 2 * half :]], axis=-1)
+            for a, b in zip(elements, pairs, strict=True)
+        )
+    return elements

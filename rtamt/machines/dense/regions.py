@@ -22,7 +22,6 @@ from rtamt.machines.dense.runs import (
     Runs,
     clipped,
     concatenated,
-    folded,
     identities,
     joint,
     paired,
@@ -31,6 +30,7 @@ from rtamt.machines.dense.runs import (
     suffixes,
 )
 from rtamt.machines.state import StateFields
+from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 from rtamt.program.instructions import Window
 
@@ -397,7 +397,7 @@ class AtBegin(StateFields):
             end = min(end, self._hi)
         if begin <= end:
             elements = self._operands.settled(begin, end).values
-            total = folded(self._fold, elements)
+            total = fold_all(self._fold, elements)
             self._total = self._fold.combine_arrays(self._total, total)
 
     def value(self, world: int, t: int, unknowns: Array) -> float:
@@ -414,5 +414,5 @@ class AtBegin(StateFields):
             end = seen if end is None else min(end, seen)
         if end is None or begin <= end:
             elements = clipped(self._operands.seen(world, begin, unknowns), begin, end).values
-            total = self._fold.combine_arrays(total, folded(self._fold, elements))
+            total = self._fold.combine_arrays(total, fold_all(self._fold, elements))
         return float(total[-1].item())

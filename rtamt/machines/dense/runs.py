@@ -20,7 +20,6 @@ __all__ = [
     "clipped",
     "concatenated",
     "distinct",
-    "folded",
     "joint",
     "paired",
     "scanned",
@@ -169,21 +168,6 @@ def suffixes(fold: LatticeFold, elements: Arrays) -> Arrays:
     mirror = FOLDS[fold.mirror]
     backwards = scanned(mirror, tuple(a[..., ::-1] for a in elements))
     return tuple(np.ascontiguousarray(a[..., ::-1]) for a in backwards)
-
-
-def folded(fold: LatticeFold, elements: Arrays) -> Arrays:
-    """The fold of all elements, as arrays of one."""
-    while (count := elements[0].shape[-1]) > 1:
-        half = count // 2
-        pairs = fold.combine_arrays(
-            tuple(a[..., 0 : 2 * half : 2] for a in elements),
-            tuple(a[..., 1 : 2 * half : 2] for a in elements),
-        )
-        elements = tuple(
-            np.concatenate([b, a[..., 2 * half :]], axis=-1)
-            for a, b in zip(elements, pairs, strict=True)
-        )
-    return elements
 
 
 def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int | None) -> Runs:

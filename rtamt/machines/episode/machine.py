@@ -1,4 +1,4 @@
-"""The machine of `EpisodeMonitor` in Python: the whole episode's robustness and its bounds.
+"""The machine of `EpisodeMonitor` in Python: the robustness of an episode, and its bounds.
 
 It computes the value at time 0 in three worlds. In ``NOW`` the episode ended with the last sample.
 In ``LOWER`` and ``UPPER`` it goes on, and every predicate is -inf or +inf at every unseen sample.
@@ -9,22 +9,22 @@ has to hold before a witness of ``until`` is there too if the witness is
 every register is monotone in the predicates, and the last two values are the bounds over all
 continuations and all ends.
 
-A trace that was cut (``finish(end="cut")``) has two worlds more. There the unseen samples of
-windows with an end are there, and windows without end fold what was recorded; where nothing of
-their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
+A trace that was cut (``finish(end="cut")``) has two more worlds. There the unseen samples of
+windows with an end are there, and windows without an end fold the recorded samples. If no sample
+of their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
 
 Take a register whose value depends on H samples of the future and E samples of the past. After
 sample t it has
 
 * settled values up to time t - H, which are the same in all worlds;
-* open values of times t - H + 1 to t + E (in ``NOW`` to t), an array for each world;
+* open values of times t - H + 1 to t + E (in ``NOW`` to t), a list for each world;
 * a tail: one number for each world, its value at all later times.
 
-A window without end inside another operator never settles. Its value u at the first open time is
-an unknown, and values before that are lattice polynomials in the unknowns: monotone functions max
+A window without an end inside another operator never settles. Its value u at the first open time
+is an unknown, and earlier values are lattice polynomials in the unknowns: monotone functions max
 over S of min(c_S, u_i for i in S), stored by their values at the corners u in {-inf, +inf}. Folds
 act corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
-value. Every settled array has an axis of length 2 for each unknown, in front.
+value.
 
 Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.initial`).
 """
@@ -33,21 +33,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn, assert_never, cast
-
-import numpy as np
+from typing import NoReturn, assert_never
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.episode.initial import InitialFold
 from rtamt.machines.episode.streams import (
     CUT,
+    NOW,
     OPEN,
+    UNSEEN,
     WORLDS,
-    Constant,
+    Leaf,
     Pointwise,
-    Polynomials,
-    Predicate,
     Sliding,
     Stream,
     UnboundedFuture,
@@ -57,7 +55,7 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FUNCTIONS
-from rtamt.program.instructions import Const, Map, Window
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
 
@@ -87,90 +85,91 @@ class PythonEpisodeMachine(PythonSampleMachine):
         placement = place(program)
         super().__init__(placement.program, reader)
         self._initial = placement.initial
-        self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
+        # The values of the unknowns in each world.
+        self._unknowns = [[0.0 for _ in placement.unknowns] for _ in UNSEEN]
         self._streams: dict[int, Stream] = {}
         for register in placement.streams:
-            self._streams[register] = self._made(register)
+            self._streams[register] = self._stream(register, placement.unknowns)
+        self._predicates = {
+            register: stream
+            for register, stream in self._streams.items()
+            if isinstance(stream, Leaf)
+        }
         self._folds: dict[int, InitialFold] = {}
         for register in placement.initial:
             instruction = self.program.instructions[register]
             if isinstance(instruction, Window):
                 streams = [self._streams[a] for a in instruction.args]
                 self._folds[register] = InitialFold(instruction, streams)
-        self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
-        # The value of every unknown, a row for each world.
-        self._values_of_unknowns = np.zeros((5, len(self._axes)))
+        self._keepers: list[Stream | InitialFold] = [
+            *self._streams.values(),
+            *self._folds.values(),
+        ]
         self.reset()
 
-    def _made(self, register: int) -> Stream:
+    def _stream(self, register: int, unknowns: Sequence[int]) -> Stream:
         instruction = self.program.instructions[register]
-        corners = (2,) * len(self._axes)
         if isinstance(instruction, Const):
-            return Constant(corners, instruction.value)
+            return Leaf(self._unknowns, instruction.value)
         if register < self.program.terms:
-            return Predicate(corners, register)
-        match self.program.formula(register):
-            case Map(function, args):
-                return Pointwise(function, [self._streams[a] for a in args])
-            case Window(_, lo, hi, args) as window:
-                streams = [self._streams[a] for a in args]
-                if hi is None:
-                    return UnboundedFuture(window, self._axes[register], streams)
-                return (UnboundedPast if lo is None else Sliding)(window, streams)
+            return Leaf(self._unknowns)
+        formula = self.program.formula(register)
+        streams = [self._streams[a] for a in formula.args]
+        match formula:
+            case Map(function):
+                return Pointwise(function, streams)
+            case Window(_, _, None):
+                return UnboundedFuture(formula, unknowns.index(register), streams)
+            case Window(_, None):
+                return UnboundedPast(formula, streams)
+            case Window():
+                return Sliding(formula, streams)
             case _ as never:
                 assert_never(never)
 
     def take(self, terms: Registers, values: list[float]) -> None:
         self.inputs = values
         self.samples += 1
-        self._advance(terms)
-
-    def _advance(self, terms: Registers) -> None:
         t = self.samples - 1
-        for stream in self._streams.values():
-            if isinstance(stream, Predicate):
-                stream.take(terms)
-            value = stream.settle(t)
-            if isinstance(stream, UnboundedFuture) and value is not None:
-                for keeper in self._keepers:
-                    keeper.substitute(stream.axis, value)
-            if value is not None:
-                stream.append(value, t)
-            stream.look(t, self._values_of_unknowns)
         if t == 0:
             self._first = terms
+        for register, predicate in self._predicates.items():
+            predicate.now = terms[register]
+        for stream in self._streams.values():
+            time = t - stream.late
+            if time >= 0:
+                value = stream.settle(time)
+                if isinstance(stream, UnboundedFuture):
+                    for keeper in self._keepers:
+                        keeper.substitute(stream.unknown, value)
+                stream.append(value, time)
+            stream.look(t)
         for fold in self._folds.values():
             fold.settle(t)
-        self._conclude(t)
+        self._conclude()
 
-    def _conclude(self, t: int) -> None:
-        self.robustness, self.lower, self.upper = self._results(t, WORLDS)
-        if t < 0:
-            self.robustness = math.nan
+    def _conclude(self) -> None:
+        self.robustness, self.lower, self.upper = map(self._at_zero, WORLDS)
 
-    def _results(self, t: int, worlds: Sequence[int]) -> list[float]:
-        """The value at time 0 in some worlds after sample t."""
-        found: dict[int, list[float]] = {}
+    def _at_zero(self, world: int) -> float:
+        """The value at time 0 in a world; nan in ``NOW`` before the first sample."""
+        program, t = self.program, self.samples - 1
+        if t < 0 and world == NOW:
+            return math.nan
+        values: dict[int, float] = {}
         for register in self._initial:
-            found[register] = self._at_zero(register, found, t, worlds)
-        return found[self.program.result]
-
-    def _at_zero(
-        self, register: int, found: dict[int, list[float]], t: int, worlds: Sequence[int]
-    ) -> list[float]:
-        instruction = self.program.instructions[register]
-        if isinstance(instruction, Const):
-            return [instruction.value] * len(worlds)
-        if register < self.program.terms:
-            if t >= 0:
-                return [self._first[register]] * len(worlds)
-            return [math.nan, -math.inf, math.inf]
-        fold = self._folds.get(register)
-        if fold is not None:
-            return [fold.value(world, t, self._values_of_unknowns) for world in worlds]
-        function, args = cast("Map", instruction).function, cast("Map", instruction).args
-        choose = FUNCTIONS[function].apply
-        return [choose(*values) for values in zip(*(found[a] for a in args), strict=True)]
+            match program.instructions[register]:
+                case Const(value):
+                    values[register] = value
+                case Window():
+                    values[register] = self._folds[register].value_in(world, t)
+                case Map(function, args) if register >= program.terms:
+                    values[register] = FUNCTIONS[function].apply(*(values[a] for a in args))
+                case Load() | Map():
+                    values[register] = self._first[register] if t >= 0 else UNSEEN[world]
+                case _ as never:
+                    assert_never(never)
+        return values[program.result]
 
     def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
@@ -179,16 +178,12 @@ class PythonEpisodeMachine(PythonSampleMachine):
             if end == "complete":
                 self.lower = self.upper = self.robustness
             elif end == "cut":
-                self._cut()
+                for stream in self._streams.values():
+                    stream.look(self.samples - 1, [*OPEN.values(), *CUT])
+                self.lower, self.upper = map(self._at_zero, CUT)
                 self.robustness = moved(self.robustness, self.lower, self.upper)
             self.finished = True
         return self.robustness
-
-    def _cut(self) -> None:
-        t, worlds = self.samples - 1, [*OPEN.values(), *CUT]
-        for stream in self._streams.values():
-            stream.look(t, self._values_of_unknowns, worlds)
-        self.lower, self.upper = self._results(t, CUT)
 
     def reset(self) -> None:
         super().reset()
@@ -197,5 +192,5 @@ class PythonEpisodeMachine(PythonSampleMachine):
         for keeper in self._keepers:
             keeper.reset()
         for stream in self._streams.values():
-            stream.look(-1, self._values_of_unknowns)
-        self._conclude(-1)
+            stream.look(-1)
+        self._conclude()

@@ -1,23 +1,20 @@
-"""Registers of the episode machine as signals over all times.
+"""Registers of the episode machine as signals over all times, in plain floats.
 
 `rtamt.machines.episode.machine` explains settled and open values, tails, worlds and unknowns. Times
-are sample numbers; the last axis of an array is time, and settled arrays have an axis of length 2
-for each unknown in front.
+are sample numbers.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rtamt.machines.state import StateFields
-from rtamt.machines.terms import Registers
-from rtamt.machines.windows import fold_all, padded, slide
-from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
+from rtamt.machines.windows import slide, suffixes
+from rtamt.program.algebra import FOLDS, FUNCTIONS, Element, LatticeFold
 from rtamt.program.instructions import Window
 
 __all__ = [
@@ -25,158 +22,176 @@ __all__ = [
     "LOWER",
     "NOW",
     "OPEN",
+    "UNSEEN",
     "UPPER",
     "WORLDS",
-    "Array",
-    "Constant",
+    "Leaf",
     "Operands",
     "Pointwise",
-    "Polynomials",
-    "Predicate",
+    "Polynomial",
+    "RunningFold",
     "Sliding",
     "Stream",
     "UnboundedFuture",
     "UnboundedPast",
-    "in_world",
-    "skips",
+    "Unknowns",
+    "skipping",
 ]
-
-Array = NDArray[np.float64]
 
 INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
 CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
-"""The worlds of a trace that was cut, which are found when it ends."""
+"""The worlds of a trace that was cut, which are computed when it ends."""
 OPEN = {CUT_LOWER: LOWER, CUT_UPPER: UPPER}
-"""The world of the open reading whose values a future without end has where nothing was recorded.
+"""The world whose values an operator without end has where nothing of it was recorded."""
+UNSEEN = (math.nan, -INF, INF, -INF, INF)
+"""The value of a predicate at unseen samples in each world; nothing reads it in ``NOW``."""
+
+Unknowns = list[list[float]]
+"""The values of all unknowns in each world, which `Stream.look` updates."""
+
+Polynomial = tuple[float, ...]
+"""A value that depends on unknowns, given by its values at the corners, where all are -inf or +inf.
+
+Bit i of a corner's number is set where unknown i is +inf. A polynomial in the first k unknowns has
+2**k corners, a plain number has one.
 """
-_NOTHING: Array = np.zeros(0)
+
+lesser, greater = FUNCTIONS["min"].apply, FUNCTIONS["max"].apply
 
 
-def in_world(settled: Array, unknowns: Array) -> Array:
-    """The settled values for given values of the unknowns."""
+def value_of(polynomial: Polynomial, unknowns: Sequence[float]) -> float:
+    """Return the value of a polynomial for given values of the unknowns."""
     for u in unknowns:
-        settled = greater(settled[0], lesser(settled[1], u))
-    return settled
+        if len(polynomial) == 1:
+            break
+        corners = zip(polynomial[::2], polynomial[1::2], strict=True)
+        polynomial = tuple(greater(low, lesser(high, u)) for low, high in corners)
+    return polynomial[0]
 
 
-def skips(window: Window, world: int) -> bool:
-    """Whether unseen elements count nothing in a world, but for the one of the window's time."""
-    return world in {LOWER, UPPER} and window.skips(best=world == UPPER)
+def substituted(polynomial: Polynomial, unknown: int, value: Polynomial) -> Polynomial:
+    """Return the polynomial with another one in place of an unknown."""
+    bit = 1 << unknown
+    if len(polynomial) <= bit:
+        return polynomial
+    values = value * (len(polynomial) // len(value))
+    return tuple(
+        greater(polynomial[corner & ~bit], lesser(polynomial[corner | bit], u))
+        for corner, u in enumerate(values)
+    )
 
 
-class Polynomials(StateFields):
-    """Arrays of settled values."""
-
-    STATE: ClassVar[tuple[str, ...]] = ("kept",)
-
-    def __init__(self, nothing: Arrays) -> None:
-        self.kept = self._nothing = nothing
-
-    def reset(self) -> None:
-        self.kept = self._nothing
-
-    def substitute(self, axis: int, value: Array) -> None:
-        """Write an unknown as a polynomial in what it is one sample later."""
-        self.kept = tuple(
-            greater(a.take([0], axis), lesser(a.take([1], axis), value[..., None]))
-            for a in self.kept
-        )
+def skipping(window: Window) -> frozenset[int]:
+    """Return the worlds in which a window skips unseen elements, except that of its own time."""
+    return frozenset(world for world in (LOWER, UPPER) if window.skips(best=world == UPPER))
 
 
-class Stream(Polynomials):
+class Stream(StateFields):
     """A register that is read at all times.
 
-    Attributes:
-        corners: The shape in front of settled values, a 2 for each unknown.
+    Args:
+        unknowns: The unknowns of the machine, which all streams share.
+        corners: The number of corners of its settled values.
         late: How many samples of the future a value depends on, apart from the unknowns.
         past: For how many times after the last sample a value depends on samples.
+
+    Attributes:
         keep: How many settled values other registers read.
-        last: Time of the last settled value, -1 before there is one.
+        t: Time of the last sample.
+        last: Time of the last settled value, -1 before the first.
+        history: The last settled values, a list for each corner.
+        open: The values after `last` in each world.
+        tail: The value at all later times in each world.
     """
 
-    STATE: ClassVar[tuple[str, ...]] = ("kept", "last")
+    STATE: ClassVar[tuple[str, ...]] = ("history", "last")
 
-    def __init__(self, corners: tuple[int, ...], late: int, past: int) -> None:
-        super().__init__((np.zeros((*corners, 0)),))
+    def __init__(self, unknowns: Unknowns, corners: int, late: int, past: int) -> None:
+        self.unknowns = unknowns
         self.corners = corners
         self.late = late
         self.past = past
         self.keep = 1
-        self.last = -1
-        # For every world; `look` finds them anew after every sample.
-        self.open = [_NOTHING] * 5
-        self.tail = [math.nan, -INF, INF, -INF, INF]
+        self.t = -1
+        self.open: list[list[float]] = [[] for _ in UNSEEN]
+        self.tail = list(UNSEEN)
 
     def reset(self) -> None:
-        super().reset()
         self.last = -1
+        self.history: list[list[float]] = [[] for _ in range(self.corners)]
 
-    def settle(self, t: int) -> Array | None:
-        """The value at time t - late, which settles with sample t; None before time 0."""
-        return None if t < self.late else self._settled(t - self.late)
-
-    def _settled(self, time: int) -> Array:
-        """The value of a time, which settles with sample ``time + late``."""
+    def settle(self, time: int) -> Polynomial:
+        """Return the value of a time, which settles with sample ``time + late``."""
         raise NotImplementedError
 
-    def look(self, t: int, unknowns: Array, worlds: Sequence[int] = WORLDS) -> None:
-        """Find the open values and the tail of some worlds after sample t."""
+    def append(self, value: Polynomial, time: int) -> None:
+        """Keep the settled value of the next time."""
+        for values, number in zip(self.history, value, strict=True):
+            values.append(number)
+            del values[: -self.keep]
+        self.last = time
 
-    def append(self, value: Array, t: int) -> None:
-        """Keep the value that settled with sample t."""
-        (history,) = self.kept
-        start = max(0, history.shape[-1] + 1 - self.keep)
-        self.kept = (np.concatenate([history[..., start:], value[..., None]], axis=-1),)
-        self.last = t - self.late
+    def substitute(self, unknown: int, value: Polynomial) -> None:
+        """Write an unknown as a polynomial in its value one sample later."""
+        if self.last >= 0:
+            polynomials = zip(*self.history, strict=True)
+            columns = zip(*(substituted(p, unknown, value) for p in polynomials), strict=True)
+            self.history = [list(column) for column in columns]
 
-    def settled(self, begin: int, end: int) -> Array:
-        """The settled values of times begin to end."""
-        (history,) = self.kept
-        first = self.last + 1 - history.shape[-1]
-        return history[..., begin - first : end - first + 1]
+    def look(self, t: int, worlds: Sequence[int] = WORLDS) -> None:
+        """Compute the open values and the tail in some worlds after sample t."""
+        self.t, begin = t, self.last + 1
+        for world in worlds:
+            end = t if world == NOW else t + self.past
+            self.open[world], self.tail[world] = self._look(world, begin, end)
 
-    def seen(self, world: int, begin: int, end: int, unknowns: Array) -> Array:
-        """The values of times begin to end in a world; in ``NOW`` the last must not be after t."""
-        parts = []
-        if begin <= self.last:
-            known = self.settled(begin, min(end, self.last))
-            parts.append(in_world(known, unknowns[world]))
-        open_from = self.last + 1
-        here = self.open[world]
-        parts.append(here[max(0, begin - open_from) : max(0, end - open_from + 1)])
-        beyond = end - max(begin - 1, self.last + len(here))
-        if beyond > 0:
-            parts.append(np.full(beyond, self.tail[world]))
-        return np.concatenate(parts)
+    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+        """Return the values of times begin to end in a world, and the value at all later times."""
+        raise NotImplementedError
 
+    def settled(self, time: int) -> Polynomial:
+        """Return the settled value of a time."""
+        return tuple(values[time - self.last - 1] for values in self.history)
 
-class Predicate(Stream):
-    """A term read as a formula: it settles at once, and is unknown at every unseen sample."""
+    def at_corner(self, corner: int, begin: int, end: int) -> list[float]:
+        """Return the settled values of times begin to end at a corner."""
+        values = self.history[corner % self.corners]
+        first = self.last + 1 - len(values)
+        return values[begin - first : end - first + 1]
 
-    def __init__(self, corners: tuple[int, ...], register: int) -> None:
-        super().__init__(corners, 0, 0)
-        self._register = register
-        self._now = math.nan
-
-    def take(self, terms: Registers) -> None:
-        """Take in the present sample."""
-        self._now = terms[self._register]
-
-    def _settled(self, time: int) -> Array:  # noqa: ARG002 - it is always the present
-        return np.full(self.corners, self._now)
+    def seen(self, world: int, begin: int, end: int) -> list[float]:
+        """Return the values of times begin to end in a world; in ``NOW`` up to the last sample."""
+        first = self.last + 1
+        values = self.open[world][max(0, begin - first) : max(0, end - first + 1)]
+        if begin < first:
+            columns = [self.at_corner(c, begin, min(end, self.last)) for c in range(self.corners)]
+            settled = columns[0]
+            if self.corners > 1:
+                unknowns = self.unknowns[world]
+                settled = [value_of(p, unknowns) for p in zip(*columns, strict=True)]
+            values = settled + values
+        return values + [self.tail[world]] * (end - begin + 1 - len(values))
 
 
-class Constant(Stream):
-    """One value at every time, seen or not."""
+class Leaf(Stream):
+    """A predicate, which is unknown at unseen samples, or a constant, which is not.
 
-    def __init__(self, corners: tuple[int, ...], value: float) -> None:
-        super().__init__(corners, 0, 0)
-        self._value = value
-        self.tail = [value] * 5
+    Attributes:
+        now: The value at the present sample.
+    """
 
-    def _settled(self, time: int) -> Array:  # noqa: ARG002 - the same at every time
-        return np.full(self.corners, self._value)
+    def __init__(self, unknowns: Unknowns, constant: float | None = None) -> None:
+        super().__init__(unknowns, 1, 0, 0)
+        self.now = math.nan
+        if constant is not None:
+            self.tail = [constant] * len(UNSEEN)
+
+    def settle(self, time: int) -> Polynomial:  # noqa: ARG002 - it is the present
+        return (self.now,)
+
+    def look(self, t: int, worlds: Sequence[int] = WORLDS) -> None:
+        """Do nothing: no value is open, and the tail stays."""
 
 
 class Operands:
@@ -185,7 +200,8 @@ class Operands:
     def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
         self.fold = fold
         self.streams = streams
-        self.corners = streams[0].corners
+        self.unknowns = streams[0].unknowns
+        self.corners = max(s.corners for s in streams)
         self.late = max(s.late for s in streams)
         self.past = max(s.past for s in streams)
 
@@ -194,205 +210,215 @@ class Operands:
         for s in self.streams:
             s.keep = max(s.keep, late - s.late - oldest + 1)
 
-    def identities(self, *shape: int) -> Arrays:
-        """Elements that are the identity of the fold."""
-        return tuple(np.full(shape, e) for e in self.fold.identity)
+    def settled(self, time: int, corners: int) -> list[Element]:
+        """Return the settled element of a time at each of so many corners."""
+        polynomials = (s.settled(time) for s in self.streams)
+        return list(zip(*(p * (corners // len(p)) for p in polynomials), strict=True))
 
-    def settled(self, begin: int, end: int) -> Arrays:
-        """The settled elements of times begin to end; identities before time 0."""
-        first = max(0, begin)
-        if first > end:
-            return self.identities(*self.corners, end - begin + 1)
-        elements = tuple(s.settled(first, end) for s in self.streams)
-        return padded(self.fold, elements, first - begin, 0)
+    def at_corner(self, corner: int, begin: int, end: int) -> list[Element]:
+        """Return the settled elements of times begin to end at a corner; none before time 0."""
+        begin, end = max(0, begin), max(-1, end)
+        numbers = (s.at_corner(corner, begin, end) for s in self.streams)
+        return list(zip(*numbers, strict=True))
 
-    def seen(
-        self, world: int, begin: int, end: int, unknowns: Array, last: int | None = None
-    ) -> Arrays:
-        """The elements of times begin to end in a world; identities outside 0 to ``last``."""
-        first = max(0, begin)
-        last = end if last is None else min(end, last)
-        if first > last:
-            return self.identities(end - begin + 1)
-        elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
-        return padded(self.fold, elements, first - begin, end - last)
+    def seen(self, world: int, begin: int, end: int) -> list[Element]:
+        """Return the elements of times begin to end in a world; identities before time 0."""
+        early = min(0, end + 1) - begin
+        if early > 0:
+            return [self.fold.identity] * early + self.seen(world, begin + early, end)
+        numbers = [s.seen(world, begin, end) for s in self.streams]
+        return list(zip(*numbers, strict=True))
 
-    def tail(self, world: int) -> Arrays:
-        """The element of all times after the open ones."""
-        if world == NOW:
-            return self.identities(1)
-        return tuple(np.array([s.tail[world]]) for s in self.streams)
+    def tail(self, world: int) -> Element:
+        """Return the element of all times after the open ones."""
+        return self.fold.identity if world == NOW else tuple(s.tail[world] for s in self.streams)
 
 
-class _Windowed(Stream):
-    """The folds of a window at every time."""
+class _Fold(Stream):
+    """A fold of operands.
 
-    def __init__(self, window: Window, operands: Operands, late: int, past: int) -> None:
-        super().__init__(operands.corners, late, past)
-        self.window = window
-        self.operands = operands
-        self.fold = operands.fold
+    Args:
+        operands: The operands.
+        lo: The first offset whose settled elements are read.
+        hi: The last offset.
+        corners: The number of corners of its settled values; that of the operands by default.
+    """
 
-    def look(self, t: int, unknowns: Array, worlds: Sequence[int] = WORLDS) -> None:
-        begin = self.last + 1
-        for world in worlds:
-            count = max(0, (t if world == NOW else t + self.past) - begin + 1)
-            values = self._open(world, begin, count, t, unknowns)
-            # Of times from this one on the values are others.
-            own = t + 1 - (self.window.begin if world in CUT and self.window.endless else 0)
-            own = max(begin, own)
-            if skips(self.window, world):
-                values, self.tail[world] = self._alone(world, values, begin, own, unknowns)
-            elif world in CUT and (self.window.endless or self.window.hi is None):
-                rest = self.open[OPEN[world]][own - begin :]
-                values = np.concatenate([values[: own - begin], rest])
-                self.tail[world] = self.tail[OPEN[world]]
-            self.open[world] = values
-
-    def _alone(
-        self, world: int, values: Array, begin: int, own: int, unknowns: Array
-    ) -> tuple[Array, float]:
-        """The values and the tail if from a time on each window has its own element alone."""
-        if self.window.lo != 0:
-            nothing = self.fold.identity[-1]
-            rest = np.full(len(values[own - begin :]), nothing)
-            return np.concatenate([values[: own - begin], rest]), nothing
-        last = self.operands.streams[-1]
-        end = begin + len(values) - 1
-        rest = last.seen(world, own, end, unknowns) if own <= end else _NOTHING
-        return np.concatenate([values[: own - begin], rest]), last.tail[world]
-
-    def _last(self, world: int, t: int) -> int | None:
-        """The last time whose elements count in a world; None: all of them."""
-        return t if world == NOW or skips(self.window, world) else None
-
-    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        """The values of ``count`` times from begin on; sets the tail."""
-        raise NotImplementedError
+    def __init__(self, operands: Operands, lo: int, hi: int, corners: int | None = None) -> None:
+        late, past = max(0, operands.late + hi), max(0, operands.past - lo)
+        super().__init__(operands.unknowns, corners or operands.corners, late, past)
+        self._operands = operands
+        self._fold = operands.fold
+        self._lo, self._hi = lo, hi
+        operands.hold(late, lo)
 
 
-class Sliding(_Windowed):
-    """The fold over offsets lo to hi."""
+class Pointwise(_Fold):
+    """The minimum or maximum of two operands at each time."""
 
-    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
-        self._lo, self._hi = lo, hi = window.lo or 0, window.hi or 0
-        operands = Operands(FOLDS[window.fold], streams)
-        super().__init__(window, operands, max(0, operands.late + hi), max(0, operands.past - lo))
-        operands.hold(self.late, lo)
+    def __init__(self, function: str, streams: Sequence[Stream]) -> None:
+        super().__init__(Operands(FOLDS[function], streams), 0, 0)
+        self._choose = FUNCTIONS[function].apply
 
-    def _settled(self, time: int) -> Array:
-        elements = self.operands.settled(time + self._lo, time + self._hi)
-        return fold_all(self.fold, elements)[-1][..., 0]
+    def settle(self, time: int) -> Polynomial:
+        pairs = self._operands.settled(time, self.corners)
+        return tuple(self._choose(x, y) for x, y in pairs)
 
-    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        tail = self.operands.tail(world)
-        self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
-        if count == 0:
-            return _NOTHING
-        end = begin + count - 1 + self._hi
-        last = self._last(world, t)
-        elements = self.operands.seen(world, begin + self._lo, end, unknowns, last)
-        return slide(self.fold, elements, self._hi - self._lo + 1)[-1]
+    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+        p, q = self._operands.streams
+        values: list[float] = []
+        if begin <= end:
+            values = [*map(self._choose, p.seen(world, begin, end), q.seen(world, begin, end))]
+        return values, self._choose(p.tail[world], q.tail[world])
 
 
-class Pointwise(Sliding):
-    """The least or greatest of the operands at one time."""
+class RunningFold(StateFields):
+    """The fold of all elements so far, at each corner."""
 
-    def __init__(self, fold: str, streams: Sequence[Stream]) -> None:
-        super().__init__(Window(fold, 0, 0, ()), streams)
+    STATE: ClassVar[tuple[str, ...]] = ("_elements",)
 
-    def _settled(self, time: int) -> Array:
-        return self._across([s.settled(time, time)[..., 0] for s in self.operands.streams])
+    def __init__(self, operands: Operands) -> None:
+        self._operands = operands
+        self._combine = operands.fold.combine
 
-    def _open(
-        self,
-        world: int,
-        begin: int,
-        count: int,
-        t: int,  # noqa: ARG002 - the operands know where the trace ends
-        unknowns: Array,
-    ) -> Array:
-        streams = self.operands.streams
-        self.tail[world] = self._across([np.array(s.tail[world]) for s in streams]).item()
-        if count == 0:
-            return _NOTHING
-        return self._across([s.seen(world, begin, begin + count - 1, unknowns) for s in streams])
+    def reset(self) -> None:
+        self._elements: list[Element] = [self._operands.fold.identity] * self._operands.corners
 
-    def _across(self, values: list[Array]) -> Array:
-        first, *rest = values
-        for value in rest:
-            (first,) = self.fold.combine_arrays((first,), (value,))
-        return first
+    def push(self, time: int) -> None:
+        """Fold in the settled element of the next time."""
+        newest = self._operands.settled(time, self._operands.corners)
+        self._elements = [*map(self._combine, self._elements, newest)]
+
+    @property
+    def value(self) -> Polynomial:
+        """The last number of the fold."""
+        return tuple(element[-1] for element in self._elements)
+
+    def seen(self, world: int) -> Element:
+        """Return the fold in a world."""
+        unknowns = self._operands.unknowns[world]
+        return tuple(value_of(p, unknowns) for p in zip(*self._elements, strict=True))
+
+    def substitute(self, unknown: int, value: Polynomial) -> None:
+        """Write an unknown as a polynomial in its value one sample later."""
+        polynomials = zip(*self._elements, strict=True)
+        numbers = [substituted(p, unknown, value) for p in polynomials]
+        self._elements = list(zip(*numbers, strict=True))
 
 
-class UnboundedPast(_Windowed):
-    """The fold over all offsets up to hi."""
+class UnboundedPast(_Fold):
+    """The fold over all offsets up to hi, which is not after now."""
 
-    STATE = (*_Windowed.STATE, "_total")
+    STATE = (*_Fold.STATE, "_total")
 
     def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
-        self._hi = hi = window.hi or 0
-        operands = Operands(FOLDS[window.fold], streams)
-        super().__init__(window, operands, max(0, operands.late + hi), operands.past - hi)
-        operands.hold(self.late, hi)
-        self._total = Polynomials(operands.identities(*operands.corners, 1))
+        newest = window.hi or 0
+        super().__init__(Operands(FOLDS[window.fold], streams), newest, newest)
+        self._total = RunningFold(self._operands)
 
     def reset(self) -> None:
         super().reset()
         self._total.reset()
 
-    def _settled(self, time: int) -> Array:
-        newest = self.operands.settled(time + self._hi, time + self._hi)
-        self._total.kept = self.fold.combine_arrays(self._total.kept, newest)
-        return self._total.kept[-1][..., 0]
+    def settle(self, time: int) -> Polynomial:
+        if time + self._hi >= 0:
+            self._total.push(time + self._hi)
+        return self._total.value
 
-    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        combine = self.fold.combine_arrays
-        total = tuple(in_world(a, unknowns[world]) for a in self._total.kept)
-        end = begin + count - 1 + self._hi
-        elements = self.operands.seen(world, begin + self._hi, end, unknowns, self._last(world, t))
-        elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
-        prefixes = slide(self.fold, padded(self.fold, elements, count, 0), count + 1)
-        last = tuple(a[-1:] for a in prefixes)
-        self.tail[world] = combine(last, self.operands.tail(world))[-1].item()
-        return prefixes[-1][1:]
+    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+        combine = self._fold.combine
+        elements = self._operands.seen(world, begin + self._hi, end + self._hi)
+        folds = [*accumulate(elements, combine, initial=self._total.seen(world))]
+        tail = combine(folds[-1], self._operands.tail(world))
+        return [fold[-1] for fold in folds[1:]], tail[-1]
 
-    def substitute(self, axis: int, value: Array) -> None:
-        super().substitute(axis, value)
-        self._total.substitute(axis, value)
+    def substitute(self, unknown: int, value: Polynomial) -> None:
+        super().substitute(unknown, value)
+        self._total.substitute(unknown, value)
 
 
-class UnboundedFuture(_Windowed):
+class _Window(_Fold):
+    """The fold over a window with a begin."""
+
+    def __init__(
+        self, window: Window, operands: Operands, hi: int, corners: int | None = None
+    ) -> None:
+        super().__init__(operands, window.lo or 0, hi, corners)
+        self._skipping = skipping(window)
+        # In a trace that was cut, the values of so many recorded times are those of `OPEN`.
+        self._unread: int | None = None
+        if window.endless or window.hi is None:
+            self._unread = window.begin if window.endless else 0
+
+    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+        if world in self._skipping:
+            first = max(begin, self.t + 1)
+            after, tail = self._alone(world, first, end)
+        elif world in CUT and self._unread is not None:
+            first = max(begin, self.t + 1 - self._unread)
+            after, tail = self.open[OPEN[world]][first - begin :], self.tail[OPEN[world]]
+        else:
+            first, after, tail = end + 1, [], self._operands.tail(world)[-1]
+        return self._folds(world, begin, first - 1) + after, tail
+
+    def _alone(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+        """Return the values of unseen times and the tail where unseen elements are skipped."""
+        if self._lo == 0:
+            operand = self._operands.streams[-1]
+            return operand.seen(world, begin, end), operand.tail[world]
+        nothing = self._fold.identity[-1]
+        return [nothing] * (end - begin + 1), nothing
+
+    def _folds(self, world: int, begin: int, end: int) -> list[float]:
+        """Return the folds of times begin to end."""
+        raise NotImplementedError
+
+
+class Sliding(_Window):
+    """The fold over offsets lo to hi."""
+
+    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
+        super().__init__(window, Operands(FOLDS[window.fold], streams), window.hi or 0)
+
+    def settle(self, time: int) -> Polynomial:
+        fold, operands = self._fold, self._operands
+        begin, end = time + self._lo, time + self._hi
+        corners = (operands.at_corner(c, begin, end) for c in range(self.corners))
+        return tuple(functools.reduce(fold.combine, x, fold.identity)[-1] for x in corners)
+
+    def _folds(self, world: int, begin: int, end: int) -> list[float]:
+        if begin > end:
+            return []
+        operands = self._operands
+        ends = world == NOW or world in self._skipping  # with the last sample
+        last = min(end + self._hi, self.t if ends else self.t + operands.past)
+        elements = operands.seen(world, begin + self._lo, last)
+        rest = self._fold.identity if ends else operands.tail(world)
+        return slide(self._fold, elements, rest, self._hi - self._lo + 1, end - begin + 1)
+
+
+class UnboundedFuture(_Window):
     """The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 
     Attributes:
-        axis: The axis of its unknown, the value at the first open time.
+        unknown: The number of its unknown, the value at the first open time.
     """
 
-    def __init__(self, window: Window, axis: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(FOLDS[window.fold], streams)
-        super().__init__(window, operands, operands.late, operands.past)
-        operands.hold(self.late, 0)
-        self.axis = axis
+    def __init__(self, window: Window, unknown: int, streams: Sequence[Stream]) -> None:
+        super().__init__(window, Operands(FOLDS[window.fold], streams), 0, 2 << unknown)
+        self.unknown = unknown
 
-    def _settled(self, time: int) -> Array:
-        newest = tuple(a[..., 0] for a in self.operands.settled(time, time))
-        shape = [1] * newest[0].ndim
-        shape[self.axis] = 2
-        unknown = np.array([-INF, INF]).reshape(shape)
-        rest = (*(np.full_like(unknown, e) for e in self.fold.identity[:-1]), unknown)
-        return np.broadcast_to(self.fold.combine_arrays(newest, rest)[-1], newest[0].shape)
+    def settle(self, time: int) -> Polynomial:
+        combine, nothing = self._fold.combine, self._fold.identity[:-1]
+        newest = self._operands.settled(time, self.corners)
+        return tuple(
+            combine(element, (*nothing, INF if corner >> self.unknown else -INF))[-1]
+            for corner, element in enumerate(newest)
+        )
 
-    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        tail = self.operands.tail(world)
-        unseen = 0
-        if world in CUT or skips(self.window, world):  # what follows is found by `look`
-            tail, unseen = self.operands.identities(1), begin + count - 1 - t
-        else:
-            self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
-        count -= unseen
-        elements = self.operands.seen(world, begin, begin + count - 1, unknowns)
-        elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
-        suffixes = slide(self.fold, padded(self.fold, elements, 0, count), count + 1)[-1]
-        unknowns[world, self.axis] = suffixes[0]
-        return np.append(suffixes[:count], [math.nan] * unseen)
+    def _folds(self, world: int, begin: int, end: int) -> list[float]:
+        ends = world in CUT or world in self._skipping  # with the last sample
+        rest = self._fold.identity if ends else self._operands.tail(world)
+        folds = suffixes(self._fold, self._operands.seen(world, begin, end), rest)
+        self.unknowns[world][self.unknown] = folds[0][-1]
+        return [fold[-1] for fold in folds[:-1]]
