@@ -21,6 +21,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import shown_lines
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
+from rtamt_gym.commands.arguments import with_default_count
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.exit_codes import INTERRUPTED
 
@@ -115,7 +116,12 @@ def _command(argv: Sequence[str]) -> str:
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
     command = _command(argv)
+    if command == "monitor":
+        from rtamt_gym.commands.monitor import discard_old_outcomes
+
+        discard_old_outcomes(argv)
     parser = _parser(command)
+    argv = with_default_count(argv)
     if command in OF_TRACES:
         argv = [SEPARATOR if word == "--" else word for word in argv]
     options, rest = parser.parse_known_args(argv)

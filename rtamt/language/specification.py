@@ -180,10 +180,11 @@ class Specification:
 
     @cached_property
     def requirements(self) -> Mapping[str, Specification]:
-        """What the text requires, by name: every formula that no other formula uses, in order.
+        """The requirements of the text, by name, in order.
 
-        A formula uses those whose names stand in its text. In ``a = x > 0; b = a`` only ``b`` is a
-        requirement; in ``a = x > 0; b = always(x > 0)`` both are, for ``b`` does not name ``a``.
+        A requirement is a formula that no other formula uses, or that has an id. A formula uses
+        those whose names stand in its text. In ``a = x > 0; b = a`` only ``b`` is a requirement; in
+        ``a = x > 0; b = always(x > 0)`` both are, for ``b`` does not name ``a``.
 
         Each is the result of a specification of its own, with the formulas that it uses and with
         the declarations and constants of the text; its errors show their place in the whole text.
@@ -203,7 +204,7 @@ class Specification:
             slow: always(v < 5) of ('v',)
         """
         used = {name for names in self.uses.values() for name in names}
-        roots = {name: name for name in self.formulas if name not in used}
+        roots = {name: name for name in self.formulas if name not in used or name in self.ids}
         if all(self.formulas[name] is not self.formula for name in roots):
             wanted = (self._result_name or self.name or "spec", "spec")
             numbered = (f"spec{count}" for count in itertools.count(2))
@@ -399,7 +400,7 @@ class Specification:
             formula=self.formulas.get(root, self.formula),
             name=None if name in self.formulas else name,
             formulas={each: f for each, f in self.formulas.items() if each in needed},
-            ids={each: found for each, found in self.ids.items() if each in {*needed, name}},
+            ids={each: found for each, found in self.ids.items() if each in {root, name}},
             uses={each: names for each, names in self.uses.items() if each in needed},
             requirement=name,
         )

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rtamt import InputError
 from rtamt.errors import shown
@@ -23,7 +23,7 @@ __all__ = [
     "add_max_steps",
     "add_output",
     "add_reading",
-    "add_require_asked",
+    "add_require_triggered",
     "add_spec",
     "add_workers",
     "check_outputs",
@@ -32,6 +32,7 @@ __all__ = [
     "read_reading",
     "read_signals",
     "whole",
+    "with_default_count",
 ]
 
 
@@ -254,27 +255,44 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_require_asked(parser: argparse.ArgumentParser, what: str) -> None:
-    """Adds ``--require-asked`` and ``--require-answered``, which fill the list ``required``.
+_TRIGGERED: Final = ("--require-triggered", "--require-asked")
+
+
+def with_default_count(words: Sequence[str]) -> list[str]:
+    """Return the command line with ``=1`` after each bare ``--require-triggered``.
+
+    The option takes a value only in the form ``--require-triggered=N``: the word after the bare
+    option is an argument of its own, such as a specification.
+    """
+    return [f"{word}=1" if word in _TRIGGERED else word for word in words]
+
+
+def _trials(text: str) -> int | Literal["all"]:
+    if text == "all":
+        return "all"
+    if not _is_whole(text) or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"expected all or a whole number from 1 on, got {text!r}")
+    return int(text)
+
+
+def add_require_triggered(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add ``--require-triggered`` and ``--require-answered``, which `Required.of` reads.
 
     Args:
         parser: The parser of the command.
-        what: What puts a requirement to the test, as in ``trace``.
+        what: The word for a trial, such as ``trace``.
     """
-    parser.set_defaults(required=[])
     parser.add_argument(
-        "--require-asked",
-        dest="required",
-        action="append_const",
-        const="asked",
-        help=f"exit 3 if no {what} has put some requirement with an implication to the test, and "
-        "nothing is violated",
+        *_TRIGGERED,
+        type=_trials,
+        metavar="N",
+        help=f"exit 3 if a requirement with an implication is triggered in fewer than N {what}s "
+        "and nothing is violated; N stands behind =, as in --require-triggered=5, and may be all "
+        "(default without =N: 1)",
     )
     parser.add_argument(
         "--require-answered",
-        dest="required",
-        action="append_const",
-        const="answered",
+        action="store_true",
         help=f"exit 3 too if the verdict on such a requirement hangs on an answer in no {what}: "
         "each that puts it to the test satisfies it without one, or leaves it open",
     )

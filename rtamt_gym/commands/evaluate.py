@@ -19,7 +19,7 @@ from rtamt_gym.commands.arguments import (
     add_max_steps,
     add_output,
     add_reading,
-    add_require_asked,
+    add_require_triggered,
     add_spec,
     add_workers,
     check_outputs,
@@ -30,7 +30,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import INTERRUPTED, exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import INTERRUPTED, Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.success import (
     add_success,
@@ -159,7 +159,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep finished episodes there; after an interruption the same command goes on",
     )
     add_reading(parser, *EPISODES)
-    add_require_asked(parser, "episode")
+    add_require_triggered(parser, "episode")
     add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
     add_output(parser, "--report", "write it as a page of HTML, with the worst episodes as plots")
 
@@ -220,7 +220,7 @@ def run(options: argparse.Namespace) -> int:
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
-    hollow = unasked(evaluation.record, "episode", options.required)
+    hollow = unasked(evaluation.record, "episode", Required.of(options))
     hollow += not_kept(evaluation.record) if options.success else []
     tell(hollow)
     if evaluation.interrupted is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rtamt_gym.tables import wrapped
 
@@ -15,11 +15,28 @@ if TYPE_CHECKING:
 
 __all__ = ["INTERRUPTED", "Hollow", "Required", "exit_code", "tell", "unasked", "undecided"]
 
-Required = Literal["asked", "answered"]
-"""What a command may require of the runs or traces of a requirement with an implication.
 
-Some of them put it to the test; or the verdict on some hangs on an answer, too.
-"""
+@dataclass(frozen=True, slots=True)
+class Required:
+    """Evidence that a command requires for every requirement with an implication.
+
+    Attributes:
+        triggered: The number of trials that must trigger the requirement, or ``"all"``; None: any
+            number.
+        answered: Whether the verdict of at least one trial must rest on an answer.
+    """
+
+    triggered: int | Literal["all"] | None = None
+    answered: bool = False
+
+    @classmethod
+    def of(cls, options: Any) -> Required:  # noqa: ANN401 - a namespace of argparse
+        """Return the evidence that the options of a command require."""
+        triggered = options.require_triggered
+        if triggered is None and options.require_answered:
+            triggered = 1
+        return cls(triggered, options.require_answered)
+
 
 INTERRUPTED: Final = 130
 """The exit code after Ctrl-C, as shells have it."""
@@ -80,23 +97,28 @@ def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
     ]
 
 
-def unasked(results: Results, what: str, required: Collection[Required]) -> list[Hollow]:
+def unasked(results: Results, what: str, required: Required) -> list[Hollow]:
     """What nothing has put to the test, and what was satisfied without an answer.
 
     Args:
         results: The trials.
         what: What a trial is, in a word.
-        required: What the command is to fail for where there is none.
+        required: The evidence that the command requires; it fails if some is missing.
     """
     from rtamt_gym.results.asked import (
         never_answered_texts,
         never_asked_lines,
         partly_asked_lines,
+        seldom_triggered_texts,
     )
 
-    found = [Hollow(text, bool(required)) for text in never_asked_lines(results, what)]
+    triggered = required.triggered
+    fails = triggered is not None
+    found = [Hollow(text, fails) for text in never_asked_lines(results, what)]
+    seldom = seldom_triggered_texts(results, triggered, what)
+    found += [Hollow(text, fails=True) for text in seldom.values()]
     found += [Hollow(text) for text in partly_asked_lines(results, what)]
-    if "answered" in required:
+    if required.answered:
         texts = never_answered_texts(results, what).values()
         found += [Hollow(text, fails=True) for text in texts]
     return found

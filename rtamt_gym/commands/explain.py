@@ -6,8 +6,8 @@ import argparse
 import sys
 
 from rtamt import Verdict
-from rtamt_gym.commands.arguments import add_require_asked
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.arguments import add_require_triggered
+from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.commands.traces import add_min_duration, read_arguments
 
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt explain requirements.stl drive.csv --only near"
     add_traces(parser, "explain")
-    add_require_asked(parser, "trace")
+    add_require_triggered(parser, "trace")
     add_min_duration(parser)
 
 
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     said = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
     if said := [*said, *note_lines(matrix)]:
         print("", *said, sep="\n", flush=True)
-    hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
+    hollow = unasked(matrix, "trace", Required.of(options)) + too_short(asked, rows)
     tell(hollow)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
     return exit_code([matrix.word], hollow)

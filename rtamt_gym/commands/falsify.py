@@ -15,7 +15,7 @@ from rtamt_gym.commands.arguments import (
     EPISODES,
     add_output,
     add_reading,
-    add_require_asked,
+    add_require_triggered,
     add_workers,
     check_outputs,
     positive,
@@ -24,7 +24,15 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import INTERRUPTED, Hollow, exit_code, tell, unasked, undecided
+from rtamt_gym.commands.exit_codes import (
+    INTERRUPTED,
+    Hollow,
+    Required,
+    exit_code,
+    tell,
+    unasked,
+    undecided,
+)
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import add_policy, add_system, opened_system
@@ -111,7 +119,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "also with a greater --budget",
     )
     add_reading(parser, *EPISODES)
-    add_require_asked(parser, "simulation")
+    add_require_triggered(parser, "simulation")
     add_output(
         parser,
         "--save",
@@ -173,7 +181,7 @@ def run(options: argparse.Namespace) -> int:
     if not found.falsified:
         hollow += hollow_failures(found.record, options, found.not_violated)
         hollow += undecided(found.record, "simulation", fails=True)
-    hollow += unasked(found.record, "simulation", options.required)
+    hollow += unasked(found.record, "simulation", Required.of(options))
     tell(hollow, stderr=options.json)
     words: list[Word] = ["violated"] if found.falsified else []
     return INTERRUPTED if found.interrupted else exit_code(words, hollow)

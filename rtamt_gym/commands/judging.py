@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import traceback
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
@@ -28,6 +28,7 @@ from rtamt_gym.results.asked import (
     never_asked_texts,
     never_asked_word,
     rests_on_unknown,
+    seldom_triggered_texts,
 )
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
@@ -307,16 +308,20 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
 
 
-def unmet_of(asked: TracesAsked, matrix: Matrix, required: Collection[Required]) -> Unmet:
+def unmet_of(
+    asked: TracesAsked, matrix: Matrix, required: Required, *, undecided: bool = False
+) -> Unmet:
     """What the traces were to have beside verdicts, and do not have: `Hollow` that fails.
 
     Args:
         asked: What the command line asks for.
         matrix: The outcomes.
-        required: What some trace is to do with each requirement.
+        required: The evidence that the command requires of the traces.
+        undecided: Whether an undecided verdict counts as a failure.
     """
-    unasked = never_asked_texts(matrix) if required else {}
-    unanswered = never_answered_texts(matrix) if "answered" in required else {}
+    unasked = {} if required.triggered is None else never_asked_texts(matrix)
+    seldom = seldom_triggered_texts(matrix, required.triggered)
+    unanswered = never_answered_texts(matrix) if required.answered else {}
     short = {
         row.name: text
         for row in matrix.rows
@@ -327,11 +332,20 @@ def unmet_of(asked: TracesAsked, matrix: Matrix, required: Collection[Required])
     for name in unasked:
         word = never_asked_word(unknown=rests_on_unknown(matrix, name))
         words.setdefault(word, []).append(name)
+    if seldom:
+        words["triggered too seldom"] = list(seldom)
     if unanswered:
         words["never answered"] = list(unanswered)
     parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
     parts += [each.text for each in too_short(asked, matrix.rows)]
-    return Unmet(unasked, unanswered, short, "; ".join(parts))
+    return Unmet(
+        unasked,
+        seldom,
+        unanswered,
+        short,
+        undecided=undecided,
+        summary="; ".join(parts),
+    )
 
 
 def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:

@@ -6,17 +6,20 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs, positive
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.arguments import add_output, add_require_triggered, check_outputs, positive
+from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked
 from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
-from rtamt_gym.commands.specs import files_of
+from rtamt_gym.commands.specs import files_of, identified_texts
 from rtamt_gym.commands.stages import add_stage, with_stages
 from rtamt_gym.commands.traces import (
     TracesAsked,
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     from rtamt_gym.results.mutation import MutationScore
     from rtamt_gym.results.unmet import Unmet
 
-__all__ = ["add_arguments", "run"]
+__all__ = ["add_arguments", "discard_old_outcomes", "run"]
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
 """The options that write what becomes of one trace over time."""
@@ -61,9 +64,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the outcomes to standard output as strict JSON, in place of the report",
     )
     add_stage(parser)
-    add_require_asked(parser, "trace")
+    add_require_triggered(parser, "trace")
     add_min_duration(parser)
+    parser.add_argument(
+        "--min-traces",
+        type=positive,
+        metavar="N",
+        help="exit 2 if there are fewer than N traces",
+    )
+    parser.add_argument(
+        "--expect",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="exit 2 if no requirement with this name is judged; may be repeated",
+    )
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
+    parser.add_argument(
+        "--undecided",
+        choices=("skip", "fail"),
+        help="how --junit reports an undecided requirement: skipped, or as a failure; the exit "
+        "code stays the same (default: skip)",
+    )
     add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
     add_output(
         parser,
@@ -84,6 +106,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw all requirements, where --plot draws the worst of many",
     )
     add_mutants(parser.add_argument_group("mutants"))
+
+
+def _check_expected(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> None:
+    """Raise InputError if a requirement or traces that the command line expects are missing."""
+    if options.undecided and not options.junit:
+        raise InputError(
+            f"--undecided {options.undecided} sets how --junit reports undecided requirements; "
+            "add --junit FILE or leave it out"
+        )
+    for name in options.expect:
+        if name not in asked.specs:
+            hint = nearest(name, asked.specs) or f"; they are {listing(asked.specs)}"
+            raise InputError(f"--expect: no requirement {name!r} is judged{hint}")
+    if options.min_traces is not None and len(paths) < options.min_traces:
+        raise InputError(
+            "; ".join(
+                [
+                    f"--min-traces: expected {options.min_traces} traces or more, got {len(paths)}",
+                    *asked.ignored,
+                ]
+            )
+        )
+
+
+def discard_old_outcomes(words: Sequence[str]) -> None:
+    """Remove the JUnit file of an earlier run, before the command line is parsed.
+
+    A run that stops early, for example at a misspelt option, then leaves no outcomes behind.
+
+    Args:
+        words: The command line.
+    """
+    for word, following in zip(words, (*words[1:], ""), strict=True):
+        option, _, value = word.partition("=")
+        if option == "--junit" and (path := value or following):
+            from rtamt_gym.results.junit import discard_junit
+
+            discard_junit(Path(path))
 
 
 def _given(options: argparse.Namespace, option: str) -> bool:
@@ -121,6 +181,7 @@ def run(options: argparse.Namespace) -> int:
         if _given(options, option):
             refuse_unknown(options, option, "needs the robustness at every sample")
     asked, paths = read_arguments(options)
+    _check_expected(options, asked, paths)
     asked = with_stages(asked)
     check_mutants(options, asked)
     _check_files(options, paths)
@@ -140,7 +201,9 @@ def run(options: argparse.Namespace) -> int:
         workers = options.workers
         rows = judge_files(asked, paths, workers=workers, explain=explain, watch=watch)
     matrix = matrix_of(asked, rows)
-    hollow = unasked(matrix, "trace", options.required) + too_short(asked, rows)
+    required = Required.of(options)
+    hollow = unasked(matrix, "trace", required) + too_short(asked, rows)
+    hollow += map(Hollow, (*identified_texts(asked.specs), *asked.ignored))
     scores = {} if watch is None else watch.scores(matrix)
     hollow += hollow_scores(options, scores)
     # Traces that test a requirement violate it too: then their verdicts are no failure.
@@ -160,7 +223,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(*_report(matrix, judged), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
-    unmet = unmet_of(asked, matrix, options.required)
+    unmet = unmet_of(asked, matrix, required, undecided=options.undecided == "fail")
     said = _write(options, asked, matrix, judged, unmet)
     if options.write_apart is not None:
         said.append(write_apart(scores, asked, matrix, options.write_apart))
@@ -222,6 +285,7 @@ def _rules(asked: TracesAsked) -> dict[str, str]:
     said = {name: str(value) for name, value in rules.items() if value is not None}
     if asked.min_duration is not None:
         said["min_duration"] = str(asked.min_duration)
+    said |= {f"constant:{name}": value for name, value in asked.constants.items()}
     return said | {"time": "dense" if asked.reading.dense else "sampled"}
 
 
@@ -243,7 +307,7 @@ def _write(
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown
 
-        options.markdown.write_text(to_markdown(matrix, unmet), encoding="utf-8")
+        options.markdown.write_text(to_markdown(matrix, unmet, asked.constants), encoding="utf-8")
         said.append(f"outcomes: {options.markdown}\n")
     if judged is None or judged.trace is None or not judged.judgements:
         return said

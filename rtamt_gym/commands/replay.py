@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rtamt.errors import shown, shown_lines
-from rtamt_gym.commands.arguments import add_output, add_require_asked, check_outputs
+from rtamt_gym.commands.arguments import add_output, add_require_triggered, check_outputs
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print which formulas and samples decided the robustness",
     )
-    add_require_asked(parser, "run")
+    add_require_triggered(parser, "run")
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--save", "write the run as a Parquet file, a row for each sample")
 
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         save(draw([with_inputs(made, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
     trial, text = made.trial(), str(saved.requirement.formula)
-    hollow = unasked(Results([trial], {saved.name: text}), "run", options.required)
+    hollow = unasked(Results([trial], {saved.name: text}), "run", Required.of(options))
     tell(hollow)
     return exit_code([] if saved.gives(made) else ["violated"], hollow)
 

@@ -15,7 +15,7 @@ from rtamt_gym.commands.arguments import (
     add_max_steps,
     add_output,
     add_reading,
-    add_require_asked,
+    add_require_triggered,
     add_spec,
     check_outputs,
     positive,
@@ -25,7 +25,7 @@ from rtamt_gym.commands.arguments import (
     whole,
 )
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked
+from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs episodes of a registered Gymnasium environment under specifications and prints "
         "their robustness and verdicts. Exits 0 whatever the verdicts are, 2 if an episode failed, "
-        "and with --require-asked 3 if nothing has put a requirement to the test."
+        "and with --require-triggered 3 if nothing has put a requirement to the test."
     )
     parser.epilog = (
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_max_steps(parser)
     add_reading(parser, "substeps", "period", "view", "semantics", "align")
-    add_require_asked(parser, "episode")
+    add_require_triggered(parser, "episode")
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
     add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
@@ -148,7 +148,7 @@ def run(options: argparse.Namespace) -> int:
         shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown}: {options.plot}")
-    hollow = unasked(record, "episode", options.required)
+    hollow = unasked(record, "episode", Required.of(options))
     tell(hollow)
     return exit_code(["failed"] if failed else [], hollow)
 

@@ -19,6 +19,7 @@ __all__ = [
     "add_constant",
     "chosen",
     "files_of",
+    "identified_texts",
     "read_constants",
     "read_requirements",
     "requirements_of",
@@ -86,6 +87,26 @@ def read_requirements(
             f"--constant: no specification has the constant {name!r}{nearest(name, known)}"
         )
     return specs
+
+
+def identified_texts(specs: Mapping[str, rtamt.Specification]) -> list[str]:
+    """Return a text for each requirement that another one uses.
+
+    It is judged on its own because it has an id.
+    """
+    texts = []
+    for name, spec in specs.items():
+        users = [
+            other
+            for other, its in specs.items()
+            if its is not spec and its.formulas.get(spec.requirement or "") is spec.formula
+        ]
+        if users:
+            texts.append(
+                f"{name} is judged on its own, because it has the id {spec.id}; "
+                f"{listing(users)} {'uses' if len(users) == 1 else 'use'} it too"
+            )
+    return texts
 
 
 def requirements_of(

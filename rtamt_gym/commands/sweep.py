@@ -15,7 +15,7 @@ from rtamt_gym.commands.arguments import (
     EPISODES,
     add_output,
     add_reading,
-    add_require_asked,
+    add_require_triggered,
     add_workers,
     check_outputs,
     read_reading,
@@ -24,7 +24,7 @@ from rtamt_gym.commands.arguments import (
 )
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import exit_code, tell, unasked, undecided
+from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import add_policy, add_system, opened_system
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Runs a scenario, or another system, on many points of a space; prints the robustness and "
         "the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if more "
         "simulations failed than --allow-failures lets pass, or if nothing has put a requirement "
-        "to the test and --require-asked is given."
+        "to the test and --require-triggered is given."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -108,7 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="keep finished simulations there; after an interruption the same command goes on",
     )
-    add_require_asked(parser, "simulation")
+    add_require_triggered(parser, "simulation")
     add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
     add_output(parser, "--json", "write the record as strict JSON")
     add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
@@ -165,7 +165,7 @@ def run(options: argparse.Namespace) -> int:
     failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
     hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
     hollow += undecided(done.record, "simulation", fails=False)
-    hollow += unasked(done.record, "simulation", options.required)
+    hollow += unasked(done.record, "simulation", Required.of(options))
     tell(hollow)
     return exit_code([], hollow)
 

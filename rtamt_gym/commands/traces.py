@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from glob import glob
 from pathlib import Path
@@ -52,12 +52,16 @@ class TracesAsked:
         reading: How traces are judged.
         columns: How their columns are read.
         min_duration: How long each trace is to last, in seconds; None: any time.
+        constants: The values of constants that the command line sets, by name.
+        ignored: A text for each folder with files that are not traces.
     """
 
     specs: Mapping[str, rtamt.Specification]
     reading: Reading
     columns: Columns
     min_duration: Fraction | None = None
+    constants: Mapping[str, str] = field(default_factory=dict)
+    ignored: Sequence[str] = ()
 
 
 _SPECS = (
@@ -209,9 +213,10 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     from rtamt_gym.recorded.starts import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
-    found = _found(traces)
-    texts = [p for word in specs for p in _files(word, [".stl"], pattern=word.endswith(".stl"))]
-    every = read_requirements(texts, read_constants(options.constant))
+    found, ignored = _found(traces)
+    texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]
+    constants = read_constants(options.constant)
+    every = read_requirements(texts, constants)
     requirements = chosen(every, options.only)
     reading = read_reading(options)
     for spec in requirements.values():
@@ -241,7 +246,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         check_topics(requirements)
     least = getattr(options, "min_duration", None)
     duration = None if least is None else read_seconds("--min-duration", least)
-    return TracesAsked(requirements, reading, columns, duration), found
+    return TracesAsked(requirements, reading, columns, duration, constants, ignored), found
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
@@ -356,25 +361,32 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     return specs, traces
 
 
-def _found(words: Sequence[str]) -> list[str]:
-    """The traces: files as they are, those in folders, and those that patterns name; each once.
+def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the paths of the traces, each once, and a text for each folder with other files.
+
+    A word is the path of a file, a folder or a pattern.
 
     Raises:
         InputError: If a folder has no trace, a pattern names no file, or stdin is not alone.
     """
-    ends = extensions()
-    found = [path for word in words for path in _files(word, ends, pattern=True, bags=True)]
+    ends, ignored = extensions(), list[str]()
+    found = [
+        path for word in words for path in _files(word, ends, ignored, pattern=True, bags=True)
+    ]
     if "-" in found and len(found) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(found)), list(dict.fromkeys(ignored))
 
 
-def _files(word: str, ends: Sequence[str], *, pattern: bool, bags: bool = False) -> list[str]:
+def _files(
+    word: str, ends: Sequence[str], ignored: list[str], *, pattern: bool, bags: bool = False
+) -> list[str]:
     """The word itself, or the files with some ends in the folder or the pattern that it names.
 
     Args:
         word: The word.
         ends: The ends of the names of files that are read in folders.
+        ignored: A text for each folder with other files or folders is appended to it.
         pattern: Whether ``*``, ``?`` and ``[`` make the word a pattern, if it is no file.
         bags: Whether a folder that is a bag of rosbag2 counts as a file.
 
@@ -392,14 +404,28 @@ def _files(word: str, ends: Sequence[str], *, pattern: bool, bags: bool = False)
         if alone or not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
             files.append(path)
             continue
-        inside = sorted(
-            str(f)
-            for f in Path(path).iterdir()
-            if f.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(f))
-        )
+        others, inside = [], []
+        for entry in sorted(Path(path).iterdir()):
+            read = entry.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(entry))
+            (inside if read else others).append(entry)
         if not inside:
             raise InputError(
                 f"{shown(path)}: expected files that end in {', '.join(ends)}, found none"
             )
-        files += inside
+        files += map(str, inside)
+        ignored += _ignored_text(path, others)
     return files
+
+
+def _ignored_text(folder: str, others: Sequence[Path]) -> list[str]:
+    """Return a text about files and folders in a folder that are not read, if there are any."""
+    names = [entry.name + "/" * entry.is_dir() for entry in others if entry.name[0] != "."]
+    if not names:
+        return []
+    listed = ", ".join(map(shown, names[:3])) + ", ..." * (len(names) > 3)
+    entries = (
+        "1 entry is not a trace and was"
+        if len(names) == 1
+        else (f"{len(names)} entries are not traces and were")
+    )
+    return [f"{shown(folder)}: {entries} not read: {listed}"]

@@ -18,7 +18,9 @@ def first_sample_error(what: str, spec: rtamt.Specification, way: object) -> Spe
         way: How the caller asks for a requirement on every sample, a text or an `Argument`.
     """
     way_out = f"write always({shorten(str(spec.formula), 60)}) or "
-    if spec.requirement is not None:
+    if spec.requirement is not None and spec.id is not None:
+        way_out = f"its id makes it a requirement by itself: remove the id, {way_out}"
+    elif spec.requirement is not None:
         way_out = (
             "no other formula uses it, so that it is a requirement by itself: use it in another, "
             + way_out

@@ -58,6 +58,8 @@ def of_matrix(
     formulas = matrix.requirements
     facts = [Fact("traces", str(len(matrix)))]
     facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]
+    constants = {k: v for k, v in reading.items() if k.startswith("constant:")}
+    facts += [Fact(name.replace(":", " "), str(value)) for name, value in constants.items()]
     share = room // len(formulas)
     below = TraceFolders((Path.cwd(), folder.absolute()), tuple(traces))
     requirements = [_requirement(matrix, reading, name, below, share) for name in formulas]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
 
 from rtamt import Asked, DenseAsked
 from rtamt_gym.results.outcome import Outcome
@@ -21,6 +22,7 @@ __all__ = [
     "never_asked_word",
     "partly_asked_lines",
     "rests_on_unknown",
+    "seldom_triggered_texts",
 ]
 
 
@@ -67,6 +69,32 @@ def never_asked_texts(results: Results, what: str = "trace") -> dict[str, str]:
             f"{never_asked_word(unknown=unknown)}: {name} was put to the test"
             f"{' for certain' * unknown} in 0 of {counted(len(_counted(results, name)), what)}"
         )
+    return texts
+
+
+def seldom_triggered_texts(
+    results: Results, least: int | Literal["all"] | None, what: str = "trace"
+) -> dict[str, str]:
+    """Return a text for each requirement that some trials triggered, but too few.
+
+    Args:
+        results: The trials.
+        least: The number of trials that must trigger a requirement, or ``"all"`` that were judged;
+            None: any number.
+        what: The word for a trial.
+    """
+    texts = {}
+    for name in results.requirements:
+        count = asked_in(results, name)
+        if count is None or least is None:
+            continue
+        triggered, judged = count
+        if 0 < triggered < (judged if least == "all" else least):
+            texts[name] = (
+                f"triggered too seldom: {name} in {triggered} of {counted(judged, what)}"
+                f"{' for certain' * rests_on_unknown(results, name)}; "
+                f"--require-triggered={least} requires {least}"
+            )
     return texts
 
 

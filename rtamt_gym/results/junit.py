@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from rtamt import RequirementId, Verdict
@@ -16,7 +18,7 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.unmet import Unmet
 from rtamt_gym.tables import number
 
-__all__ = ["to_junit"]
+__all__ = ["discard_junit", "to_junit"]
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
@@ -58,6 +60,18 @@ def to_junit(
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def discard_junit(path: Path) -> None:
+    """Remove the outcomes of an earlier run, so that a run that stops early leaves none behind.
+
+    Only a file that `to_junit` wrote is removed.
+    """
+    with suppress(OSError):
+        with path.open("rb") as file:
+            ours = b'<testsuites name="rtamt"' in file.read(200)
+        if ours:
+            path.unlink()
 
 
 def _suite(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 from rtamt.errors import shown, shown_lines
 from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
@@ -19,7 +20,9 @@ _MOST = 50
 _NONE = Unmet()
 
 
-def to_markdown(matrix: Matrix, unmet: Unmet = _NONE) -> str:
+def to_markdown(
+    matrix: Matrix, unmet: Unmet = _NONE, constants: Mapping[str, str] = MappingProxyType({})
+) -> str:
     """The table of outcomes, and below it why a requirement is violated, undecided or in error.
 
     The first 50 are explained.
@@ -27,6 +30,7 @@ def to_markdown(matrix: Matrix, unmet: Unmet = _NONE) -> str:
     Args:
         matrix: The outcomes.
         unmet: What was asked for beside verdicts, and is not so; the heading says it.
+        constants: The values of constants that replace those of the specifications, by name.
     """
     asked = {name for name in matrix.requirements if asked_in(matrix, name) is not None}
     names = [_escaped(name) + " | asked" * (name in asked) for name in matrix.requirements]
@@ -42,6 +46,9 @@ def to_markdown(matrix: Matrix, unmet: Unmet = _NONE) -> str:
             cells += [times_text(row.cell(name))] * (name in asked)
         lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
     lines += ["", f"{legend(matrix)}."]
+    if constants:
+        values = ", ".join(f"{name} = {value}" for name, value in constants.items())
+        lines += ["", f"Constants set on the command line: {_escaped(values)}"]
     for name, each in matrix.provenance.ids.items():
         shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
         lines += ["", f"{_escaped(name)}: {shown}"]

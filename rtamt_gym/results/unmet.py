@@ -17,14 +17,18 @@ class Unmet:
 
     Attributes:
         unasked: For each requirement that nothing has put to the test, that in words.
+        seldom: For each requirement that too few traces trigger, a text.
         unanswered: For each requirement of which no verdict hung on an answer, that in words.
         short: For each trace that is shorter than it is to be, that in words.
+        undecided: Whether an undecided verdict counts as a failure.
         summary: All of it in a few words, for a heading; empty if there is nothing.
     """
 
     unasked: Mapping[str, str] = field(default_factory=dict)
+    seldom: Mapping[str, str] = field(default_factory=dict)
     unanswered: Mapping[str, str] = field(default_factory=dict)
     short: Mapping[str, str] = field(default_factory=dict)
+    undecided: bool = False
     summary: str = ""
 
     def of(self, trace: str, requirement: str, cell: Outcome | Failure) -> tuple[str, str] | None:
@@ -34,8 +38,12 @@ class Unmet:
         """
         if isinstance(cell, Failure) or cell.verdict is Verdict.VIOLATED:
             return None
+        reasons = (*cell.not_recorded, cell.way_out)
+        undecided = self.undecided and cell.verdict is Verdict.UNDECIDED
         found = {
+            "undecided": "; ".join(filter(None, reasons)) or cell.text if undecided else "",
             "never asked": self.unasked.get(requirement),
+            "triggered too seldom": "" if cell.occasions else self.seldom.get(requirement),
             "never answered": self.unanswered.get(requirement),
             "too short": self.short.get(trace),
         }

@@ -38,7 +38,7 @@ STARTERS: Mapping[str, Starter] = {
     "recordings": Starter(
         "recordings as a gate in CI",
         "check",
-        "rtamt monitor requirements.stl --require-asked -- recordings",
+        "rtamt monitor requirements.stl --require-triggered -- recordings",
     ),
     "violation": Starter(
         "find a violation, and keep it as a test",

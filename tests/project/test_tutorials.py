@@ -74,7 +74,7 @@ def test_the_action_is_red_where_a_recording_violates(reader: Reader, tmp_path: 
     inputs = {
         "SPECIFICATIONS": "requirements.stl",
         "TRACES": "recordings",
-        "OPTIONS": "--require-asked",
+        "OPTIONS": "--require-triggered",
         "JUNIT": "outcomes.xml",
         "GITHUB_STEP_SUMMARY": "summary.md",
     }

@@ -145,7 +145,7 @@ class _Reader:
                 token = statement.formula.start
                 raise self._fail(token, "only the last formula may stand without a name", hint)
             self._define(statement)
-        formula = self._define(last)
+        self.result = formula = self._define(last)
         is_named = formula in self.formulas.values()
         if formula.op is _VALUE and not formula.variables and is_named and not self.builder.chains:
             token = last.name or last.formula.start
@@ -288,7 +288,20 @@ class _Reader:
             if its.id == found.id:
                 reason = f"'{other}' already has the id {found}"
                 raise self._fail(label, reason, "choose another id")
+        self._check_judged(name, token)
         self.ids[name] = found
+
+    def _check_judged(self, name: str, token: Token) -> None:
+        """Refuse an id of a formula that stands for a number in other formulas."""
+        formula = self.formulas.get(name)
+        if formula is None or formula.op is not _VALUE:
+            return
+        for user, names in self.uses.items():
+            if name in names and formula not in self.formulas.get(user, self.result).nodes():
+                where = f"'{user}'" if user else "the result"
+                reason = f"'{name}' is a number in {where}, not a requirement"
+                hint = f"give the id to a formula that compares it, such as {name} > 0"
+                raise self._fail(token, reason, hint)
 
     def _whole(self, token: Token, last: Statement) -> str:
         """The name under which the id of the whole is kept; it requires one thing."""

@@ -93,7 +93,7 @@ BOTH = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))
 EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
 MINED = "'always(req >= ?r implies gnt < 0)' --range r=0:9 --tolerance 0.0001"
 STANDS = "--spec 'always(abs(angle) < 1)'"
-ASKED = "--require-asked"
+ASKED = "--require-triggered"
 FADES = (
     "falsify hollow_systems:fades 'late = always[0:10](gnt >= 3)' --vary load=0:1 --budget 8 "
     "--period 1 --at-termination cut"
