@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
@@ -138,7 +138,7 @@ def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specificatio
     if not (refused and readable):
         return {}
     try:
-        judged.trace, judged.period = read_trace_of(replace(asked, specs=readable), judged.path)
+        judged.trace, judged.period = read_trace_of(asked.having(readable), judged.path)
     except Exception:  # noqa: BLE001 - the error that all have together stays
         return {}
     judged.failures = refused
@@ -153,7 +153,7 @@ def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
     refused: dict[str, Failure] = {}
     for part in parts.values():
         try:
-            read_trace_of(replace(asked, specs=part), path)
+            read_trace_of(asked.having(part), path)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             refused |= dict.fromkeys(part, _failure(error))
     return refused

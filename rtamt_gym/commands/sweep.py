@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtamt import InputError
+from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     EPISODES,
@@ -24,7 +24,7 @@ from rtamt_gym.commands.arguments import (
 )
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked, undecided
+from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked, undecided
 from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import add_policy, add_system, opened_system
@@ -32,6 +32,7 @@ from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:
+    from rtamt_gym.results.table import Results
     from rtamt_gym.search.sweeps.sweep import Sweep
 
 __all__ = ["add_arguments", "run"]
@@ -44,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Runs a scenario, or another system, on many points of a space; prints the robustness and "
         "the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if more "
         "simulations failed than --allow-failures lets pass, or if nothing has put a requirement "
-        "to the test and --require-triggered is given."
+        "to the test and --require-triggered is given. With --require-satisfied it exits 1 if "
+        "no simulation satisfies a requirement and some violate it."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -109,6 +111,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep finished simulations there; after an interruption the same command goes on",
     )
     add_require_triggered(parser, "simulation")
+    parser.add_argument(
+        "--require-satisfied",
+        action="store_true",
+        help="exit 1 if a requirement is violated and no simulation satisfies it, and 3 if all "
+        "leave it undecided",
+    )
     add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
     add_output(parser, "--json", "write the record as strict JSON")
     add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
@@ -166,8 +174,30 @@ def run(options: argparse.Namespace) -> int:
     hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
     hollow += undecided(done.record, "simulation", fails=False)
     hollow += unasked(done.record, "simulation", Required.of(options))
+    unsatisfied = _never_satisfied(done.record)
+    hollow += [Hollow(text, options.require_satisfied) for text, _ in unsatisfied]
     tell(hollow)
-    return exit_code([], hollow)
+    violated = options.require_satisfied and any(violated for _, violated in unsatisfied)
+    return exit_code(["violated"] if violated else [], hollow)
+
+
+def _never_satisfied(record: Results) -> list[tuple[str, bool]]:
+    """Return, for each requirement that no simulation satisfies, a text and if some violate it.
+
+    Args:
+        record: The simulations.
+    """
+    found = []
+    for name in record.requirements:
+        verdicts = [each.verdict for row in record.rows if (each := row.judged(name)) is not None]
+        if verdicts and Verdict.SATISFIED not in verdicts:
+            violated = verdicts.count(Verdict.VIOLATED)
+            text = (
+                f"never satisfied: {name} in 0 of {counted(len(verdicts), 'simulation')}, violated "
+                f"in {violated}"
+            )
+            found.append((text, violated > 0))
+    return found
 
 
 def _read_samples(text: str) -> int | dict[str, int]:

@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from glob import glob
 from pathlib import Path
@@ -62,6 +62,12 @@ class TracesAsked:
     min_duration: Fraction | None = None
     constants: Mapping[str, str] = field(default_factory=dict)
     ignored: Sequence[str] = ()
+
+    def having(self, specs: Mapping[str, rtamt.Specification]) -> TracesAsked:
+        """Return the same with some of the requirements and the ``--signal`` of their variables."""
+        read = {*variables_of(specs), *_messages(specs)}
+        signals = {name: where for name, where in self.columns.signals.items() if name in read}
+        return replace(self, specs=specs, columns=replace(self.columns, signals=signals))
 
 
 _SPECS = (

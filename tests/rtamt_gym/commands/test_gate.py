@@ -193,3 +193,47 @@ def test_constants_of_the_command_line_are_written(folder: Path, capsys: Output)
     (folder / "o.json").write_text(written)
     facts = {fact.name: fact.text for fact in section_of("o.json", 1000).facts}
     assert facts["constant most"] == "2"
+
+
+@pytest.mark.parametrize(
+    ("formula", "codes", "lines"),
+    [
+        (
+            "always(level > 9)",
+            (0, 1),
+            ["never satisfied: spec in 0 of 3 simulations, violated in 3"],
+        ),
+        ("always(level < 1.5)", (0, 0), []),  # violated by two of three
+    ],
+)
+def test_sweep_that_never_satisfies(
+    formula: str,
+    codes: tuple[int, int],
+    lines: list[str],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Output,
+) -> None:
+    (folder / "gate_plant.py").write_text(
+        "def tank(gain):\n    for i in range(3):\n        yield {'level': gain * i}\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    words = ["sweep", "gate_plant:tank", "--vary", "gain=0.5:2.5", "--requirement", formula]
+    words += ["--sampler", "grid", "--samples", "3"]
+    for switch, code in zip(([], ["--require-satisfied"]), codes, strict=True):
+        assert main([*words, *switch]) == code
+        out = capsys.readouterr().out
+        assert [line for line in out.splitlines() if "never satisfied" in line] == lines
+
+
+@pytest.mark.parametrize("signal", ["b=missing", "b=word"])
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_bad_column_of_a_signal_spares_other_requirements(
+    signal: str, dense: list[str], folder: Path, capsys: Output
+) -> None:
+    (folder / "bad.csv").write_text("time,v,word\n0,1,x\n1,1,y\n")
+    words = ["monitor", "good = always(v > 0)", "bad = always(b > 0)", "bad.csv", "--json", *dense]
+    assert main([*words, "--signal", signal, "--signal", "v=v"]) == 2
+    outcomes = json.loads(capsys.readouterr().out)["trials"][0]["outcomes"]
+    assert outcomes["good"]["verdict"] == "SATISFIED"
+    assert outcomes["bad"]["verdict"] == "ERROR"

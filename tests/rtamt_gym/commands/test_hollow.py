@@ -107,6 +107,9 @@ SHOWN: dict[str, Shown] = {
     "no trace puts a requirement to the test": Shown(
         f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED
     ),
+    "only some traces put a requirement to the test": Shown(
+        f"monitor '{RESPONSE}' -- busy.csv calm.csv", f"{ASKED}=all"
+    ),
     "a request may lie in values that are not known": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
