@@ -410,7 +410,7 @@ def _files(
         if alone or not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
             files.append(path)
             continue
-        others, inside = [], []
+        others, inside = list[Path](), list[Path]()
         for entry in sorted(Path(path).iterdir()):
             read = entry.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(entry))
             (inside if read else others).append(entry)
