@@ -20,11 +20,13 @@ class Covering:
         tests: Files and folders for pytest.
         left_out: What of them is not run: it builds programs of its own, which have no mutants.
         backend: Tests that run the machines of another back-end alone are not run; None: all are.
+        suite: The suite of `tests/conftest.py` that the tests are taken from, with its profile.
     """
 
     tests: tuple[str, ...]
     left_out: tuple[str, ...] = ()
     backend: str | None = None
+    suite: str = "all"
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,14 @@ class Folder:
     Attributes:
         sources: Files, and folders with all that is in them.
         own: The tests that are tried where an import is changed, which every test reaches.
+        size: The number of mutants in the sample.
     """
 
     name: str
     sources: tuple[str, ...]
     covering: Covering
     own: tuple[str, ...]
+    size: int = 100
 
     def paths(self, root: Path) -> Iterator[str]:
         """The files, from the root, in the order of their names."""
@@ -168,6 +172,36 @@ _STATISTICS: Final = Covering(
     )
 )
 
+
+
+def _room(package: str, room: str, *tests: str, left_out: tuple[str, ...] = ()) -> Folder:
+    """A room of a package, with the tests that have its name and further ones."""
+    own = f"tests/{package}/{room}" if room else f"tests/{package}"
+    source = f"{package}/{room}" if room else package
+    return Folder(source, (source,), Covering((own, source, *tests), left_out), (own,), size=30)
+
+
+def _arrays(name: str, library: str, *sources: str) -> Folder:
+    """Sources that the tests of one library of arrays run; their group installs the library."""
+    covering = Covering((f"tests/arrays/test_{library}.py",))
+    return Folder(name, sources, covering, covering.tests, size=30)
+
+
+_ARRAYS: Final = tuple(
+    f"rtamt_arrays/{name}.py"
+    for name in (
+        *("compiling", "costs", "episode", "functions", "instants", "layout", "monitors"),
+        *("offline", "online", "operations", "outlook", "panel", "requirements", "rows"),
+        *("selectors", "smooth", "terms", "worlds"),
+    )
+)
+_TOP: Final = ("demo", "drawing", "libraries", "markup", "success", "tables")
+_CAMPAIGNS: Final = "tests/rtamt_gym/search"
+_RUNS: Final = "tests/rtamt_gym/simulation"
+
+# What the quick suite has to kill: everything that the bare command runs.
+QUICK: Final = Covering(("tests", "rtamt", "rtamt_gym", "rtamt_ros", "envs"), suite="quick")
+
 FOLDERS: Final = {
     folder.name: folder
     for folder in (
@@ -208,5 +242,49 @@ FOLDERS: Final = {
             _STATISTICS,
             ("tests/rtamt_gym/results", "tests/rtamt_gym/evaluation"),
         ),
+        *(
+            _room("rtamt", room)
+            for room in ("checking", "compat", "export", "inputs", "mutation", "patterns")
+        ),
+        _room("rtamt_gym", "benchmarks"),
+        _room("rtamt_gym", "checks", "tests/rtamt_gym/commands"),
+        _room("rtamt_gym", "commands", "tests/rtamt_gym/recorded", _CAMPAIGNS, _RUNS),
+        _room("rtamt_gym", "datasets"),
+        _room("rtamt_gym", "evaluation"),
+        _room("rtamt_gym", "inputs", _CAMPAIGNS, _RUNS),
+        _room("rtamt_gym", "learners"),
+        _room("rtamt_gym", "mujoco"),
+        _room("rtamt_gym", "recorded"),
+        _room("rtamt_gym", "reports"),
+        _room("rtamt_gym", "results", "tests/rtamt_gym/reports", "tests/rtamt_gym/recorded"),
+        _room("rtamt_gym", "search"),
+        _room("rtamt_gym", "signals", "tests/rtamt_gym/wrappers"),
+        _room("rtamt_gym", "simulation", _CAMPAIGNS),
+        _room("rtamt_gym", "testing"),
+        _room("rtamt_gym", "wrappers", "tests/rtamt_gym/judging", "tests/rtamt_gym/success"),
+        _room("rtamt_ros", "", left_out=("rtamt_ros/ros1.py", "rtamt_ros/ros2.py")),
+        Folder(
+            "envs",
+            ("envs/rtamt_envs",),
+            Covering(("tests/rtamt_envs", "envs")),
+            ("tests/rtamt_envs",),
+            size=30,
+        ),
+        Folder(
+            "rtamt_gym",
+            tuple(f"rtamt_gym/{name}.py" for name in _TOP),
+            Covering(("tests/rtamt_gym/success", "tests/rtamt_gym/commands", "rtamt_gym/tables.py")),
+            ("tests/rtamt_gym/success",),
+            size=30,
+        ),
+        Folder(
+            "rtamt",
+            ("rtamt/errors.py", "rtamt/limits.py"),
+            Covering(("tests/rtamt/test_errors.py", "tests/rtamt/inputs", "tests/rtamt/monitors")),
+            ("tests/rtamt/test_errors.py",),
+            size=30,
+        ),
+        _arrays("rtamt_arrays/jax", "jax", "rtamt_arrays/jax"),
+        _arrays("rtamt_arrays", "torch", "rtamt_arrays/torch", *_ARRAYS),
     )
 }

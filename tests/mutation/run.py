@@ -1,6 +1,6 @@
 """Tests the tests: changes one operator, constant, condition or statement; which test fails?
 
-``python tests/mutation/run.py [FOLDER ...] [--seed N]`` draws a sample of mutants of each folder of
+``python tests/mutation/run.py [FOLDER ...] [--seed N] [--suite quick]`` draws a sample of mutants of each folder of
 `folders.py`, puts all of them into one build of the native module and one import of the Python
 modules, each off until its number is on, and tries one after the other (`trials.py`). It prints,
 for each folder, how many were killed with the 95 % interval of Clopper and Pearson, and each
@@ -17,20 +17,19 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, Final
 
 import native_code
 import python_code
 from changes import Mutant, Site
-from folders import FOLDERS, Covering, Folder
+from folders import FOLDERS, QUICK, Covering, Folder
 
 from rtamt_gym.results.intervals import clopper_pearson
 
 ROOT: Final = Path(__file__).parents[2]
 WORK: Final = ROOT / "build" / "mutation"
-SAMPLE: Final = 100
 SEED: Final = 32
 _SPARE: Final = 30  # some mutants of C++ do not compile
 _TRIALS: Final = Path(__file__).with_name("trials.py")
@@ -47,7 +46,7 @@ def drawn(folder: Folder, root: Path, seed: int) -> list[Mutant]:
             Mutant(-1, folder.name, path, site, lines[site.line - 1].strip())
             for site in code.sites(source)
         ]
-    size = SAMPLE + (_SPARE if folder.native else 0)
+    size = folder.size + (_SPARE if folder.native else 0)
     return random.Random(f"{folder.name} {seed}").sample(found, min(size, len(found)))
 
 
@@ -92,6 +91,7 @@ def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, c
         "tests": covering.tests,
         "left_out": covering.left_out,
         "backend": covering.backend,
+        "suite": covering.suite,
         "only": None,
         "costs": {},
     }
@@ -132,20 +132,32 @@ def main() -> None:
     )
     parser.add_argument("folders", nargs="*", metavar="FOLDER", help=", ".join(FOLDERS))
     parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument(
+        "--suite", choices=("quick", "all"), default="all", help="which tests are tried"
+    )
+    parser.add_argument("--size", type=int, help="mutants in each folder's sample")
     asked = parser.parse_args()
     if unknown := set(asked.folders) - set(FOLDERS):
         parser.error(f"expected folders of {', '.join(FOLDERS)}, got {', '.join(sorted(unknown))}")
     names = asked.folders or list(FOLDERS)
     WORK.mkdir(parents=True, exist_ok=True)
-    mutants = numbered(drawn(FOLDERS[name], ROOT, asked.seed) for name in names)
+    chosen = {
+        name: replace(
+            FOLDERS[name],
+            size=asked.size or FOLDERS[name].size,
+            covering=QUICK if asked.suite == "quick" else FOLDERS[name].covering,
+        )
+        for name in names
+    }
+    mutants = numbered(drawn(folder, ROOT, asked.seed) for folder in chosen.values())
     library, refused = compiled(mutants)
     trials: dict[int, Any] = {}
     samples = {
-        name: [m for m in mutants if m.folder == name and m.number not in refused][:SAMPLE]
-        for name in names
+        name: [m for m in mutants if m.folder == name and m.number not in refused][: folder.size]
+        for name, folder in chosen.items()
     }
-    for covering in dict.fromkeys(FOLDERS[name].covering for name in names):
-        these = [m for name in names if FOLDERS[name].covering == covering for m in samples[name]]
+    for covering in dict.fromkeys(folder.covering for folder in chosen.values()):
+        these = [m for name in names if chosen[name].covering == covering for m in samples[name]]
         said = tried(these, covering, library, len(mutants))
         trials |= {int(number): found for number, found in said["trials"].items()}
         for test in said["failed"]:

@@ -252,8 +252,10 @@ def main(task: Path) -> None:
         "-x",
         "-pno:cacheprovider",
         "--tb=native",
-        "--hypothesis-profile=mutation",
+        f"--suite={given['suite']}",
     ]
+    if given["suite"] == "all":
+        options.append("--hypothesis-profile=mutation")
     if given["backend"] is not None:
         options.append(f"--backend={given['backend']}")
     code = pytest.main(
