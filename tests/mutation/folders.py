@@ -173,7 +173,6 @@ _STATISTICS: Final = Covering(
 )
 
 
-
 def _room(package: str, room: str, *tests: str, left_out: tuple[str, ...] = ()) -> Folder:
     """A room of a package, with the tests that have its name and further ones."""
     own = f"tests/{package}/{room}" if room else f"tests/{package}"
@@ -273,7 +272,9 @@ FOLDERS: Final = {
         Folder(
             "rtamt_gym",
             tuple(f"rtamt_gym/{name}.py" for name in _TOP),
-            Covering(("tests/rtamt_gym/success", "tests/rtamt_gym/commands", "rtamt_gym/tables.py")),
+            Covering(
+                ("tests/rtamt_gym/success", "tests/rtamt_gym/commands", "rtamt_gym/tables.py")
+            ),
             ("tests/rtamt_gym/success",),
             size=30,
         ),

@@ -1,11 +1,13 @@
 """Tests the tests: changes one operator, constant, condition or statement; which test fails?
 
-``python tests/mutation/run.py [FOLDER ...] [--seed N] [--suite quick]`` draws a sample of mutants of each folder of
-`folders.py`, puts all of them into one build of the native module and one import of the Python
-modules, each off until its number is on, and tries one after the other (`trials.py`). It prints,
-for each folder, how many were killed with the 95 % interval of Clopper and Pearson, and each
-survivor. ``equivalent.toml`` names the survivors that no test can tell from the original, each with
-the reason: they are counted beside the others, and one that a test kills is an error.
+``python tests/mutation/run.py [FOLDER ...] [--seed N] [--suite quick]`` draws a sample of mutants
+of each folder of `folders.py`, puts all of them into one build of the native module and one
+import of the Python modules, each off until its number is on, and tries one after the other
+(`trials.py`). It prints, for each folder, how many were killed with the 95 % interval of Clopper
+and Pearson, and each survivor. ``--suite quick`` tries all mutants on the tests of the bare
+command instead of those that are chosen for each folder. ``equivalent.toml`` names the survivors
+that no test can tell from the original, each with the reason: they are counted beside the others,
+and one that a test kills is an error.
 """
 
 from __future__ import annotations
