@@ -17,7 +17,7 @@ from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_reading, read_reading
+from rtamt_gym.commands.arguments import add_reading, read_reading, whole
 from rtamt_gym.commands.specs import (
     add_constant,
     chosen,
@@ -146,12 +146,21 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "--separator",
         metavar="CHARACTER",
         help="what stands between the cells of a text, such as ';' or tab (default: what its "
-        "first line has)",
+        "line of names has)",
+    )
+    group.add_argument(
+        "--skip",
+        type=whole,
+        default=0,
+        metavar="N",
+        help="leave out N lines of a text before the line of names (default: lines that can only "
+        "be comments or metadata)",
     )
     group.add_argument(
         "--decimal",
         metavar="MARK",
-        help="the decimal mark of a text, . or , (default: what its first rows have)",
+        help="the decimal mark of a text, . or , (default: the mark for which its cells are "
+        "evidence; a file that can be read in two ways is refused)",
     )
     group.add_argument(
         "--missing",
@@ -242,6 +251,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         max_gap=options.max_gap,
         defaults=options.default,
         no_defaults=options.no_defaults,
+        skip=options.skip,
     )
     _check_signals(columns, every)
     starts_of(requirements, columns)

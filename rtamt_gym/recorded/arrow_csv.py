@@ -1,19 +1,29 @@
-"""Reads long CSV files by pyarrow, and leaves what that does not read to others."""
+"""Reads long CSV files by pyarrow, and leaves what that does not read to others.
+
+The columns are read as text, because the decimal mark of a file depends on how its numbers are
+written; the conversion to numbers costs about a third of the time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pc
+import pyarrow.compute as pc
+from pyarrow import csv
 
-from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_times_of
+from rtamt_gym.recorded.arrow_columns import floats_of, is_time, raw_times_of
+from rtamt_gym.recorded.cells import GROUP_MARKS, NOT_KNOWN, TRUTH
 from rtamt_gym.recorded.recording import Floats, Wanted
 from rtamt_gym.recorded.times import RawTimes
 
 __all__ = ["CsvColumns", "Text", "read_text"]
+
+_OTHER: Final = {".": ",", ",": "."}
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,86 +33,217 @@ class Text:
     Attributes:
         path: The file, which may be compressed.
         names: The names of its columns.
-        header: The line with the names, from 1.
+        width: The cells of each row; those beyond the names are empty.
+        above: The lines above the first row of values.
         separator: The character between cells.
-        decimal: The decimal mark.
+        decimal: The decimal mark to try.
+        dates: The columns that hold dates.
     """
 
     path: str
     names: Sequence[str]
-    header: int
+    width: int
+    above: int
     separator: str
     decimal: str
+    dates: Collection[str]
 
 
 @dataclass(frozen=True, slots=True)
 class CsvColumns:
-    """The wanted columns of a text, as in `Rows`."""
+    """The wanted columns of a text, as in `Rows`.
+
+    Attributes:
+        decimal: The decimal mark of the file.
+        thousands: The longest cell of each column in which every number has three digits after the
+            mark.
+    """
 
     numbers: Mapping[str, Floats]
     texts: Mapping[str, Sequence[str]]
     count: int
     times: RawTimes | None
+    decimal: str
+    thousands: Mapping[str, str]
 
 
-def read_text(text: Text, wanted: Wanted) -> CsvColumns | None:
-    """Reads the wanted columns; None if a cell is wrong, or is one that pyarrow does not read."""
-    table = _table(text, wanted)
-    if table is None:
+def read_text(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns | None:
+    """Read the wanted columns of a text, or return None if another reader has to look closer.
+
+    That is so if a cell is wrong or is one that pyarrow does not read, and if the decimal mark is
+    not certain.
+
+    Args:
+        text: The file.
+        wanted: The columns.
+        certain: Whether the decimal mark is certain.
+    """
+    time = [] if wanted.time is None else [wanted.time]
+    names = list(dict.fromkeys([*wanted.numbers, *wanted.texts, *time])) or text.names[:1]
+    places = [text.names.index(name) for name in names]  # a name may come twice
+    beyond = range(len(text.names), text.width)
+    dated = [text.names.index(name) for name in time if name in text.dates]
+    table = _table(text, [*places, *beyond], set(dated) - {*map(text.names.index, wanted.numbers)})
+    if table is None or any(_bytes(column).strip() for column in table.columns[len(names) :]):
         return None
-    numbers = {}
-    for name in wanted.numbers:
-        if not is_number(table[name].type):  # the column of times, which is read as it looks
+    columns = dict(zip(names, table.columns, strict=False))
+    numbers, marked = {}, {}
+    undated = [name for name in time if name not in text.dates]
+    for name in dict.fromkeys([*wanted.numbers, *undated]):
+        read = _numbers(columns[name], text.decimal, wanted)
+        if read is None:
             return None
-        values = floats_of(table[name])
+        cells, values = read
         absent = int(np.isnan(values).sum())
-        allowed = len(values) if wanted.nan else table[name].null_count
+        allowed = len(values) if wanted.nan else cells.null_count
         if absent > (allowed if name in wanted.gaps else 0):
             return None
         numbers[name] = values
-    times = None
-    if wanted.time is not None and (times := _times(table[wanted.time])) is None:
+        if text.decimal.encode() in _bytes(cells):
+            marked[name] = cells
+    unclear = [n for n, cells in marked.items() if _all_match(cells, _LIKE_GROUPS, text.decimal)]
+    if unclear and not certain and not _settled(text, places, sure=len(unclear) < len(marked)):
         return None
-    texts = {name: [cell.strip() for cell in table[name].to_pylist()] for name in wanted.texts}
-    return CsvColumns(numbers, texts, table.num_rows, times)
+    thousands = {}
+    for name in unclear if certain else ():
+        if _all_match(marked[name], _GROUPS, text.decimal):
+            lengths = pc.utf8_length(marked[name])
+            thousands[name] = marked[name][pc.index(lengths, pc.max(lengths)).as_py()].as_py()
+    times = None
+    if wanted.time is not None:
+        times = _times(columns[wanted.time], numbers.get(wanted.time))
+        if times is None:
+            return None
+    numbers = {name: numbers[name] for name in wanted.numbers}
+    texts = {name: [cell.strip() for cell in columns[name].to_pylist()] for name in wanted.texts}
+    decimal = text.decimal if marked or certain else "."
+    return CsvColumns(numbers, texts, table.num_rows, times, decimal, thousands)
 
 
-def _table(text: Text, wanted: Wanted) -> pa.Table | None:
-    """The wanted columns; times have the type that they look like. None if a cell is wrong."""
-    time = [] if wanted.time is None else [wanted.time]
-    names = list(dict.fromkeys([*wanted.numbers, *wanted.texts, *time])) or text.names[:1]
-    # Names in the file may have blanks around them, or come twice.
-    places = [str(text.names.index(name)) for name in names]
-    types = dict.fromkeys(wanted.numbers, pa.float64()) | dict.fromkeys(wanted.texts, pa.string())
+def _table(text: Text, places: Sequence[int], typed: Collection[int] = ()) -> pa.Table | None:
+    """Return columns as text, dates as what they look like; None if a row or a text is wrong."""
     try:
-        table = pc.read_csv(
+        return csv.read_csv(
             text.path,
-            pc.ReadOptions(
-                column_names=list(map(str, range(len(text.names)))),
-                skip_rows=text.header,
-            ),
-            pc.ParseOptions(delimiter=text.separator),
-            pc.ConvertOptions(
-                column_types={
-                    place: types[name]
-                    for place, name in zip(places, names, strict=True)
-                    if name in types and name not in time
-                },
-                include_columns=places,
+            csv.ReadOptions(column_names=list(map(str, range(text.width))), skip_rows=text.above),
+            csv.ParseOptions(delimiter=text.separator),
+            csv.ConvertOptions(
+                column_types={str(place): pa.string() for place in places if place not in typed},
+                include_columns=list(map(str, places)),
                 null_values=[""],
-                decimal_point=text.decimal,
+                strings_can_be_null=False,
             ),
         )
     except (pa.ArrowException, OSError):
         return None
-    return table.rename_columns(names)
 
 
-def _times(column: pa.ChunkedArray) -> RawTimes | None:
-    kind = column.type
-    if column.null_count or not (is_number(kind) or is_time(kind)):
+def _numbers(
+    column: pa.ChunkedArray, decimal: str, wanted: Wanted
+) -> tuple[pa.ChunkedArray, Floats] | None:
+    """Return the cells of a column, null where one is empty, and their numbers.
+
+    None if a cell is not a number without groups of digits.
+    """
+    for clean in (False, True):
+        cells = _cleaned(column, wanted) if clean else column
+        plain = cells
+        if decimal == ",":
+            if b"." in _bytes(cells):
+                return None
+            plain = pc.replace_substring(cells, ",", ".")
+        try:
+            return cells, floats_of(plain.cast(pa.float64()))
+        except pa.ArrowInvalid:
+            continue
+    return None
+
+
+def _cleaned(column: pa.ChunkedArray, wanted: Wanted) -> pa.ChunkedArray:
+    """Return cells without blanks around them; truth values are digits, and empty cells null."""
+    cells = pc.utf8_lower(pc.utf8_trim_whitespace(column))
+    for word, value in TRUTH.items():
+        cells = pc.if_else(pc.equal(cells, word), f"{value:g}", cells)
+    empty = pa.array(["", *(NOT_KNOWN if wanted.nan else ())])
+    return pc.if_else(pc.is_in(cells, value_set=empty), pa.scalar(None, pa.string()), cells)
+
+
+def _times(column: pa.ChunkedArray, numbers: Floats | None) -> RawTimes | None:
+    """Return dates, integers if all cells are whole numbers, or doubles; None if one is none."""
+    if numbers is None:
+        if column.null_count or not is_time(column.type):
+            return None
+        return raw_times_of(column)
+    if np.isnan(numbers).any():
         return None
-    times = raw_times_of(column)
-    if times is None or (times.dtype.kind == "f" and np.isnan(times).any()):
-        return None
-    return times
+    if not _bytes(column).translate(None, b"0123456789- "):
+        try:
+            return raw_times_of(pc.utf8_trim_whitespace(column).cast(pa.int64()))
+        except pa.ArrowInvalid:
+            return None
+    return numbers
+
+
+def _settled(text: Text, read: Collection[int], *, sure: bool) -> bool:
+    """Return whether the file uses the decimal mark that was tried, for sure.
+
+    Args:
+        text: The file.
+        read: The columns that are read, whose numbers have no other mark.
+        sure: Whether one of them has a number that can be read with this mark only.
+    """
+    others = [place for place in range(len(text.names)) if place not in read]
+    table = _table(text, others)
+    if table is None:
+        return False
+    mark, other = text.decimal, _OTHER[text.decimal]
+    for column in table.columns:
+        inside = _bytes(column)
+        if other.encode() in inside and _any_match(column, _MARKED, other):
+            return False
+        if mark.encode() not in inside:
+            continue
+        if _any_match(column, _SEVERAL, mark):
+            return False
+        sure = sure or (
+            not _all_match(column, _LIKE_GROUPS, mark)
+            and _numbers(column, mark, Wanted([], nan=True)) is not None
+        )
+    return sure
+
+
+_OPEN: Final = r"[+-]?[1-9]\d{0,2}MARK\d{3}"
+
+_GROUPS: Final = rf"^\s*(?:{_OPEN}|\D*)\s*$"
+"""A number that has three digits after the mark, or a word."""
+
+_LIKE_GROUPS: Final = rf"^\s*(?:{_OPEN}|[+-]?\d{{1,4}}|\D*)\s*$"
+"""The same, or a whole number that needs no groups."""
+
+_MARKED: Final = rf"^\s*[+-]?[\d.,{GROUP_MARKS}]*MARK[\d.,{GROUP_MARKS}]*(?:[eE][+-]?\d+)?\s*$"
+"""What may be a number with a mark."""
+
+_SEVERAL: Final = r"^\s*[+-]?[\d.,]*MARK[\d.,]*MARK[\d.,]*\s*$"
+"""What may be a number with groups of digits between marks."""
+
+
+def _all_match(column: pa.ChunkedArray, pattern: str, mark: str) -> bool:
+    """Return whether all cells match a pattern with a decimal mark; null matches."""
+    return all(pc.all(found).as_py() is not False for found in _matches(column, pattern, mark))
+
+
+def _any_match(column: pa.ChunkedArray, pattern: str, mark: str) -> bool:
+    return any(pc.any(found).as_py() for found in _matches(column, pattern, mark))
+
+
+def _matches(column: pa.ChunkedArray, pattern: str, mark: str) -> Iterator[pa.Array]:
+    """Yield for each part of a column which cells match; the first parts often suffice."""
+    pattern = pattern.replace("MARK", re.escape(mark))
+    for part in column.chunks:
+        yield pc.match_substring_regex(part, pattern)
+
+
+def _bytes(column: pa.ChunkedArray) -> bytes:
+    """Return the bytes of all cells of a column of text."""
+    data = (part.buffers()[2] for part in column.chunks)
+    return b"".join(memoryview(buffer) for buffer in data if buffer is not None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -13,56 +14,118 @@ from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import RawTimes, read_dates
 
-__all__ = ["DECIMAL_COMMA", "DECIMAL_POINT", "floats_in", "times_in"]
+__all__ = ["GROUP_MARKS", "NOT_KNOWN", "TRUTH", "floats_in", "grouped_in", "is_number", "times_in"]
 
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
-DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?", re.ASCII)
+NOT_KNOWN: Final = frozenset(
+    [
+        *("nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "<na>", "null", "none", "nil"),
+        *("-", "--", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"),
+    ]
+)
+"""The words, in lower case, that tools write where they have no number."""
+
+TRUTH: Final = {"true": 1.0, "false": 0.0}
+"""The numbers of truth values, which are written in any case."""
+
+GROUP_MARKS: Final = " '’\u00a0\u2009\u202f"
+"""The marks between groups of three digits that are no decimal marks anywhere."""
+
+_OTHER: Final = {".": ",", ",": "."}
+
+_PLAIN: Final = {
+    mark: re.compile(
+        rf"[+-]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?", re.ASCII
+    )
+    for mark in _OTHER
+}
+
+_GROUPED: Final = {
+    mark: re.compile(
+        rf"[+-]?[1-9]\d{{0,2}}(?P<group>[{re.escape(other + GROUP_MARKS)}])\d{{3}}"
+        rf"(?:(?P=group)\d{{3}})*(?:{re.escape(mark)}\d*)?",
+        re.ASCII,
+    )
+    for mark, other in _OTHER.items()
+}
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Return whether a cell without blanks around it is a number under a decimal mark.
+
+    Example:
+        >>> is_number("1.250", "."), is_number("1.250", ","), is_number("3,5", ".")
+        (True, True, False)
+    """
+    return bool(_PLAIN[decimal].fullmatch(cell) or _GROUPED[decimal].fullmatch(cell))
+
+
+def grouped_in(cells: Sequence[str], decimal: str) -> str | None:
+    """Return the first cell whose digits stand in groups under a decimal mark, or None.
+
+    Example:
+        >>> grouped_in(["1", "12.000"], ","), grouped_in(["1", "12.000"], ".")
+        ('12.000', None)
+    """
+    together = "".join(cells)
+    if not any(mark in together for mark in _OTHER[decimal] + GROUP_MARKS):
+        return None
+    return next((c.strip() for c in cells if _GROUPED[decimal].fullmatch(c.strip())), None)
 
 
 def floats_in(
     cells: Sequence[str], decimal: str = ".", *, gaps: bool = False, nan: bool = False
 ) -> Floats | None:
-    """The numbers in cells, nan for one that is empty; None if a cell is wrong.
+    """Return the numbers in cells, nan for an empty one; None if a cell is not a number.
 
     Args:
-        cells: The texts.
-        decimal: The decimal mark.
+        cells: The texts. ``True`` and ``False`` are 1 and 0, in any case.
+        decimal: The decimal mark. The other mark, a blank or an apostrophe may divide digits into
+            groups of three.
         gaps: Whether cells may be empty.
-        nan: Whether ``nan`` counts as an empty cell.
+        nan: Whether ``nan``, ``N/A``, ``null`` and the like count as empty cells.
 
     Example:
         >>> floats_in(["1,5", " 2"], ","), floats_in(["1.5"], ","), floats_in(["nan"])
         (array([1.5, 2. ]), None, None)
-        >>> floats_in(["1", "", "nan"], gaps=True, nan=True), floats_in(["1", "nan"], gaps=True)
+        >>> floats_in(["1", "", "N/A"], gaps=True, nan=True), floats_in(["1", "N/A"], gaps=True)
         (array([ 1., nan, nan]), None)
+        >>> floats_in(["True", "1,250", "1 000.5"])
+        array([1.000e+00, 1.250e+03, 1.000e+03])
     """
-    if decimal != ".":
-        together = "".join(cells)
-        if "." in together:
-            return None
-        cells = [cell.replace(decimal, ".") for cell in cells] if decimal in together else cells
-    read = read_floats(cells)
-    if read is None:
-        if not gaps or all(map(str.strip, cells)):
-            return None
-        present = np.array([bool(cell.strip()) for cell in cells])
-        some = floats_in([cell for cell in cells if cell.strip()], gaps=gaps, nan=nan)
-        if some is None:
-            return None
-        numbers = np.full(len(cells), math.nan)
-        numbers[present] = some
-        return numbers
-    numbers = np.array(read)
-    return None if not (gaps and nan) and np.isnan(numbers).any() else numbers
+    together = "".join(cells)
+    read = None
+    if decimal == ".":
+        read = read_floats(cells)
+    elif "." not in together:
+        read = read_floats([cell.replace(",", ".") for cell in cells])
+    if read is not None:
+        numbers = np.array(read)
+        return None if not (gaps and nan) and np.isnan(numbers).any() else numbers
+    single = [_number(cell.strip(), decimal, gaps=gaps, nan=nan) for cell in cells]
+    return None if None in single else np.array(single, np.float64)
+
+
+def _number(cell: str, decimal: str, *, gaps: bool, nan: bool) -> float | None:
+    if not cell or cell.lower() in NOT_KNOWN:
+        return math.nan if gaps and (nan or not cell) else None
+    if cell.lower() in TRUTH:
+        return TRUTH[cell.lower()]
+    grouped = _GROUPED[decimal].fullmatch(cell)
+    if grouped is not None:
+        cell = cell.replace(grouped["group"], "")
+    if decimal == "," and "." in cell:
+        return None
+    read = read_floats([cell.replace(decimal, ".")])
+    return None if read is None else read[0]
 
 
 def times_in(cells: Sequence[str], decimal: str, where: Callable[[int], str]) -> RawTimes:
-    """The times in cells: integers, doubles, or dates of ISO 8601 as ``datetime64[ns]``.
+    """Return the times in cells: integers, doubles, or dates as ``datetime64[ns]``.
 
     Args:
         cells: The texts.
         decimal: The decimal mark.
-        where: Says where a cell stands, for messages.
+        where: Returns the place of a cell, for messages.
 
     Raises:
         InputError: If a cell is neither a number nor a date as the first one is.

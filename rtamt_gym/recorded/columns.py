@@ -43,8 +43,8 @@ class Columns:
         time_unit: The unit of the times, a name of `UNITS`. None: the unit in the name or the type
             of the column, else seconds.
         separator: The character between the cells of a text. None: what its first line uses.
-        decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark that its first rows
-            use.
+        decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark for which the cells of
+            the file are evidence.
         missing: What an empty cell does.
         jitter: The part of the period by which a sample may lie off the grid and count as on it;
             a trace with samples farther off is resampled, where each value holds until the next.
@@ -59,6 +59,8 @@ class Columns:
         defaults: The variables that have their default also beside a column of nearly the same
             name.
         no_defaults: Whether to refuse the defaults of all others.
+        skip: The number of lines of a text before the line of names, or before lines that are
+            recognised as comments.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -76,6 +78,7 @@ class Columns:
     starts: Mapping[str, float] = field(default_factory=dict)
     defaults: Collection[str] = ()
     no_defaults: bool = False
+    skip: int = 0
 
     def __post_init__(self) -> None:
         if self.max_gap is not None:
@@ -128,6 +131,7 @@ def read_columns(
     max_gap: str | None = None,
     defaults: Sequence[str] = (),
     no_defaults: bool = False,
+    skip: int = 0,
 ) -> Columns:
     r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
@@ -165,6 +169,7 @@ def read_columns(
         None if max_gap is None else read_seconds("--max-gap", max_gap),
         defaults=tuple(dict.fromkeys(defaults)),
         no_defaults=no_defaults,
+        skip=skip,
     )
 
 

@@ -1,22 +1,23 @@
-"""Reads recorded traces from text whose cells are separated by commas, semicolons or tabs.
+"""Reads recorded traces from text whose cells are separated by commas, semicolons, tabs or blanks.
 
 A long file is read by pyarrow where that is installed. What it does not read as it stands, and
 what is short, is read here: the rows of a block are converted together, column by column, and if a
 block holds a cell that is not a number, its rows are searched for the first such cell, and the
-error names its line.
+error names its line. Cells stay text until a cell that is read decides the decimal mark.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import io
 import itertools
-import re
 import sys
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,13 +25,15 @@ from typing import BinaryIO, TextIO, cast
 
 import numpy as np
 
-from rtamt import InputError
+from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import DECIMAL_COMMA, DECIMAL_POINT, floats_in, times_in
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.cells import NOT_KNOWN, floats_in, grouped_in, is_number, times_in
+from rtamt_gym.recorded.columns import UNITS, Columns
+from rtamt_gym.recorded.decimal_marks import ColumnMarks, decimal_of, groups_note, thousands_note
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.text_layout import TOP, layout_of, names_line, rows_of
 from rtamt_gym.recorded.times import read_dates
 
 __all__ = ["CsvRecording", "lines_of", "open_file"]
@@ -41,11 +44,14 @@ _BLOCK = 1 << 14
 _LINE = 1 << 26
 """The most characters of a line."""
 
+_FEW = 100
+"""Rows that show which decimal mark pyarrow is to try."""
+
 _LONG = 1 << 20
 """Bytes from which on a file is worth the import of pyarrow."""
 
-_SEPARATORS = ",;\t|"
-"""The separators that are recognised; of two equally frequent ones the first is taken."""
+
+_LATIN = "the text is not UTF-8 and is read as Latin-1"
 
 
 @contextmanager
@@ -57,7 +63,9 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         OSError: If there is no such file.
     """
     if path == "-":
-        yield CsvRecording(_bounded(sys.stdin, "stdin"), "stdin", columns)
+        raw = getattr(sys.stdin, "buffer", None)
+        stdin = sys.stdin if raw is None else _text_of(raw)
+        yield CsvRecording(_bounded(stdin, "stdin"), "stdin", columns)
         return
     with lines_of(path) as lines:
         long = Path(path).stat().st_size >= _LONG and find_spec("pyarrow")
@@ -74,18 +82,32 @@ def lines_of(path: str) -> Iterator[Iterator[str]]:
     """
     with (
         Path(path).open("rb") as raw,
-        _text_of(raw, path) as file,
         progress(f"reading {shown(path)}", Path(path).stat().st_size, "B") as advance,
     ):
         try:
-            yield _counted(file, raw, advance, path)
+            opened = cast("BinaryIO", gzip.GzipFile(fileobj=raw)) if path.endswith(".gz") else raw
+            with _text_of(opened) as file:
+                yield _counted(file, raw, advance, path)
         except (gzip.BadGzipFile, EOFError, zlib.error):
             raise InputError(f"{shown(path)}: expected a whole file compressed by gzip") from None
 
 
-def _text_of(raw: BinaryIO, path: str) -> TextIO:
-    opened = cast("BinaryIO", gzip.GzipFile(fileobj=raw)) if path.endswith(".gz") else raw
-    return io.TextIOWrapper(opened, encoding="utf-8-sig", newline="")
+def _text_of(raw: BinaryIO) -> TextIO:
+    """Return bytes as text: UTF-16 after its mark, else UTF-8; other bytes become surrogates."""
+    begin = cast("io.BufferedReader", raw).peek(2)[:2]
+    if begin in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return io.TextIOWrapper(raw, encoding="utf-16", newline="")
+    return io.TextIOWrapper(raw, encoding="utf-8-sig", errors="surrogateescape", newline="")
+
+
+def _plain(text: str, source: str) -> str:
+    """Return a text whose bytes were not UTF-8 as Latin-1."""
+    if not any("\udc80" <= character <= "\udcff" for character in text):
+        return text
+    latin = text.encode("utf-8", "surrogateescape").decode("latin-1")
+    if not latin.isprintable():
+        raise InputError(f"{source}: expected text in UTF-8, UTF-16 or Latin-1")
+    return latin
 
 
 def _bounded(file: TextIO, path: str) -> Iterator[str]:
@@ -115,12 +137,12 @@ class CsvRecording:
     Args:
         lines: The lines of the file.
         source: Name of the file, for messages.
-        columns: The separator and the decimal mark, if they are not to be recognised.
+        columns: The separator, the decimal mark and the lines to skip, if they are not to be
+            recognised.
         path: The file with these lines, if pyarrow is to read it.
 
     Raises:
         InputError: If there is no line of names.
-        UnicodeDecodeError: If the lines are not UTF-8 text, here or while reading.
 
     Example:
         >>> recording = CsvRecording(["time;x", "0;5", "0,5;4,25"], "trace.csv")
@@ -136,51 +158,73 @@ class CsvRecording:
         columns: Columns | None = None,
         path: str | None = None,
     ) -> None:
-        columns = columns or Columns()
+        self._columns = columns = columns or Columns()
         self.source = source = shown(source)
-        self._columns, self._path = columns, path
         given = iter(lines)
-        blank: list[str] = []
-        first = next(given, "")
-        while first and not first.strip():
-            blank.append(first)
-            first = next(given, "")
-        self.separator = columns.separator or _separator_of(first)
+        skipped = list(itertools.islice(given, columns.skip))
+        top = list(itertools.islice(given, TOP))
+        layout = layout_of(top, columns.separator)
+        self.separator = layout.separator
         """The character between cells."""
-        rows = self._rows_of(itertools.chain(blank, [first], given))
-        self.header, names = next(rows, (1, []))
-        """The line of the names, from 1."""
-        self.names: Sequence[str] = [shown(name.strip()) for name in names]
-        if not self.names:
+        if not layout.names:
             raise InputError(
                 f"{source}: expected a first line with the names of the columns, got none"
             )
-        begin = list(itertools.islice(rows, 100))
-        self.rows = itertools.chain(begin, rows)
-        """The rows below the names that are not empty, with their lines."""
-        self.decimal = columns.decimal or self._decimal_of([row for _, row in begin])
-        """The decimal mark."""
-        cells = begin[0][1] if begin else []
+        self.names: Sequence[str] = [shown(_plain(name, source)) for name in layout.names]
+        self._width = layout.width
+        self._notes: list[str] = []
+        if top[: layout.at] and "".join(top[: layout.at]).strip():
+            self._notes.append(_skip_note(len(skipped), layout.at))
+        if any(name != shown(own) for name, own in zip(self.names, layout.names, strict=True)):
+            self._notes.append(_LATIN)
+        rows = self._rows_of(top, layout.at, given, len(skipped))
+        self.header, _ = next(rows)
+        """The line of the names, from 1."""
+        self._above, self._units = self.header, dict[str, str]()
+        if layout.units is not None:
+            self._units = dict(zip(self.names, layout.units, strict=True))
+            self._above, _ = next(rows)
+            self._notes.append(f"line {self._above} is a row of units: {', '.join(layout.units)}")
+        self._begin = list(itertools.islice(rows, _FEW))
+        self.rows = itertools.chain(self._begin, rows)
+        """The rows of values that are not empty, with their lines."""
+        cells = self._begin[0][1] if self._begin else []
         self.dates: Sequence[str] = [
             name
             for name, cell in zip(self.names, cells, strict=False)
             if read_dates([cell]) is not None
         ]
-
-    @property
-    def notes(self) -> list[str]:
-        """What was recognised that might have been meant otherwise."""
-        if self._columns.decimal is None and self.decimal == ",":
-            return ["numbers are read with a decimal comma"]
-        return []
+        # Runs of blanks are one separator here, and several for pyarrow.
+        self._path = None if self.separator == " " else path
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns; nan in a cell is an error, an empty cell becomes nan."""
+        """Reads the wanted columns; an empty cell that is allowed becomes nan.
+
+        Raises:
+            InputError: If a row or a cell is wrong, if the decimal mark is not certain, or if the
+                row of units has a unit of the times that is not known.
+        """
         if wanted.time is not None and self.names.count(wanted.time) > 1:
             raise InputError(
                 f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
             )
-        return self._read_fast(wanted) or self._read_blocks(wanted)
+        unit = self._unit_of(wanted.time)
+        read = self._read_fast(wanted) or self._read_blocks(wanted)
+        return replace(read, unit=unit)
+
+    def _unit_of(self, time: str | None) -> str:
+        """Return the unit of the times in the row of units; empty if there is none."""
+        below = self._units.get(time, "") if time is not None else ""
+        if self._columns.time_unit is not None or below in ("", "-"):
+            return ""
+        unit, named = unit_of_times(f"t [{below}]"), unit_of_times(str(time))
+        if unit not in UNITS or named not in (None, "", unit):
+            also = f", and {named!r} in its name" if named else ""
+            raise InputError(
+                f"{self.source}, line {self._above}, column '{time}': expected one unit of time, "
+                f"got {below!r}{also}; say the unit with --time-unit ({', '.join(UNITS)})"
+            )
+        return unit
 
     def _read_fast(self, wanted: Wanted) -> Rows | None:
         path = self._path
@@ -188,8 +232,11 @@ class CsvRecording:
             return None
         from rtamt_gym.recorded.arrow_csv import Text, read_text
 
-        text = Text(path, self.names, self.header, self.separator, self.decimal)
-        read = read_text(text, wanted)
+        mark = self._likely_mark()
+        text = Text(path, self.names, self._width, self._above, self.separator, mark, self.dates)
+        read = read_text(text, wanted, certain=self._columns.decimal is not None)
+        if read is None:
+            return None
 
         def where(row: int) -> str:  # the file is read once more
             with lines_of(path) as lines:
@@ -197,93 +244,174 @@ class CsvRecording:
                 line, _ = next(itertools.islice(rows, row, None))
             return f"{self.source}, line {line}"
 
-        if read is None:
-            return None
-        return Rows(
-            read.numbers, read.texts, read.count, where, self.source, read.times, self.notes
-        )
+        notes = self._notes_on(read.decimal, "", read.thousands)
+        return Rows(read.numbers, read.texts, read.count, where, self.source, read.times, notes)
+
+    def _likely_mark(self) -> str:
+        """Return the decimal mark of the first rows; a point if they do not show it."""
+        if self._columns.decimal is not None:
+            return self._columns.decimal
+        marks = ColumnMarks()
+        for _, row in self._begin:
+            marks.add(row, 0)
+        return "," if "," in marks.certain and "." not in marks.certain else "."
 
     def _read_blocks(self, wanted: Wanted) -> Rows:
-        parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in wanted.numbers}
-        texts: dict[str, list[str]] = {name: [] for name in wanted.texts}
-        times: list[str] = []
+        time = [] if wanted.time is None else [wanted.time]
+        read = dict.fromkeys([*wanted.numbers, *time])
+        decimal = self._columns.decimal
+        marks = {name: ColumnMarks() for name in (self.names if decimal is None else read)}
+        columns: dict[str, list[str]] = {name: [] for name in (*wanted.texts, *time)}
+        numbers = _NumberColumns(wanted)
         lines: list[int] = []
-        while block := list(itertools.islice(self.rows, _BLOCK)):
-            places, rows = zip(*block, strict=True)
-            if set(map(len, rows)) != {len(self.names)}:
-                raise next(self._errors(block, wanted))
-            cells = dict(zip(self.names, zip(*rows, strict=True), strict=False))
-            for name in wanted.numbers:
-                column = self._floats(cells[name], name, wanted)
-                if column is None:
-                    raise next(self._errors(block, wanted))
-                parts[name].append(column)
-            for name in wanted.texts:
-                texts[name] += map(str.strip, cells[name])
-            if wanted.time is not None:
-                times += cells[wanted.time]
-            lines += places
-        numbers = {name: np.concatenate(part) for name, part in parts.items()}
 
         def where(row: int) -> str:
             return f"{self.source}, line {lines[row]}"
 
+        def mark() -> str:
+            return self._columns.decimal or decimal_of(marks, read, self.source, where)
+
+        while block := list(itertools.islice(self.rows, _BLOCK)):
+            cells = self._cells_of(block)
+            for name, column in marks.items():
+                column.add(cells[name], len(lines))
+            numbers.add(cells, len(lines))
+            lines += [line for line, _ in block]
+            for name, texts in columns.items():
+                texts += cells[name]
+            if decimal is None and any(marks[name].evidence for name in read):
+                decimal = mark()
+            if decimal is not None and (wrong := numbers.convert(decimal)) is not None:
+                mark()
+                raise self._not_a_number(*wrong, wanted, where)
+        decimal = mark()
+        if (wrong := numbers.convert(decimal)) is not None:
+            raise self._not_a_number(*wrong, wanted, where)
         raw = None
         if wanted.time is not None and lines:
-            raw = times_in(times, self.decimal, lambda i: f"{where(i)}, column '{wanted.time}'")
-        return Rows(numbers, texts, len(lines), where, self.source, raw, self.notes)
+            times, at = columns[wanted.time], f", column '{wanted.time}'"
+            raw = times_in(times, decimal, lambda i: where(i) + at)
+            numbers.look_for_groups(times, decimal)
+        thousands = {}
+        if self._columns.decimal is not None:
+            thousands = {n: m.open[decimal].text for n, m in marks.items() if m.all_groups(decimal)}
+        notes = self._notes_on(decimal, numbers.grouped, thousands)
+        texts = {
+            name: [_plain(t.strip(), self.source) for t in columns[name]] for name in wanted.texts
+        }
+        if any(texts[name] != [*map(str.strip, columns[name])] for name in texts):
+            notes = list(dict.fromkeys([*notes, _LATIN]))
+        return Rows(numbers.arrays, texts, len(lines), where, self.source, raw, notes)
 
-    def _floats(self, cells: Sequence[str], name: str, wanted: Wanted) -> Floats | None:
-        return floats_in(cells, self.decimal, gaps=name in wanted.gaps, nan=wanted.nan)
+    def _cells_of(self, block: Sequence[tuple[int, list[str]]]) -> Mapping[str, Sequence[str]]:
+        """Return the cells of some rows by column."""
+        columns = list(zip(*(row for _, row in block), strict=False))
+        beyond = columns[len(self.names) :]
+        if {len(row) for _, row in block} != {self._width} or "".join(map("".join, beyond)).strip():
+            raise next(self._width_errors(block))
+        return dict(zip(self.names, columns, strict=False))
 
-    def _rows_of(self, lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
-        """The rows that are not empty, with their line numbers."""
-        reader = csv.reader(lines, delimiter=self.separator, skipinitialspace=True)
+    def _width_errors(self, block: Sequence[tuple[int, list[str]]]) -> Iterator[InputError]:
+        n = len(self.names)
+        for line, row in block:
+            if len(row) != self._width or "".join(row[n:]).strip():
+                above = line - 1 == self._above and len(row) > n
+                hint = "; give --skip N if the names are below the first N lines" if above else ""
+                yield InputError(
+                    f"{self.source}, line {line}: expected {n} values ({listed(self.names)}), "
+                    f"got {len(row)}{hint}"
+                )
+
+    def _notes_on(self, decimal: str, grouped: str, thousands: Mapping[str, str]) -> list[str]:
+        """Return the notes on the lines and the numbers of the text."""
+        notes = [*self._notes]
+        if self._columns.decimal is None and decimal == ",":
+            notes.append("numbers are read with a decimal comma")
+        if grouped:
+            notes.append(groups_note(grouped, decimal))
+        return notes + [thousands_note(name, cell, decimal) for name, cell in thousands.items()]
+
+    def _rows_of(
+        self, top: Sequence[str], at: int, below: Iterable[str], skipped: int
+    ) -> Iterator[tuple[int, list[str]]]:
+        """Yield the line of the names and the rows below it, with their line numbers."""
+        lines = itertools.chain([names_line(top[at])], top[at + 1 :], below)
+        last = before = skipped + at
         try:
-            for row in reader:
-                if row:
-                    yield reader.line_num, row
+            for line, row in rows_of(lines, self.separator):
+                last = before + line
+                yield last, row
         except csv.Error as error:
             said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
-            raise InputError(f"{self.source}, line {reader.line_num}: {said}") from None
+            raise InputError(f"{self.source}, line {last + 1}: {said}") from None
 
-    def _decimal_of(self, rows: Iterable[Sequence[str]]) -> str:
-        """The decimal mark that the cells of some rows use; a point if they use both."""
-        if self.separator == ",":
-            return "."
-        cells = {cell.strip() for row in rows for cell in row}
-        commas = any(map(DECIMAL_COMMA.fullmatch, cells))
-        return "," if commas and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
-
-    def _errors(
-        self, block: Sequence[tuple[int, list[str]]], wanted: Wanted
-    ) -> Iterator[InputError]:
-        """The errors of the rows in the block that cannot be read."""
-        for line, row in block:
-            if len(row) != len(self.names):
-                yield InputError(
-                    f"{self.source}, line {line}: expected {len(self.names)} values "
-                    f"({listed(self.names)}), got {len(row)}"
-                )
-            for name in wanted.numbers:
-                cell = row[self.names.index(name)]
-                if self._floats([cell], name, wanted) is None:
-                    yield InputError(
-                        f"{self.source}, line {line}, column '{name}': expected a number, "
-                        f"got {cell!r}{self._advice(cell.strip(), wanted)}"
-                    )
-
-    def _advice(self, cell: str, wanted: Wanted) -> str:
-        if not cell or cell.lower() == "nan":
-            return wanted.empty
-        if self.decimal == "." and DECIMAL_COMMA.fullmatch(cell):
-            return "; give --decimal , for a decimal comma"
-        if self.decimal == "," and DECIMAL_POINT.fullmatch(cell):
-            return "; give --decimal . for a decimal point"
-        return ""
+    def _not_a_number(
+        self, row: int, name: str, cell: str, wanted: Wanted, where: Callable[[int], str]
+    ) -> InputError:
+        text, advice = cell.strip(), ""
+        if not text or text.lower() in NOT_KNOWN:
+            advice = wanted.empty
+        elif self._columns.decimal is not None and any(is_number(text, mark) for mark in ".,"):
+            advice = "; leave out --decimal to recognise the decimal mark from the whole file"
+        got = _plain(cell, self.source)
+        return InputError(f"{where(row)}, column '{name}': expected a number, got {got!r}{advice}")
 
 
-def _separator_of(line: str) -> str:
-    """The most frequent separator in a line of names, outside quotes."""
-    bare = re.sub(r'"[^"]*"', "", line)
-    return max(_SEPARATORS, key=bare.count)
+class _NumberColumns:
+    """The wanted columns of numbers, whose cells are text until the decimal mark is known.
+
+    Args:
+        wanted: The wanted columns.
+    """
+
+    def __init__(self, wanted: Wanted) -> None:
+        self.grouped = ""
+        """The first cell whose digits stand in groups."""
+        self._wanted = wanted
+        self._held: list[tuple[int, dict[str, Sequence[str]]]] = []
+        self._parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in wanted.numbers}
+
+    @property
+    def arrays(self) -> dict[str, Floats]:
+        """The numbers of each column."""
+        return {name: np.concatenate(parts) for name, parts in self._parts.items()}
+
+    def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
+        """Add the cells of further rows, the first of which has a number."""
+        self._held.append((row, {name: cells[name] for name in self._wanted.numbers}))
+
+    def convert(self, decimal: str) -> tuple[int, str, str] | None:
+        """Convert all cells to numbers; returns row, column and text of the first wrong cell."""
+        for row, cells in self._held:
+            for name, column in cells.items():
+                part = self._floats(column, name, decimal)
+                if part is None:
+                    return self._wrong(row, cells, decimal)
+                self._parts[name].append(part)
+                self.look_for_groups(column, decimal)
+        self._held.clear()
+        return None
+
+    def look_for_groups(self, cells: Sequence[str], decimal: str) -> None:
+        """Keep the first cell whose digits stand in groups."""
+        self.grouped = self.grouped or grouped_in(cells, decimal) or ""
+
+    def _floats(self, cells: Sequence[str], name: str, decimal: str) -> Floats | None:
+        gaps = name in self._wanted.gaps
+        return floats_in(cells, decimal, gaps=gaps, nan=self._wanted.nan)
+
+    def _wrong(
+        self, row: int, cells: Mapping[str, Sequence[str]], decimal: str
+    ) -> tuple[int, str, str]:
+        for at, values in enumerate(zip(*cells.values(), strict=True), row):
+            for name, cell in zip(cells, values, strict=True):
+                if self._floats([cell], name, decimal) is None:
+                    return at, name, cell
+        raise AssertionError
+
+
+def _skip_note(before: int, lines: int) -> str:
+    """Return the note on lines before the names, of which some are skipped by an option."""
+    first, last = before + 1, before + lines
+    what = f"line {first} is" if lines == 1 else f"lines {first} to {last} are"
+    return f"{what} skipped: the names of the columns are in line {last + 1}"

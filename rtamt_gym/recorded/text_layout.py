@@ -1,0 +1,210 @@
+"""The layout of a text with cells: lines before the names, the separator, a row of units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from rtamt_gym.recorded.cells import TRUTH, is_number
+from rtamt_gym.recorded.times import read_dates
+
+__all__ = ["TOP", "Layout", "layout_of", "names_line", "rows_of"]
+
+TOP: Final = 200
+"""The lines in which the names are searched, and from which the layout is recognised."""
+
+_SEPARATORS: Final = ",;\t|"
+"""The separators that are recognised; of two equally frequent ones the first is taken."""
+
+_COMMENT: Final = re.compile(r"\s*(?:#|%|//)\s*")
+
+_UNITS: Final = frozenset(
+    [
+        *("s", "sec", "ms", "us", "µs", "μs", "ns", "min", "h", "hz", "khz"),
+        *("m", "mm", "cm", "km", "m/s", "km/h", "mph", "m/s2", "m/s^2", "m/s²"),
+        *("rad", "deg", "°", "rad/s", "deg/s", "°/s", "rpm", "1/min", "1/s"),
+        *("v", "mv", "a", "ma", "w", "kw", "n", "nm", "kg", "g", "%"),
+        *("degc", "°c", "c", "k", "pa", "kpa", "mbar", "bar", "l/min"),
+    ]
+)
+"""Common units in lower case, of which a row of units has one at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the names of the columns are in a text, and how its lines are divided.
+
+    Attributes:
+        at: The index of the line with the names.
+        separator: The character between cells; a blank stands for runs of blanks.
+        names: The names of the columns.
+        width: The cells of each row; cells beyond the names are empty.
+        units: The cells of the row of units below the names; None if there is not one.
+    """
+
+    at: int
+    separator: str
+    names: list[str]
+    width: int
+    units: list[str] | None
+
+
+def layout_of(lines: Sequence[str], separator: str | None) -> Layout:
+    """Return the layout of a text.
+
+    Lines before the names are left out only if they cannot hold the names: they are comments, or
+    they have another number of cells than the rows, and a later line fits all rows below it.
+
+    Args:
+        lines: The first lines of the text.
+        separator: The character between cells; None to recognise it.
+
+    Example:
+        >>> layout = layout_of(["# recorded by logger 4", "time  x", "s  m/s", "0  1"], None)
+        >>> layout.at, layout.separator, layout.names, layout.units
+        (1, ' ', ['time', 'x'], ['s', 'm/s'])
+    """
+    full = [at for at, line in enumerate(lines) if line.strip()]
+    if not full:
+        return Layout(0, separator or ",", [], 0, None)
+    first = full[0]
+    for at, below in pairwise(full):
+        if not _COMMENT.match(lines[at]) or _names_of(lines, at, below, separator):
+            break
+        first = below
+    table = _Table.below(lines, first, separator)
+    if table.fits:
+        return table.layout
+    for at in full[full.index(first) :]:
+        other = _Table.below(lines, at, separator)
+        if other.certain:
+            return other.layout
+        if len(other.layout.names) > 1 and _is_value(other.layout.names[0]):
+            break  # this line is a row of a table
+    return table.layout
+
+
+def rows_of(lines: Iterable[str], separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows that are not empty, with the number of their last line, from 1.
+
+    Raises:
+        csv.Error: If a line cannot be divided into cells.
+    """
+    if separator == " ":
+        lines = (line.strip() for line in lines)
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    for row in reader:
+        if row:
+            yield reader.line_num, row
+
+
+def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) -> bool:
+    """Return whether a comment holds the names of the columns of the line below it."""
+    if _COMMENT.match(lines[below]):
+        return False
+    table = _Table.below(lines, at, separator)
+    if not table.rows or len(table.rows[0]) != table.layout.width:
+        return False
+    if any(map(_is_value, table.rows[0])):
+        return True
+    return table.layout.width > 1 and not _Table.below(lines, below, separator).certain
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A line taken for the names, and the rows below it.
+
+    Attributes:
+        layout: The layout that this gives.
+        rows: The first rows.
+    """
+
+    layout: Layout
+    rows: list[list[str]]
+
+    @classmethod
+    def below(cls, lines: Sequence[str], at: int, separator: str | None) -> _Table:
+        head = names_line(lines[at])
+        if separator is None:
+            separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))
+        rows = []
+        with suppress(csv.Error):  # the reader reports it
+            rows += [row for _, row in rows_of([head, *lines[at + 1 :]], separator)]
+        names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]
+        if len(lines) >= TOP and len(rows) > 1:
+            del rows[-1]  # its end may be missing
+        named = len(names)
+        while named and not names[named - 1]:
+            named -= 1
+        width = len(rows[0]) if rows else len(names)
+        beyond = [cell for row in rows for cell in row[named:]]
+        if not named or width < named or any(map(str.strip, beyond)):
+            named = width = len(names)
+        layout = Layout(at, separator, names[:named], width, _units_in(rows, named))
+        return cls(layout, rows)
+
+    @property
+    def fits(self) -> bool:
+        """Whether all rows have as many cells as there are names."""
+        return all(len(row) == self.layout.width for row in self.rows)
+
+    @property
+    def certain(self) -> bool:
+        """Whether the line can only be the line of the names."""
+        names, values = self.layout.names, self.rows[0 if self.layout.units is None else 1 :]
+        return (
+            self.fits
+            and len(names) > 1
+            and all(names)
+            and not any(map(_is_value, names))
+            and bool(values)
+            and any(map(_is_value, values[0]))
+        )
+
+
+def names_line(line: str) -> str:
+    """Return a line of names without the mark of a comment and a blank before it."""
+    return re.sub(r"^\s*(?:#|%|//)\s+", "", line)
+
+
+def _separator_of(head: str, below: str) -> str:
+    """Return the most frequent separator in a line of names, outside quotes.
+
+    A line without separators is divided at blanks if the row below then has as many cells.
+    """
+    bare = re.sub(r'"[^"]*"', "", head)
+    best = max(_SEPARATORS, key=bare.count)
+    if best in bare:
+        return best
+    cells = [next((len(row) for _, row in rows_of([line], " ")), 0) for line in (head, below)]
+    return " " if cells[0] == cells[1] > 1 else best
+
+
+def _units_in(rows: Sequence[Sequence[str]], columns: int) -> list[str] | None:
+    """Return the first row if it can only be a row of units.
+
+    It has a common unit in a column of values, and a number, a date or a truth value nowhere.
+    """
+    if len(rows) < 2 or any(map(_is_value, rows[0])):
+        return None
+    units = [cell.strip().strip("[]()").strip() for cell in rows[0][:columns]]
+    for unit, *cells in zip(units, *rows[1:], strict=False):
+        if unit.lower() in _UNITS and any(map(_is_value, cells)):
+            return units
+    return None
+
+
+def _is_value(cell: str) -> bool:
+    """Return whether a cell is a number, a date or a truth value."""
+    cell = cell.strip()
+    return (
+        cell.lower() in TRUTH
+        or is_number(cell, ".")
+        or is_number(cell, ",")
+        or read_dates([cell]) is not None
+    )
