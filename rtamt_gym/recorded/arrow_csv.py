@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -67,6 +68,10 @@ class CsvColumns:
     thousands: Mapping[str, str]
 
 
+class _UnclearError(Exception):
+    """The other reader has to look closer."""
+
+
 def read_text(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns | None:
     """Read the wanted columns of a text, or return None if another reader has to look closer.
 
@@ -78,50 +83,56 @@ def read_text(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns | None
         wanted: The columns.
         certain: Whether the decimal mark is certain.
     """
+    try:
+        return _read(text, wanted, certain=certain)
+    except _UnclearError:
+        return None
+
+
+def _read(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns:
     time = [] if wanted.time is None else [wanted.time]
     names = list(dict.fromkeys([*wanted.numbers, *wanted.texts, *time])) or text.names[:1]
     places = [text.names.index(name) for name in names]  # a name may come twice
     beyond = range(len(text.names), text.width)
-    dated = [text.names.index(name) for name in time if name in text.dates]
-    table = _table(text, [*places, *beyond], set(dated) - {*map(text.names.index, wanted.numbers)})
-    if table is None or any(_bytes(column).strip() for column in table.columns[len(names) :]):
-        return None
+    dated = [name for name in time if name in text.dates and name not in wanted.numbers]
+    table = _table(text, [*places, *beyond], [*map(text.names.index, dated)])
+    if any(_bytes(column).strip() for column in table.columns[len(names) :]):
+        raise _UnclearError
     columns = dict(zip(names, table.columns, strict=False))
     numbers, marked = {}, {}
-    undated = [name for name in time if name not in text.dates]
-    for name in dict.fromkeys([*wanted.numbers, *undated]):
-        read = _numbers(columns[name], text.decimal, wanted)
-        if read is None:
-            return None
-        cells, values = read
+    for name in dict.fromkeys([*wanted.numbers, *(name for name in time if name not in dated)]):
+        cells, values = _numbers(columns[name], text.decimal, wanted)
         absent = int(np.isnan(values).sum())
-        allowed = len(values) if wanted.nan else cells.null_count
-        if absent > (allowed if name in wanted.gaps else 0):
-            return None
+        if absent > (name in wanted.gaps) * (len(values) if wanted.nan else cells.null_count):
+            raise _UnclearError
         numbers[name] = values
         if text.decimal.encode() in _bytes(cells):
             marked[name] = cells
-    unclear = [n for n, cells in marked.items() if _all_match(cells, _LIKE_GROUPS, text.decimal)]
-    if unclear and not certain and not _settled(text, places, sure=len(unclear) < len(marked)):
-        return None
-    thousands = {}
-    for name in unclear if certain else ():
-        if _all_match(marked[name], _GROUPS, text.decimal):
-            lengths = pc.utf8_length(marked[name])
-            thousands[name] = marked[name][pc.index(lengths, pc.max(lengths)).as_py()].as_py()
-    times = None
-    if wanted.time is not None:
-        times = _times(columns[wanted.time], numbers.get(wanted.time))
-        if times is None:
-            return None
-    numbers = {name: numbers[name] for name in wanted.numbers}
-    texts = {name: [cell.strip() for cell in columns[name].to_pylist()] for name in wanted.texts}
-    decimal = text.decimal if marked or certain else "."
-    return CsvColumns(numbers, texts, table.num_rows, times, decimal, thousands)
+    unclear = {n: c for n, c in marked.items() if _all_match(c, _LIKE_GROUPS, text.decimal)}
+    if unclear and not certain:
+        _check_mark(text, places, sure=len(unclear) < len(marked))
+    return CsvColumns(
+        {name: numbers[name] for name in wanted.numbers},
+        {name: [cell.strip() for cell in columns[name].to_pylist()] for name in wanted.texts},
+        table.num_rows,
+        _times(columns[wanted.time], numbers.get(wanted.time)) if wanted.time is not None else None,
+        text.decimal if marked or certain else ".",
+        _thousands(unclear, text.decimal) if certain else {},
+    )
 
 
-def _table(text: Text, places: Sequence[int], typed: Collection[int] = ()) -> pa.Table | None:
-    """Return columns as text, dates as what they look like; None if a row or a text is wrong."""
+def _thousands(columns: Mapping[str, pa.ChunkedArray], mark: str) -> dict[str, str]:
+    """Return the longest cell of each column whose numbers all have three digits after the mark."""
+    found = {}
+    for name, cells in columns.items():
+        if _all_match(cells, _GROUPS, mark):
+            lengths = pc.utf8_length(cells)
+            found[name] = cells[pc.index(lengths, pc.max(lengths)).as_py()].as_py()
+    return found
+
+
+def _table(text: Text, places: Sequence[int], typed: Collection[int] = ()) -> pa.Table:
+    """Return columns as text, but for those whose types are to be recognised."""
     try:
         return csv.read_csv(
             text.path,
@@ -135,28 +146,23 @@ def _table(text: Text, places: Sequence[int], typed: Collection[int] = ()) -> pa
             ),
         )
     except (pa.ArrowException, OSError):
-        return None
+        raise _UnclearError from None
 
 
 def _numbers(
     column: pa.ChunkedArray, decimal: str, wanted: Wanted
-) -> tuple[pa.ChunkedArray, Floats] | None:
-    """Return the cells of a column, null where one is empty, and their numbers.
-
-    None if a cell is not a number without groups of digits.
-    """
+) -> tuple[pa.ChunkedArray, Floats]:
+    """Return the cells of a column, null where one is empty, and their numbers."""
     for clean in (False, True):
         cells = _cleaned(column, wanted) if clean else column
         plain = cells
         if decimal == ",":
             if b"." in _bytes(cells):
-                return None
+                break
             plain = pc.replace_substring(cells, ",", ".")
-        try:
+        with suppress(pa.ArrowInvalid):
             return cells, floats_of(plain.cast(pa.float64()))
-        except pa.ArrowInvalid:
-            continue
-    return None
+    raise _UnclearError
 
 
 def _cleaned(column: pa.ChunkedArray, wanted: Wanted) -> pa.ChunkedArray:
@@ -168,48 +174,49 @@ def _cleaned(column: pa.ChunkedArray, wanted: Wanted) -> pa.ChunkedArray:
     return pc.if_else(pc.is_in(cells, value_set=empty), pa.scalar(None, pa.string()), cells)
 
 
-def _times(column: pa.ChunkedArray, numbers: Floats | None) -> RawTimes | None:
-    """Return dates, integers if all cells are whole numbers, or doubles; None if one is none."""
+def _times(column: pa.ChunkedArray, numbers: Floats | None) -> RawTimes:
+    """Return dates, integers if all cells are whole numbers, or doubles."""
+    times: RawTimes | None = numbers
     if numbers is None:
-        if column.null_count or not is_time(column.type):
-            return None
-        return raw_times_of(column)
-    if np.isnan(numbers).any():
-        return None
-    if not _bytes(column).translate(None, b"0123456789- "):
-        try:
-            return raw_times_of(pc.utf8_trim_whitespace(column).cast(pa.int64()))
-        except pa.ArrowInvalid:
-            return None
-    return numbers
+        times = raw_times_of(column) if is_time(column.type) and not column.null_count else None
+    elif np.isnan(numbers).any():
+        times = None
+    elif not _bytes(column).translate(None, b"0123456789- "):
+        with suppress(pa.ArrowInvalid):
+            times = raw_times_of(pc.utf8_trim_whitespace(column).cast(pa.int64()))
+    if times is None:
+        raise _UnclearError
+    return times
 
 
-def _settled(text: Text, read: Collection[int], *, sure: bool) -> bool:
-    """Return whether the file uses the decimal mark that was tried, for sure.
+def _check_mark(text: Text, read: Collection[int], *, sure: bool) -> None:
+    """Check that the decimal mark that was tried is the mark of the file.
 
     Args:
         text: The file.
         read: The columns that are read, whose numbers have no other mark.
         sure: Whether one of them has a number that can be read with this mark only.
     """
-    others = [place for place in range(len(text.names)) if place not in read]
-    table = _table(text, others)
-    if table is None:
-        return False
     mark, other = text.decimal, _OTHER[text.decimal]
-    for column in table.columns:
+    others = [place for place in range(len(text.names)) if place not in read]
+    for column in _table(text, others).columns if others else ():
         inside = _bytes(column)
         if other.encode() in inside and _any_match(column, _MARKED, other):
-            return False
-        if mark.encode() not in inside:
-            continue
-        if _any_match(column, _SEVERAL, mark):
-            return False
-        sure = sure or (
-            not _all_match(column, _LIKE_GROUPS, mark)
-            and _numbers(column, mark, Wanted([], nan=True)) is not None
-        )
-    return sure
+            raise _UnclearError
+        if mark.encode() in inside:
+            if _any_match(column, _SEVERAL, mark):
+                raise _UnclearError
+            sure = sure or (not _all_match(column, _LIKE_GROUPS, mark) and _numeric(column, mark))
+    if not sure:
+        raise _UnclearError
+
+
+def _numeric(column: pa.ChunkedArray, mark: str) -> bool:
+    try:
+        _numbers(column, mark, Wanted([], nan=True))
+    except _UnclearError:
+        return False
+    return True
 
 
 _OPEN: Final = r"[+-]?[1-9]\d{0,2}MARK\d{3}"

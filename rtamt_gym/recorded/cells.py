@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
-from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.recording import Floats, Wanted
 from rtamt_gym.recorded.times import RawTimes, read_dates
 
-__all__ = ["GROUP_MARKS", "NOT_KNOWN", "TRUTH", "floats_in", "grouped_in", "is_number", "times_in"]
+__all__ = [
+    "GROUP_MARKS",
+    "NOT_KNOWN",
+    "TRUTH",
+    "NumberColumns",
+    "floats_in",
+    "grouped_in",
+    "is_number",
+    "times_in",
+]
 
 NOT_KNOWN: Final = frozenset(
     [
@@ -27,7 +36,7 @@ NOT_KNOWN: Final = frozenset(
 TRUTH: Final = {"true": 1.0, "false": 0.0}
 """The numbers of truth values, which are written in any case."""
 
-GROUP_MARKS: Final = " '’\u00a0\u2009\u202f"
+GROUP_MARKS: Final = " '\u2019\u00a0\u2009\u202f"
 """The marks between groups of three digits that are no decimal marks anywhere."""
 
 _OTHER: Final = {".": ",", ",": "."}
@@ -117,6 +126,66 @@ def _number(cell: str, decimal: str, *, gaps: bool, nan: bool) -> float | None:
         return None
     read = read_floats([cell.replace(decimal, ".")])
     return None if read is None else read[0]
+
+
+class NumberColumns:
+    """The wanted columns of numbers, whose cells stay text until the decimal mark is known.
+
+    Args:
+        wanted: The wanted columns.
+    """
+
+    def __init__(self, wanted: Wanted) -> None:
+        self.grouped = ""
+        """The first cell whose digits stand in groups."""
+        self._wanted = wanted
+        self._held: list[tuple[int, dict[str, Sequence[str]]]] = []
+        self._parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in wanted.numbers}
+
+    @property
+    def arrays(self) -> dict[str, Floats]:
+        """The numbers of each column."""
+        return {name: np.concatenate(parts) for name, parts in self._parts.items()}
+
+    def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
+        """Add the cells of further rows, the first of which has a number."""
+        self._held.append((row, {name: cells[name] for name in self._wanted.numbers}))
+
+    def convert(self, decimal: str) -> tuple[int, str, str, str] | None:
+        """Convert all cells to numbers.
+
+        Returns:
+            The first wrong cell: its row, its column, its text, and advice; None without one.
+        """
+        for row, cells in self._held:
+            for name, column in cells.items():
+                part = self._floats(column, name, decimal)
+                if part is None:
+                    return self._wrong(row, cells, decimal)
+                self._parts[name].append(part)
+                self.look_for_groups(column, decimal)
+        self._held.clear()
+        return None
+
+    def look_for_groups(self, cells: Sequence[str], decimal: str) -> None:
+        """Keep the first cell whose digits stand in groups."""
+        self.grouped = self.grouped or grouped_in(cells, decimal) or ""
+
+    def _floats(self, cells: Sequence[str], name: str, decimal: str) -> Floats | None:
+        gaps = name in self._wanted.gaps
+        return floats_in(cells, decimal, gaps=gaps, nan=self._wanted.nan)
+
+    def _wrong(
+        self, row: int, cells: Mapping[str, Sequence[str]], decimal: str
+    ) -> tuple[int, str, str, str]:
+        at, name, cell = next(
+            (at, name, cell)
+            for at, values in enumerate(zip(*cells.values(), strict=True), row)
+            for name, cell in zip(cells, values, strict=True)
+            if self._floats([cell], name, decimal) is None
+        )
+        text = cell.strip().lower()
+        return at, name, cell, self._wanted.empty if not text or text in NOT_KNOWN else ""
 
 
 def times_in(cells: Sequence[str], decimal: str, where: Callable[[int], str]) -> RawTimes:

@@ -23,16 +23,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO, TextIO, cast
 
-import numpy as np
-
 from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import NOT_KNOWN, floats_in, grouped_in, is_number, times_in
+from rtamt_gym.recorded.cells import NumberColumns, is_number, times_in
 from rtamt_gym.recorded.columns import UNITS, Columns
-from rtamt_gym.recorded.decimal_marks import ColumnMarks, decimal_of, groups_note, thousands_note
+from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, notes_on
 from rtamt_gym.recorded.progress import progress
-from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.text_layout import TOP, layout_of, names_line, rows_of
 from rtamt_gym.recorded.times import read_dates
 
@@ -215,10 +213,10 @@ class CsvRecording:
     def _unit_of(self, time: str | None) -> str:
         """Return the unit of the times in the row of units; empty if there is none."""
         below = self._units.get(time, "") if time is not None else ""
-        if self._columns.time_unit is not None or below in ("", "-"):
+        if time is None or self._columns.time_unit is not None or below in ("", "-"):
             return ""
-        unit, named = unit_of_times(f"t [{below}]"), unit_of_times(str(time))
-        if unit not in UNITS or named not in (None, "", unit):
+        unit, named = unit_of_times(f"t [{below}]"), unit_of_times(time)
+        if unit is None or unit not in UNITS or named not in (None, "", unit):
             also = f", and {named!r} in its name" if named else ""
             raise InputError(
                 f"{self.source}, line {self._above}, column '{time}': expected one unit of time, "
@@ -244,7 +242,7 @@ class CsvRecording:
                 line, _ = next(itertools.islice(rows, row, None))
             return f"{self.source}, line {line}"
 
-        notes = self._notes_on(read.decimal, "", read.thousands)
+        notes = self._notes + notes_on(self._columns.decimal, read.decimal, "", read.thousands)
         return Rows(read.numbers, read.texts, read.count, where, self.source, read.times, notes)
 
     def _likely_mark(self) -> str:
@@ -258,50 +256,52 @@ class CsvRecording:
 
     def _read_blocks(self, wanted: Wanted) -> Rows:
         time = [] if wanted.time is None else [wanted.time]
-        read = dict.fromkeys([*wanted.numbers, *time])
-        decimal = self._columns.decimal
-        marks = {name: ColumnMarks() for name in (self.names if decimal is None else read)}
         columns: dict[str, list[str]] = {name: [] for name in (*wanted.texts, *time)}
-        numbers = _NumberColumns(wanted)
         lines: list[int] = []
 
         def where(row: int) -> str:
             return f"{self.source}, line {lines[row]}"
 
-        def mark() -> str:
-            return self._columns.decimal or decimal_of(marks, read, self.source, where)
-
+        read = dict.fromkeys([*wanted.numbers, *time])
+        marks = FileMarks(self.names, read, self._columns.decimal, self.source, where)
+        numbers = NumberColumns(wanted)
         while block := list(itertools.islice(self.rows, _BLOCK)):
             cells = self._cells_of(block)
-            for name, column in marks.items():
-                column.add(cells[name], len(lines))
+            marks.add(cells, len(lines))
             numbers.add(cells, len(lines))
             lines += [line for line, _ in block]
-            for name, texts in columns.items():
-                texts += cells[name]
-            if decimal is None and any(marks[name].evidence for name in read):
-                decimal = mark()
-            if decimal is not None and (wrong := numbers.convert(decimal)) is not None:
-                mark()
-                raise self._not_a_number(*wrong, wanted, where)
-        decimal = mark()
-        if (wrong := numbers.convert(decimal)) is not None:
-            raise self._not_a_number(*wrong, wanted, where)
+            for name, column in columns.items():
+                column.extend(cells[name])
+            if marks.known:
+                self._convert(numbers, marks, where)
+        decimal = self._convert(numbers, marks, where)
         raw = None
         if wanted.time is not None and lines:
-            times, at = columns[wanted.time], f", column '{wanted.time}'"
+            at, times = f", column '{wanted.time}'", columns[wanted.time]
             raw = times_in(times, decimal, lambda i: where(i) + at)
             numbers.look_for_groups(times, decimal)
-        thousands = {}
-        if self._columns.decimal is not None:
-            thousands = {n: m.open[decimal].text for n, m in marks.items() if m.all_groups(decimal)}
-        notes = self._notes_on(decimal, numbers.grouped, thousands)
-        texts = {
-            name: [_plain(t.strip(), self.source) for t in columns[name]] for name in wanted.texts
-        }
-        if any(texts[name] != [*map(str.strip, columns[name])] for name in texts):
-            notes = list(dict.fromkeys([*notes, _LATIN]))
-        return Rows(numbers.arrays, texts, len(lines), where, self.source, raw, notes)
+        notes = [*self._notes, *marks.notes(decimal, numbers.grouped)]
+        texts = {name: [*map(str.strip, columns[name])] for name in wanted.texts}
+        plain = {n: [_plain(text, self.source) for text in column] for n, column in texts.items()}
+        if plain != texts and _LATIN not in notes:
+            notes.append(_LATIN)
+        return Rows(numbers.arrays, plain, len(lines), where, self.source, raw, notes)
+
+    def _convert(
+        self, numbers: NumberColumns, marks: FileMarks, where: Callable[[int], str]
+    ) -> str:
+        """Convert cells to numbers; returns the decimal mark."""
+        decimal = marks.decimal()
+        wrong = numbers.convert(decimal)
+        if wrong is not None:
+            row, name, cell, advice = wrong
+            if self._columns.decimal is not None and any(is_number(cell.strip(), m) for m in ".,"):
+                advice = "; leave out --decimal to recognise the decimal mark from the whole file"
+            got = _plain(cell, self.source)
+            raise InputError(
+                f"{where(row)}, column '{name}': expected a number, got {got!r}{advice}"
+            )
+        return decimal
 
     def _cells_of(self, block: Sequence[tuple[int, list[str]]]) -> Mapping[str, Sequence[str]]:
         """Return the cells of some rows by column."""
@@ -322,15 +322,6 @@ class CsvRecording:
                     f"got {len(row)}{hint}"
                 )
 
-    def _notes_on(self, decimal: str, grouped: str, thousands: Mapping[str, str]) -> list[str]:
-        """Return the notes on the lines and the numbers of the text."""
-        notes = [*self._notes]
-        if self._columns.decimal is None and decimal == ",":
-            notes.append("numbers are read with a decimal comma")
-        if grouped:
-            notes.append(groups_note(grouped, decimal))
-        return notes + [thousands_note(name, cell, decimal) for name, cell in thousands.items()]
-
     def _rows_of(
         self, top: Sequence[str], at: int, below: Iterable[str], skipped: int
     ) -> Iterator[tuple[int, list[str]]]:
@@ -344,70 +335,6 @@ class CsvRecording:
         except csv.Error as error:
             said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
             raise InputError(f"{self.source}, line {last + 1}: {said}") from None
-
-    def _not_a_number(
-        self, row: int, name: str, cell: str, wanted: Wanted, where: Callable[[int], str]
-    ) -> InputError:
-        text, advice = cell.strip(), ""
-        if not text or text.lower() in NOT_KNOWN:
-            advice = wanted.empty
-        elif self._columns.decimal is not None and any(is_number(text, mark) for mark in ".,"):
-            advice = "; leave out --decimal to recognise the decimal mark from the whole file"
-        got = _plain(cell, self.source)
-        return InputError(f"{where(row)}, column '{name}': expected a number, got {got!r}{advice}")
-
-
-class _NumberColumns:
-    """The wanted columns of numbers, whose cells are text until the decimal mark is known.
-
-    Args:
-        wanted: The wanted columns.
-    """
-
-    def __init__(self, wanted: Wanted) -> None:
-        self.grouped = ""
-        """The first cell whose digits stand in groups."""
-        self._wanted = wanted
-        self._held: list[tuple[int, dict[str, Sequence[str]]]] = []
-        self._parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in wanted.numbers}
-
-    @property
-    def arrays(self) -> dict[str, Floats]:
-        """The numbers of each column."""
-        return {name: np.concatenate(parts) for name, parts in self._parts.items()}
-
-    def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
-        """Add the cells of further rows, the first of which has a number."""
-        self._held.append((row, {name: cells[name] for name in self._wanted.numbers}))
-
-    def convert(self, decimal: str) -> tuple[int, str, str] | None:
-        """Convert all cells to numbers; returns row, column and text of the first wrong cell."""
-        for row, cells in self._held:
-            for name, column in cells.items():
-                part = self._floats(column, name, decimal)
-                if part is None:
-                    return self._wrong(row, cells, decimal)
-                self._parts[name].append(part)
-                self.look_for_groups(column, decimal)
-        self._held.clear()
-        return None
-
-    def look_for_groups(self, cells: Sequence[str], decimal: str) -> None:
-        """Keep the first cell whose digits stand in groups."""
-        self.grouped = self.grouped or grouped_in(cells, decimal) or ""
-
-    def _floats(self, cells: Sequence[str], name: str, decimal: str) -> Floats | None:
-        gaps = name in self._wanted.gaps
-        return floats_in(cells, decimal, gaps=gaps, nan=self._wanted.nan)
-
-    def _wrong(
-        self, row: int, cells: Mapping[str, Sequence[str]], decimal: str
-    ) -> tuple[int, str, str]:
-        for at, values in enumerate(zip(*cells.values(), strict=True), row):
-            for name, cell in zip(cells, values, strict=True):
-                if self._floats([cell], name, decimal) is None:
-                    return at, name, cell
-        raise AssertionError
 
 
 def _skip_note(before: int, lines: int) -> str:

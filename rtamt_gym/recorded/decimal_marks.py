@@ -9,14 +9,14 @@ unless the column looks like whole numbers in groups. Anything else is refused.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from rtamt import InputError
 from rtamt_gym.recorded.cells import NOT_KNOWN, floats_in, is_number
 
-__all__ = ["ColumnMarks", "decimal_of", "groups_note", "thousands_note"]
+__all__ = ["ColumnMarks", "FileMarks", "notes_on"]
 
 _OTHER: Final = {".": ",", ",": "."}
 
@@ -145,48 +145,83 @@ class ColumnMarks:
             self.padded |= mark == "." and cell.text.endswith("0")
 
 
-def decimal_of(
-    columns: Mapping[str, ColumnMarks],
-    read: Collection[str],
-    source: str,
-    where: Callable[[int], str],
-) -> str:
-    """Return the decimal mark of a file, ``.`` or ``,``.
+class FileMarks:
+    """The decimal mark of a file, from the evidence in its columns of text.
 
     Args:
-        columns: The evidence in all columns of text.
-        read: The names of the columns that are read as numbers or times.
+        names: The columns of text.
+        read: The columns that are read as numbers or times.
+        option: The decimal mark that is stated; None to recognise it.
         source: Name of the file, for messages.
         where: Returns file and place of a row, for messages.
-
-    Raises:
-        InputError: If there is evidence for both marks, or if a column that is read can be read in
-            two ways.
     """
-    own = {name: marks for name, marks in columns.items() if name in read}
-    others = {name: marks for name, marks in columns.items() if name not in read}
-    found = _evidence(own)
-    if len(found) == 2:
-        raise _two_marks(found, "", source, where)
-    unclear = {name: marks for name, marks in own.items() if marks.is_open}
-    if not unclear:
-        return "," if "," in found else "."
-    numeric = {name: marks for name, marks in others.items() if not marks.text}
-    for name, cell in _evidence(numeric).items():
-        found.setdefault(name, cell)
-    decisive = next(iter(found), None)
-    for name, cell in _evidence(others).items():  # texts raise doubts, and decide nothing
-        found.setdefault(name, cell)
-    if len(found) == 2:
-        raise _two_marks(found, _BY_OPTION, source, where)
-    if decisive is not None:
-        return decisive
-    commas = "," in found or any("," in marks.open for marks in columns.values())
-    for name, marks in unclear.items():
-        if commas or marks.like_thousands:
-            cell = max(marks.open.values(), key=lambda cell: len(cell.text))
-            raise _two_readings(name, cell, where)
-    return "."
+
+    def __init__(
+        self,
+        names: Iterable[str],
+        read: Collection[str],
+        option: str | None,
+        source: str,
+        where: Callable[[int], str],
+    ) -> None:
+        self._columns = {name: ColumnMarks() for name in (names if option is None else read)}
+        self._read, self._option = read, option
+        self._source, self._where = source, where
+
+    def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
+        """Add the cells of further rows, the first of which has a number."""
+        for name, marks in self._columns.items():
+            marks.add(cells[name], row)
+
+    @property
+    def known(self) -> bool:
+        """Whether the option, or a column that is read, decides whatever follows."""
+        return self._option is not None or any(self._columns[name].evidence for name in self._read)
+
+    def decimal(self) -> str:
+        """Return the decimal mark, ``.`` or ``,``.
+
+        Raises:
+            InputError: If there is evidence for both marks, or if a column that is read can be
+                read in two ways.
+        """
+        if self._option is not None:
+            return self._option
+        own = {name: self._columns[name] for name in self._read}
+        found = _evidence(own)
+        if len(found) == 2:
+            raise _two_marks(found, "", self._source, self._where)
+        unclear = {name: marks for name, marks in own.items() if marks.is_open}
+        if not unclear:
+            return "," if "," in found else "."
+        numeric = {name: marks for name, marks in self._columns.items() if not marks.text}
+        found = {**_evidence(numeric), **found}
+        decisive = next(iter(found), None)
+        found = {**_evidence(self._columns), **found}  # texts raise doubts, and decide nothing
+        if len(found) == 2:
+            raise _two_marks(found, _BY_OPTION, self._source, self._where)
+        if decisive is not None:
+            return decisive
+        commas = "," in found or any("," in marks.open for marks in self._columns.values())
+        for name, marks in unclear.items():
+            if commas or marks.like_thousands:
+                longest = max(marks.open.values(), key=lambda cell: len(cell.text))
+                raise _two_readings(name, longest, self._where)
+        return "."
+
+    def notes(self, decimal: str, grouped: str) -> list[str]:
+        """Return the notes on how numbers were read.
+
+        Args:
+            decimal: The decimal mark.
+            grouped: A cell that was read and whose digits stand in groups; empty without one.
+        """
+        found = {
+            name: marks.open[decimal].text
+            for name, marks in self._columns.items()
+            if self._option is not None and marks.all_groups(decimal)
+        }
+        return notes_on(self._option, decimal, grouped, found)
 
 
 def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, Cell]]:
@@ -226,14 +261,23 @@ def _read(cell: str, decimal: str) -> str:
     return cell if read is None else f"{read[0]:.15g}"
 
 
-def groups_note(cell: str, decimal: str) -> str:
-    """Return the note on a cell whose digits stand in groups."""
-    return f"marks between groups of three digits are left out: '{cell}' is {_read(cell, decimal)}"
+def notes_on(
+    option: str | None, decimal: str, grouped: str, thousands: Mapping[str, str]
+) -> list[str]:
+    """Return the notes on how numbers were read.
 
-
-def thousands_note(name: str, cell: str, decimal: str) -> str:
-    """Return the note on a column whose numbers may be groups, which the option reads otherwise."""
-    return (
+    Args:
+        option: The decimal mark that is stated, if it is.
+        decimal: The decimal mark.
+        grouped: A cell whose digits stand in groups; empty without one.
+        thousands: A cell of each column whose numbers all have three digits after the stated mark.
+    """
+    notes = ["numbers are read with a decimal comma"] if option is None and decimal == "," else []
+    if grouped:
+        read = _read(grouped, decimal)
+        notes.append(f"marks between groups of three digits are left out: '{grouped}' is {read}")
+    return notes + [
         f"--decimal {decimal} reads '{cell}' as {_read(cell, decimal)}: every number of '{name}' "
         "has three digits after the mark, as numbers in groups of three digits have"
-    )
+        for name, cell in thousands.items()
+    ]

@@ -170,7 +170,10 @@ def needed_columns(
         elif column == variable and not hint:
             hint = f"; give --signal {variable}=COLUMN"
         if len(recording.names) == 1 and re.search(r"[^\w.]", recording.names[0]):
-            hint = "; say with --separator what stands between columns"
+            hint = (
+                "; say with --separator what stands between columns, or with --skip N how many "
+                "lines stand before the names"
+            )
         if if_events and {VARIABLE, VALUE} <= set(recording.names):
             hint = f"; {if_events}"
         raise _missing(recording, column, "the specification", hint)

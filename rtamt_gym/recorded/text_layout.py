@@ -78,7 +78,7 @@ def layout_of(lines: Sequence[str], separator: str | None) -> Layout:
             break
         first = below
     table = _Table.below(lines, first, separator)
-    if table.fits:
+    if table.fits and (table.rows or first == full[-1]):  # a quote may take all rows in
         return table.layout
     for at in full[full.index(first) :]:
         other = _Table.below(lines, at, separator)
@@ -134,7 +134,8 @@ class _Table:
             separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))
         rows = []
         with suppress(csv.Error):  # the reader reports it
-            rows += [row for _, row in rows_of([head, *lines[at + 1 :]], separator)]
+            for _, row in rows_of([head, *lines[at + 1 :]], separator):
+                rows.append(row)
         names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]
         if len(lines) >= TOP and len(rows) > 1:
             del rows[-1]  # its end may be missing

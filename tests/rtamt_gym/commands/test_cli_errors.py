@@ -44,10 +44,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ),
         ),
         (
-            "time x\n0 1\n",
+            "time:x\n0:1\n",
             (
                 "stdin: no column 'x', which the specification reads; "
-                "the columns are time x; say with --separator what stands between columns"
+                "the columns are time:x; say with --separator what stands between columns, or with "
+                "--skip N how many lines stand before the names"
             ),
         ),
         (
@@ -132,7 +133,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
                 "SPEC... -- latin.csv trace.csv"
             ),
         ),
-        ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
+        (
+            "monitor spec.stl latin.csv",
+            "latin.csv, line 2, column 'speed': expected a number, got 'ä'",
+        ),
         (
             "monitor spec.stl latin.doc",
             (

@@ -15,7 +15,7 @@ from gymnasium.envs.classic_control import CartPoleEnv
 
 from rtamt_gym import demo
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded import csv_reader, judge
+from rtamt_gym.recorded import cells, judge
 
 Output = pytest.CaptureFixture[str]
 WIDE = " and ".join(f"abs(x - {i}) > 0.25" for i in range(40))
@@ -58,7 +58,7 @@ COMMANDS = {
     "monitor": (["monitor", "always(x > 2)", "trace.csv"], judge, "judge"),
     "monitor --dense": (["monitor", "always(x > 2)", "trace.csv", "--dense"], judge, "_parts"),
     "explain": (["explain", "always(x > 2)", "trace.csv"], judge, "viewed"),
-    "reader": (["explain", "always(x > 2)", "trace.csv"], csv_reader, "floats_in"),
+    "reader": (["explain", "always(x > 2)", "trace.csv"], cells, "floats_in"),
     "demo": (["demo"], demo, "watch"),
 }
 

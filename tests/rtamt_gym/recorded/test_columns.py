@@ -320,19 +320,6 @@ def test_separators_and_decimal_commas_are_recognised_and_said() -> None:
     assert read('x,y\n"1,5",0\n', Columns(decimal=",")).columns["x"].tolist() == [1.5]
 
 
-@pytest.mark.parametrize(
-    ("text", "advice"),
-    [
-        ("x;y\n1.5;1\n1,5;2\n", "'1,5'; give --decimal , for a decimal comma"),
-        ("x;y\n" + "1,5;1\n" * 200 + "1.5;2\n", "'1.5'; give --decimal . for a decimal point"),
-        ('x,y\n"1,5",2\n', "'1,5'; give --decimal , for a decimal comma"),
-        ("x;y\n1.234,5;2\n", "'1.234,5'"),
-    ],
-)
-def test_a_number_with_another_decimal_mark_is_refused_with_advice(text: str, advice: str) -> None:
-    assert refused(text).endswith(f"column 'x': expected a number, got {advice}")
-
-
 # What is asked for. ------------------------------------------------------------------------------
 
 

@@ -107,15 +107,19 @@ CONTRACT = {
     ("1,000 2,000 3,000", "", ","): (
         [1, 2, 3],
         [
-            "--decimal , reads '1,000' as 1: every number of 'x' has three digits after the mark, "
-            "as numbers in groups of three digits have"
+            (
+                "--decimal , reads '1,000' as 1: every number of 'x' has three digits after the mark, "
+                "as numbers in groups of three digits have"
+            )
         ],
     ),
     ("1.250 2.000 12.500", "", "."): (
         [1.25, 2, 12.5],
         [
-            "--decimal . reads '12.500' as 12.5: every number of 'x' has three digits after the "
-            "mark, as numbers in groups of three digits have"
+            (
+                "--decimal . reads '12.500' as 12.5: every number of 'x' has three digits after the "
+                "mark, as numbers in groups of three digits have"
+            )
         ],
     ),
     ("1.250 2.000 12.500", "", ","): ([1250, 2000, 12500], [groups("1.250", "1250")]),
@@ -157,3 +161,162 @@ def test_contract_of_decimal_marks(
         assert expected in result
     else:
         assert result == expected
+
+
+@pytest.mark.parametrize(
+    ("separator", "time", "expected"),
+    [
+        (";", "0,5 1,0", ([1000, 12000], [COMMA, groups("1.000", "1000")])),
+        (";", "0.5 1.0", ([1, 12], [])),
+        ("\t", "2026-01-31T12:00:00 2026-01-31T12:00:01", TWO),
+    ],
+)
+def test_times_are_evidence(
+    separator: str,
+    time: str,
+    expected: object,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = zip(time.split(), ["1.000", "12.000"], strict=True)
+    text = "\n".join([f"time{separator}x", *(separator.join(row) for row in rows)])
+    result = reading(tmp_path, monkeypatch, text)
+    assert expected in result if isinstance(expected, str) else result == expected
+
+
+def test_evidence_far_below_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_reader, "_BLOCK", 50)
+    rows = ["12.500;1"] * 300
+    values, notes = reading(tmp_path, monkeypatch, "\n".join(["x;y", *rows, "1.000;3,5"]))
+    assert (values[0], values[-1], notes[0]) == (12500, 1000, COMMA)
+    values, notes = reading(tmp_path, monkeypatch, "\n".join(["x;y", *rows, "1.000;3.5"]))
+    assert (values[0], values[-1], notes) == (12.5, 1, [])
+    assert reading(tmp_path, monkeypatch, "\n".join(["x;y", *rows, "3,5;1", "0.25;1"])) == (
+        ": expected one decimal mark in the file, got '3,5' with a decimal comma (line 302, column "
+        "'x') and '0.25' with a decimal point (line 303, column 'x')"
+    )
+    assert reading(tmp_path, monkeypatch, "\n".join(["x;y", *rows])) == (
+        ", line 2, column 'x': expected numbers that can be read in one way, got '12.500'; give "
+        "--decimal . to read it as 12.5, or --decimal , to read it as 12500"
+    )
+    assert "--decimal . or --decimal , states" in reading(
+        tmp_path, monkeypatch, "\n".join(["x;y;z", *(f"{row};1" for row in rows), "1;3,5;0.5"])
+    )
+
+
+# Words for numbers, encodings and layouts. -------------------------------------------------------
+
+
+def test_truth_values_are_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "time,x\n0,True\n1,false\n2,TRUE\n3,3\n"
+    assert reading(tmp_path, monkeypatch, text) == ([1, 0, 1, 3], [])
+
+
+@pytest.mark.parametrize(
+    "word", ["N/A", "null", "NaN", " ", "nan", "NA", "#N/A", "None", "<NA>", "-", "-nan", "n/a"]
+)
+def test_words_for_nothing_are_empty_cells(
+    word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = f"time,x\n0,1.5\n1,{word}\n2,3\n"
+    assert reading(tmp_path, monkeypatch, text) == (
+        f", line 3, column 'x': expected a number, got {word.lstrip()!r}; give --missing hold or "
+        "--missing drop"
+    )
+    assert reading(tmp_path, monkeypatch, text, Columns(missing="hold")) == (
+        [1.5, 1.5, 3],
+        ["empty cells hold the value before (x: 1)"],
+    )
+
+
+def test_encodings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "time,x °C,name\n0,3,Jürgen\n1,4,\n"
+    columns = Columns({"x": "x °C"})
+    latin = "the text is not UTF-8 and is read as Latin-1"
+    for encoding, notes in {"utf-8": [], "utf-8-sig": [], "utf-16": [], "latin-1": [latin]}.items():
+        result = reading(tmp_path, monkeypatch, text.encode(encoding), columns)
+        assert result == ([3, 4], notes)
+    assert reading(tmp_path, monkeypatch, b"\x00\x81\xff\nPK\n") == (
+        ": expected text in UTF-8, UTF-16 or Latin-1"
+    )
+
+
+SKIPPED = "lines 1 to 2 are skipped: the names of the columns are in line 3"
+UNITS = "line 2 is a row of units: s, m"
+
+LAYOUTS = {
+    "time x\n0 1\n1  2\n": [],
+    "  time   x  \n  0   1 \n 1   -2.5  \n".replace("-2.5", "2.0"): [],
+    "time,x,\n0,1,\n1,2,\n": [],
+    "time,x\n0,1,\n1,2,\n": [],
+    "time;x;;;\n0;1;;;\n1;2;;;\n": [],
+    "time,x,\n0,1\n1,2\n": [],
+    "time,x,\n0,1,\n1,2,without a name\n": [],
+    "# a\n# b, c\ntime,x\n0,1\n1,2\n": [SKIPPED],
+    "% a\n\ntime,x\n0,1\n1,2\n": [SKIPPED],
+    "// a\n// b\ntime x\n0 1\n1 2\n": [SKIPPED],
+    "# time x\n0 1\n1 2\n": [],
+    "# time,x\n0,1\n1,2\n": [],
+    "# run 4\n# made today\n# time x\n0 1\n1 2\n": [SKIPPED],
+    "Version: 4, Road: a.xodr, Model: b\nMade by a tool\ntime, x\n0, 1\n1, 2\n": [SKIPPED],
+    "Operator: Bob\nDate: 2026-01-31\ntime;x\n0;1\n1;2\n": [SKIPPED],
+    'Operator: "Bob\nStart: 12:00\ntime,x\n0,1\n1,2\n': [SKIPPED],
+    "time,x\ns,m\n0,1\n1,2\n": [UNITS],
+    "time;x\n[s];[m]\n0;1\n1;2\n": [UNITS],
+    "time\tx\n s \t m \n0\t1\n1\t2\n": [UNITS],
+    "time  x\ns  m\n0  1\n1  2\n": [UNITS],
+}
+
+
+@pytest.mark.parametrize("text", LAYOUTS)
+def test_layouts(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert reading(tmp_path, monkeypatch, text) == ([1, 2], LAYOUTS[text])
+
+
+def test_units_of_times_below_the_names_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "t.csv"
+    for names, unit, option, last in [
+        ("time,x", "ms,V", None, 0.5),
+        ("time,x", "s,V", None, 500),
+        ("Time [ms],x", "ms,V", None, 0.5),
+        ("time,x", "ticks,V", "us", 0.0005),
+        ("Time [ms],x", "s,V", "s", 500),
+    ]:
+        path.write_text(f"{names}\n{unit}\n0,1\n500,2\n")
+        columns = Columns(time_unit=option)
+        with open_recording(str(path), columns) as recording:
+            times = read_trace(recording, ["x"], columns).times
+        assert times is not None
+        assert times.since[-1] == last
+    for names, unit in [("time,x", "ticks,V"), ("Time [ms],x", "s,V")]:
+        assert "line 2, column 'Time" in reading(
+            tmp_path, monkeypatch, f"{names}\n{unit}\n0,1\n500,2\n"
+        ).replace("'time'", "'Time'")
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("time,x\n0,1\n1,2,3\n", ", line 3: expected 2 values (time, x), got 3"),
+        ("time,x\n0,1,\n1,2\n", ", line 3: expected 2 values (time, x), got 2"),
+        # Rows of a table are never skipped.
+        ("time,x\n0,5\n1,-9\ntime,x,y\n0,1,2\n1,2,2\n", ", line 4: expected 2 values (time, x)"),
+        ("x\n0,5\nb,c\n", "; give --skip N if the names are below the first N lines"),
+        # Words in the first row are not units.
+        ("time,x\n0,ERR\n1,2\n", ", line 2, column 'x': expected a number, got 'ERR'"),
+        ("x,y\nERR,ERR\n1,2\n", ", line 2, column 'x': expected a number, got 'ERR'"),
+        ("# log\n0,1\n1,2\n", "write a line of names first"),
+    ],
+)
+def test_uncertain_layouts_are_refused(
+    text: str, error: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert error in reading(tmp_path, monkeypatch, text)
+
+
+def test_lines_are_skipped_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "Operator,Bob\nunits,SI\ntime,x\n0,1\n1,2\n"
+    assert "no column 'x'" in reading(tmp_path, monkeypatch, text)
+    assert reading(tmp_path, monkeypatch, text, Columns(skip=2)) == ([1, 2], [])
