@@ -32,7 +32,7 @@ _ADDRESS: Final = re.compile(rf"{_BYTE}(?:\.{_BYTE}){{3}}", re.ASCII)
 """An address of the internet, which may look like a number with three groups."""
 
 
-class Cell(NamedTuple):
+class MarkedCell(NamedTuple):
     """A cell, by the number of its row."""
 
     row: int
@@ -55,18 +55,18 @@ class ColumnMarks:
         >>> marks = ColumnMarks()
         >>> marks.add(["1.250", "0.5"], 0)
         >>> marks.evidence, marks.is_open
-        ({'.': Cell(row=1, text='0.5')}, False)
+        ({'.': MarkedCell(row=1, text='0.5')}, False)
     """
 
-    certain: dict[str, Cell] = field(default_factory=dict)
-    open: dict[str, Cell] = field(default_factory=dict)
+    certain: dict[str, MarkedCell] = field(default_factory=dict)
+    open: dict[str, MarkedCell] = field(default_factory=dict)
     text: bool = False
-    ungrouped: Cell | None = None
+    ungrouped: MarkedCell | None = None
     whole: int = 0
     padded: bool = False
 
     @property
-    def evidence(self) -> Mapping[str, Cell]:
+    def evidence(self) -> Mapping[str, MarkedCell]:
         """The cell that decides for each mark; both if the mark changes within the column."""
         if self.ungrouped is None or self.certain or len(self.open) != 1:
             return self.certain
@@ -110,9 +110,9 @@ class ColumnMarks:
         for at, padded in enumerate(cells, row):
             cell = padded.strip()
             if "." in cell or "," in cell:
-                self._add_marked(Cell(at, cell))
+                self._add_marked(MarkedCell(at, cell))
             elif self.ungrouped is None:
-                self._add_whole(Cell(at, cell))
+                self._add_whole(MarkedCell(at, cell))
 
     def _add_unmarked(self, cells: Sequence[str], row: int, *, exponents: bool) -> None:
         if self.certain or self.ungrouped is not None:
@@ -121,16 +121,16 @@ class ColumnMarks:
         self.whole = max(self.whole, max((len(w[1]) for w in wholes if w is not None), default=0))
         if self.whole > 4 or exponents:
             for at, cell in enumerate(cells, row):
-                self._add_whole(Cell(at, cell.strip()))
+                self._add_whole(MarkedCell(at, cell.strip()))
 
-    def _add_whole(self, cell: Cell) -> None:
+    def _add_whole(self, cell: MarkedCell) -> None:
         whole = _WHOLE.fullmatch(cell.text)
         digits = 0 if whole is None else len(whole[1])
         self.whole = max(self.whole, digits)
         if digits > 4 or _EXPONENT.fullmatch(cell.text):
             self.ungrouped = self.ungrouped or cell
 
-    def _add_marked(self, cell: Cell) -> None:
+    def _add_marked(self, cell: MarkedCell) -> None:
         if cell.text.lower() in NOT_KNOWN:
             return
         marks = [mark for mark in _OTHER if is_number(cell.text, mark)]
@@ -140,7 +140,7 @@ class ColumnMarks:
             self.certain.setdefault(marks[0], cell)
         else:
             mark = "." if "." in cell.text else ","
-            if len(cell.text) > len(self.open.get(mark, Cell(0, "")).text):
+            if len(cell.text) > len(self.open.get(mark, MarkedCell(0, "")).text):
                 self.open[mark] = cell
             self.padded |= mark == "." and cell.text.endswith("0")
 
@@ -224,9 +224,9 @@ class FileMarks:
         return notes_on(self._option, decimal, grouped, found)
 
 
-def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, Cell]]:
+def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, MarkedCell]]:
     """Return the first cell with evidence for each mark, with the name of its column."""
-    found: dict[str, tuple[str, Cell]] = {}
+    found: dict[str, tuple[str, MarkedCell]] = {}
     for name, marks in columns.items():
         for mark, cell in marks.evidence.items():
             if mark not in found or cell.row < found[mark][1].row:
@@ -235,7 +235,7 @@ def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, Cell]]
 
 
 def _two_marks(
-    found: Mapping[str, tuple[str, Cell]], hint: str, source: str, where: Callable[[int], str]
+    found: Mapping[str, tuple[str, MarkedCell]], hint: str, source: str, where: Callable[[int], str]
 ) -> InputError:
     both = [
         f"{cell.text!r} with a {_NAMES[mark]} ({where(cell.row).removeprefix(f'{source}, ')}, "
@@ -247,7 +247,7 @@ def _two_marks(
     )
 
 
-def _two_readings(name: str, cell: Cell, where: Callable[[int], str]) -> InputError:
+def _two_readings(name: str, cell: MarkedCell, where: Callable[[int], str]) -> InputError:
     point, comma = (_read(cell.text, mark) for mark in _OTHER)
     return InputError(
         f"{where(cell.row)}, column '{name}': expected numbers that can be read in one way, got "

@@ -13,7 +13,7 @@ from typing import Final
 from rtamt_gym.recorded.cells import TRUTH, is_number
 from rtamt_gym.recorded.times import read_dates
 
-__all__ = ["TOP", "Layout", "layout_of", "names_line", "rows_of"]
+__all__ = ["TOP", "TextLayout", "layout_of", "names_line", "rows_of"]
 
 TOP: Final = 200
 """The lines in which the names are searched, and from which the layout is recognised."""
@@ -36,7 +36,7 @@ _UNITS: Final = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """Where the names of the columns are in a text, and how its lines are divided.
 
     Attributes:
@@ -54,7 +54,7 @@ class Layout:
     units: list[str] | None
 
 
-def layout_of(lines: Sequence[str], separator: str | None) -> Layout:
+def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
     """Return the layout of a text.
 
     Lines before the names are left out only if they cannot hold the names: they are comments, or
@@ -71,7 +71,7 @@ def layout_of(lines: Sequence[str], separator: str | None) -> Layout:
     """
     full = [at for at, line in enumerate(lines) if line.strip()]
     if not full:
-        return Layout(0, separator or ",", [], 0, None)
+        return TextLayout(0, separator or ",", [], 0, None)
     first = full[0]
     for at, below in pairwise(full):
         if not _COMMENT.match(lines[at]) or _names_of(lines, at, below, separator):
@@ -124,7 +124,7 @@ class _Table:
         rows: The first rows.
     """
 
-    layout: Layout
+    layout: TextLayout
     rows: list[list[str]]
 
     @classmethod
@@ -146,7 +146,7 @@ class _Table:
         beyond = [cell for row in rows for cell in row[named:]]
         if not named or width < named or any(map(str.strip, beyond)):
             named = width = len(names)
-        layout = Layout(at, separator, names[:named], width, _units_in(rows, named))
+        layout = TextLayout(at, separator, names[:named], width, _units_in(rows, named))
         return cls(layout, rows)
 
     @property

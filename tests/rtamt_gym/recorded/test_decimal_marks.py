@@ -45,6 +45,13 @@ def groups(cell: str, value: str) -> str:
     return f"marks between groups of three digits are left out: '{cell}' is {value}"
 
 
+def thousands(option: str, cell: str, value: str) -> str:
+    return (
+        f"--decimal {option} reads '{cell}' as {value}: every number of 'x' has three digits after "
+        "the mark, as numbers in groups of three digits have"
+    )
+
+
 # (cells of x, cells of a column that is not read, option) -> values and notes, or an error.
 CONTRACT = {
     # A cell without a mark, or with one reading.
@@ -106,21 +113,11 @@ CONTRACT = {
     ("1,000 2,000 3,000", "", "."): ([1000, 2000, 3000], [groups("1,000", "1000")]),
     ("1,000 2,000 3,000", "", ","): (
         [1, 2, 3],
-        [
-            (
-                "--decimal , reads '1,000' as 1: every number of 'x' has three digits after the mark, "
-                "as numbers in groups of three digits have"
-            )
-        ],
+        [thousands(",", "1,000", "1")],
     ),
     ("1.250 2.000 12.500", "", "."): (
         [1.25, 2, 12.5],
-        [
-            (
-                "--decimal . reads '12.500' as 12.5: every number of 'x' has three digits after the "
-                "mark, as numbers in groups of three digits have"
-            )
-        ],
+        [thousands(".", "12.500", "12.5")],
     ),
     ("1.250 2.000 12.500", "", ","): ([1250, 2000, 12500], [groups("1.250", "1250")]),
     ("0.125 3", "", "."): ([0.125, 3], []),
