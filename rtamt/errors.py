@@ -8,6 +8,8 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from errno import ENOENT
+from os import PathLike, fspath
 from typing import Self
 
 __all__ = [
@@ -16,6 +18,7 @@ __all__ = [
     "InputError",
     "InputTypeError",
     "Message",
+    "MissingFileError",
     "ParseError",
     "RtamtError",
     "SpecificationError",
@@ -28,6 +31,7 @@ __all__ = [
     "is_one_of",
     "name_text",
     "nearest",
+    "no_such",
     "shown",
     "shown_lines",
 ]
@@ -210,6 +214,31 @@ class InputError(RtamtError, ValueError):
     """Signals that a monitor cannot take: nan, a missing or unknown variable, a wrong shape."""
 
 
+class MissingFileError(InputError, FileNotFoundError):
+    """A file of a specification that does not exist.
+
+    Attributes:
+        filename: The path, as it was given.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        from pathlib import Path  # 5 ms of every import of the package
+
+        given = Path(path)
+        # Without the ends of the names, which are alike.
+        close = closest(given.stem, sorted(other.stem for other in given.parent.glob("*.stl")))
+        near = f"; did you mean '{close}.stl'?" if close else ""
+        super().__init__(f"cannot open {fspath(path)}: No such file or directory{near}")
+        self.filename = fspath(path)
+        self.errno = ENOENT
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # that of OSError is made of its attributes
+
+    def __reduce__(self) -> tuple[type[MissingFileError], tuple[str]]:
+        return type(self), (self.filename,)
+
+
 class InputTypeError(RtamtError, TypeError):
     """Signals of a type that is not a real number: text, complex, object."""
 
@@ -296,7 +325,9 @@ def name_text(name: object) -> str:
 
 
 def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | None:
-    """The most similar name, or None if none is; of a long name none.
+    """Return the most similar name, or None if there is none or the name is long.
+
+    A name that differs in upper and lower case alone is the most similar one.
 
     Args:
         name: The name.
@@ -307,6 +338,10 @@ def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | No
     if len(name) > _CONTEXT:  # the search takes the square of the length
         return None
     known = [n for n in names if isinstance(n, str) and len(n) <= _CONTEXT]
+    folded = name.casefold()
+    for other in known:
+        if other.casefold() == folded:
+            return other
     if len(known) > _MANY:  # a file may have hundreds of thousands of columns
         known = alike(name, known, _MANY)
     return next(iter(difflib.get_close_matches(name, known, 1, cutoff)), None)
@@ -346,3 +381,29 @@ def nearest(name: object, names: Iterable[object]) -> str:
     """
     close = closest(name, names) if isinstance(name, str) else None
     return f"; did you mean {close!r}?" if close else ""
+
+
+def no_such(what: str, name: str, names: Iterable[object]) -> str:
+    """Return the text of an error for a name that is not among the known ones.
+
+    Args:
+        what: The word for what has the names, such as ``"column"``.
+        name: The name.
+        names: The known names. Names of columns may be anything that a mapping takes.
+
+    Example:
+        >>> no_such("column", "speed", ["Speed", "rpm"])
+        "No column 'speed'. The columns are 'Speed', 'rpm'. Did you mean 'Speed'?"
+    """
+    known = [*names]
+    if not known:
+        return f"No {what} '{name}'. There are no {what}s."
+    listed = ", ".join(f"'{name_text(each)}'" for each in known[:_LISTED])
+    more = f" and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
+    close = closest(name, known)
+    meant = f" Did you mean '{close}'?" if close else ""
+    return f"No {what} '{name}'. The {what}s are {listed}{more}.{meant}"
+
+
+_LISTED = 20
+"""The most names in an error."""

@@ -15,14 +15,15 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from importlib import import_module
+from itertools import pairwise
 from typing import Any, Final, NoReturn, TextIO, cast
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import shown_lines
+from rtamt.errors import nearest, no_such, shown_lines
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.arguments import with_default_count
-from rtamt_gym.commands.errors import options_of, refusal, unexpected
+from rtamt_gym.commands.errors import options_of, refusal, unexpected, valued
 from rtamt_gym.commands.exit_codes import INTERRUPTED
 
 __all__ = ["main"]
@@ -120,10 +121,12 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         from rtamt_gym.commands.monitor import discard_old_outcomes
 
         discard_old_outcomes(argv)
+    if command and command not in COMMANDS:
+        raise InputError(no_such("command", command, COMMANDS))
     parser = _parser(command)
     argv = with_default_count(argv)
     if command in OF_TRACES:
-        argv = [SEPARATOR if word == "--" else word for word in argv]
+        argv = _separated(argv, command)
     options, rest = parser.parse_known_args(argv)
     if rest and command in OF_TRACES and not any(text.startswith("-") for text in rest):
         # argparse ends the list of specifications at the first option after it.
@@ -133,10 +136,23 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         options.requirements = [*options.requirements, *rest]  # those behind the first option
     elif rest:
         # argparse leaves them to the parser of all commands.
+        near = nearest(rest[0].partition("=")[0], options_of(command).values())
         raise InputError(
-            f"unrecognized arguments: {' '.join(rest)}; see {parser.prog} {command} --help"
+            f"unrecognized arguments: {' '.join(rest)}{near}; see {parser.prog} {command} --help"
         )
     return options
+
+
+def _separated(argv: Sequence[str], command: str) -> list[str]:
+    """Return the arguments with `SEPARATOR` for each ``--``, which argparse drops.
+
+    Raises:
+        InputError: If ``--`` stands where an option has its value.
+    """
+    for option, separator in pairwise(argv):
+        if separator == "--" and option in valued(command):
+            raise InputError(f"argument {option}: expected a value, got '--'")
+    return [SEPARATOR if word == "--" else word for word in argv]
 
 
 def _refuse(message: str, above: str = "") -> int:

@@ -15,7 +15,7 @@ from typing import Final, NoReturn
 
 import numpy as np
 
-from rtamt.errors import Argument, InputError, InputTypeError, Message, StateError, brief
+from rtamt.errors import Argument, InputError, InputTypeError, Message, StateError, brief, no_such
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, number
 from rtamt.inputs.between import Between
 from rtamt.inputs.clock import EXACT, Clock, Ticks, Times, shown
@@ -172,6 +172,8 @@ class EventReader:
         given = [column.times for column in found.values() if len(column.times)]
         for name, column in found.items():
             if not len(column.times) and not (given and name in defaults):
+                if events and name not in named:
+                    raise InputError(no_such("signal", name, events))
                 known = listed(self.variables)
                 raise InputError(f"expected events of every variable, got none of '{name}'{known}")
         if self.bounds and any(column.values.ndim > 1 for column in found.values()):

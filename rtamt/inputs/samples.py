@@ -23,6 +23,7 @@ from rtamt.errors import (
     is_one_of,
     name_text,
     nearest,
+    no_such,
 )
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
 from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
@@ -278,13 +279,16 @@ class SampleReader:
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
             names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
+            given_names = names
             if not self._known <= names and self._messages.names & names:
                 named = self._with_fields(named, names, sample)
                 names = named.keys()
             held = cast("dict[str, float]", self._unsaid(names, previous))
-            if not self._known <= names | held.keys() or not (extra or names <= self._known):
-                named_ones = names & self._known if extra else names
-                self._refuse_names(dict.fromkeys(named_ones | held.keys()))
+            missing = [v for v in self.variables if v not in names and v not in held]
+            if missing and extra and given_names:
+                raise InputError(no_such("column", missing[0], given_names))
+            if missing or not (extra or names <= self._known):
+                self._refuse_names(dict.fromkeys(names | held.keys()))
             given = {v: self._line(named[v], v) for v in self.variables if v in names}
         else:
             table = array_of_numbers(data, "the block")

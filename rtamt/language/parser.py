@@ -12,7 +12,14 @@ from os import PathLike
 from types import SimpleNamespace
 from typing import cast
 
-from rtamt.errors import InputTypeError, SpecificationError, brief, is_one_of, nearest
+from rtamt.errors import (
+    InputTypeError,
+    MissingFileError,
+    SpecificationError,
+    brief,
+    is_one_of,
+    nearest,
+)
 from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
@@ -157,6 +164,7 @@ def load(
     """The specification in a file, read as UTF-8; see `parse`.
 
     Raises:
+        MissingFileError: If there is no such file; it is an `InputError` and a `FileNotFoundError`.
         OSError: If the file cannot be read.
         SpecificationError: As `parse` does, with a note that names the file; or if it is not UTF-8.
     """
@@ -167,6 +175,8 @@ def load(
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
         return parse(text, unit=unit, constants=constants, modules=modules)
+    except FileNotFoundError:
+        raise MissingFileError(path) from None
     except UnicodeDecodeError as error:
         msg = f"expected UTF-8 text in {path}, got the byte {error.object[error.start]:#04x}"
         raise SpecificationError(msg) from None

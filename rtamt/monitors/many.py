@@ -8,7 +8,7 @@ from typing import Unpack, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
+from rtamt.errors import InputError, InputTypeError, RtamtError, brief, no_such
 from rtamt.inputs.arrays import Floats, array_of_numbers
 from rtamt.inputs.samples import SampleReader, TraceColumns, wrong_shape
 from rtamt.machines.backend import BACKENDS
@@ -88,8 +88,7 @@ def _columns(reader: SampleReader, data: TraceColumns) -> tuple[list[Floats], tu
     if isinstance(data, Mapping):
         for name in names:
             if name not in data:
-                msg = f"expected traces of every variable, got none of '{name}'; the variables are "
-                raise InputError(msg + ", ".join(names) + nearest(name, list(data)))
+                raise InputError(no_such("column", name, data))
         named = cast("Mapping[str, ArrayLike]", data)
         tables = [array_of_numbers(named[name], f"'{name}'") for name in names]
         shapes = [table.shape for table in tables]

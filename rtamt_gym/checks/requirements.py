@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from fractions import Fraction
+from pathlib import Path
 from typing import TypeVar
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import MissingFileError, nearest
 from rtamt_gym.checks.names import listing
 
-__all__ = ["named_in", "requirement_named"]
+__all__ = ["load_file", "named_in", "requirement_named"]
 
 _V = TypeVar("_V")
 
@@ -47,3 +49,20 @@ def requirement_named(
 def named_in(text: str, constants: Mapping[str, _V]) -> dict[str, _V]:
     """The constants that a text names."""
     return {n: value for n, value in constants.items() if re.search(rf"\b{re.escape(n)}\b", text)}
+
+
+def load_file(
+    path: str | Path, constants: Mapping[str, float | str | Fraction]
+) -> rtamt.Specification:
+    """Return the specification in a file, with those constants that its text names.
+
+    Raises:
+        MissingFileError: If there is no such file.
+    """
+    if not constants:
+        return rtamt.load(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        raise MissingFileError(path) from None
+    return rtamt.load(path, constants=named_in(text, constants))

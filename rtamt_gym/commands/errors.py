@@ -15,7 +15,7 @@ from rtamt_gym.checks.extras import advice, missing
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
 
-__all__ = ["options_in", "options_of", "refusal", "unexpected"]
+__all__ = ["options_in", "options_of", "refusal", "unexpected", "valued"]
 
 _CALLED: Final[Mapping[str, str]] = {
     "constants": "constant",
@@ -76,11 +76,24 @@ def options_of(command: str) -> Mapping[str, str]:
     """The options of a command, by the names of the arguments that they are for."""
     if command not in COMMANDS:
         return {}
+    made_by = _OF_RESULTS.get(command, "")
+    return {**options_of(made_by), **options_in(_parser_of(command))}
+
+
+@cache
+def valued(command: str) -> frozenset[str]:
+    """Return the options of a command that are followed by a value."""
+    actions = _parser_of(command)._actions  # noqa: SLF001 - argparse has no other list of them
+    return frozenset(
+        name for action in actions if action.nargs is None for name in action.option_strings
+    )
+
+
+def _parser_of(command: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(add_help=False)
     with suppress(RtamtError):  # of a package that adds to a table: this is the error to word
         import_module(f"rtamt_gym.commands.{command}").add_arguments(parser)
-    made_by = _OF_RESULTS.get(command, "")
-    return {**options_of(made_by), **options_in(parser)}
+    return parser
 
 
 def options_in(parser: argparse.ArgumentParser) -> Mapping[str, str]:

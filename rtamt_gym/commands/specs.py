@@ -12,7 +12,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
-from rtamt_gym.checks.requirements import named_in, requirement_named
+from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
 
 __all__ = [
     "add_apart",
@@ -32,10 +32,7 @@ def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specificati
     """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
         return rtamt.parse(argument, constants=named_in(argument, constants))
-    if not constants:
-        return rtamt.load(argument)
-    text = Path(argument).read_text(encoding="utf-8", errors="replace")
-    return rtamt.load(argument, constants=named_in(text, constants))
+    return load_file(argument, constants)
 
 
 def _is_file(argument: str) -> bool:

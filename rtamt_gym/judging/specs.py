@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 from rtamt.errors import Argument
-from rtamt_gym.checks.requirements import named_in, requirement_named
+from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
 from rtamt_gym.judging.constants import ConstantValue, checked_constants, no_such_constant
 
 __all__ = [
@@ -288,9 +288,9 @@ def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Speci
         case rtamt.Formula():
             return rtamt.Specification.of(spec)
         case os.PathLike():
-            return _load_file(Path(spec), constants)
+            return load_file(Path(spec), constants)
         case str() if spec.endswith(".stl") and len(spec.split()) == 1:
-            return _load_file(Path(spec), constants)
+            return load_file(Path(spec), constants)
         case str():
             return rtamt.parse(spec, constants=named_in(spec, constants))
     several = '; name several in a mapping, {"safe": "...", "slow": "..."}'
@@ -298,13 +298,6 @@ def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Speci
         "expected the text of a specification, the path of a .stl file or an "
         f"rtamt.Specification, got {spec!r}{several if isinstance(spec, list | tuple) else ''}"
     )
-
-
-def _load_file(path: Path, constants: Mapping[str, ConstantValue]) -> rtamt.Specification:
-    if not constants:
-        return rtamt.load(path)
-    text = path.read_text(encoding="utf-8", errors="replace")
-    return rtamt.load(path, constants=named_in(text, constants))
 
 
 def _skips(env: AnyEnv) -> str:

@@ -53,7 +53,7 @@ def test_evaluate_says_what_is_wrong_with_the_data() -> None:
     spec = declared("a > b", ("a", "b"))
     wrong: dict[str, dict[str, list[float]]] = {
         "expected the times of the samples as 'time', got none": {"a": [1.0], "b": [1.0]},
-        "expected a value for every variable, got none for 'b'; the variables are a, b": {
+        "No column 'b'. The columns are 'a'.": {
             "time": [0],
             "a": [1.0],
         },

@@ -108,15 +108,16 @@ def test_the_defaults_are_those_of_plain_variables_that_are_read() -> None:
 def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
     monitor = rtamt.Monitor(TEXT, backend=backend)
     needed = "expected a value for every variable, got none for 'x'; the variables are x, limit"
-    events = "expected events of every variable, got none of 'x'; the variables are x, limit"
+    no_column = "No column 'x'. The columns are 'limit'."
+    no_signal = "No signal 'x'. The signals are 'limit'."
     none_at_all = "expected events of every variable, got none of 'limit'; the variables are limit"
     alone = "input float64 limit = 0.5; limit > 0"
     for call, message in (
         (lambda: monitor.update(limit=1.0), needed),
         (lambda: monitor.update({}), needed),
         (lambda: monitor.update(x=1.0, y=2.0), "unknown variable 'y'; the variables are x, limit"),
-        (lambda: rtamt.evaluate(TEXT, {"limit": [1]}, backend=backend), needed),
-        (lambda: rtamt.evaluate_dense(TEXT, {"limit": [(0, 1)]}, backend=backend), events),
+        (lambda: rtamt.evaluate(TEXT, {"limit": [1]}, backend=backend), no_column),
+        (lambda: rtamt.evaluate_dense(TEXT, {"limit": [(0, 1)]}, backend=backend), no_signal),
         (
             lambda: rtamt.evaluate_dense(alone, {}, backend=backend),
             none_at_all,

@@ -21,6 +21,10 @@ from rtamt import (
     RtamtError,
     SpecificationError,
     evaluate,
+    evaluate_dense,
+    explain,
+    judge,
+    judge_dense,
 )
 
 Backend = Literal["native", "python"]
@@ -248,7 +252,7 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
     (
         lambda b: evaluate("x > 0", {"y": [1.0]}, backend=b),
         InputError,
-        "expected a value for every variable, got none for 'x'; the variables are x",
+        "No column 'x'. The columns are 'y'.",
     ),
     (
         lambda b: evaluate("x > 0", {"x": [[1.0]]}, backend=b),
@@ -386,3 +390,26 @@ def test_nan_is_refused_and_the_monitor_continues_like_an_undisturbed_twin(
         with pytest.raises(InputError):
             monitor.update_many({v: [good[v], NAN if v == bad else 0.0] for v in names})
         assert np.array_equal(monitor.update(good), twin.update(good), equal_nan=True)
+
+
+CALLS_WITH_COLUMNS: list[Callable[[dict[str, object]], object]] = [
+    lambda data: evaluate("always(speed > 0)", data),
+    lambda data: judge("always(speed > 0)", data),
+    lambda data: explain("always(speed > 0)", data),
+    lambda data: evaluate_dense("always(speed > 0)", data),
+    lambda data: judge_dense("always(speed > 0)", data),
+]
+
+
+@pytest.mark.parametrize("call", CALLS_WITH_COLUMNS)
+@pytest.mark.parametrize("column", ["Speed", "SPEED", "spede"])
+def test_misspelt_column_is_named(call: Callable[[dict[str, object]], object], column: str) -> None:
+    with pytest.raises(
+        InputError, match=rf"'speed'\. The \w+ are 'gap', '{column}'\. Did you mean '{column}'\?"
+    ):
+        call({"gap": [(0, 1.0), (1, 1.0)], column: [(0, 1.0), (1, 1.0)]})
+
+
+def test_error_lists_twenty_columns() -> None:
+    with pytest.raises(InputError, match=r"'c0', .*'c19' and 10 more\.$"):
+        evaluate("speed > 0", {f"c{i}": [1.0] for i in range(30)})

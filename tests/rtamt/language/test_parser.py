@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import subprocess
 import sys
@@ -292,3 +293,15 @@ def test_ten_thousand_conjuncts_are_one_node() -> None:
     assert len(spec.formula.args) == 10_000
     assert spec.formula.depth == 3
     assert rtamt.parse(str(spec)).formula is spec.formula
+
+
+def test_missing_file_error(tmp_path: Path) -> None:
+    (tmp_path / "speed.stl").write_text("always(x > 0)")
+    missing = tmp_path / "sped.stl"
+    with pytest.raises(rtamt.InputError, match=r"sped\.stl: .*; did you mean 'speed\.stl'\?") as at:
+        rtamt.load(missing)
+    assert isinstance(at.value, FileNotFoundError)
+    assert at.value.filename == str(missing)
+    assert str(pickle.loads(pickle.dumps(at.value))) == str(at.value)
+    with pytest.raises(FileNotFoundError):
+        rtamt.load("nowhere/at/all.stl")

@@ -327,7 +327,8 @@ def test_nothing_comes_after_the_end(backend: Backend) -> None:
 
 def test_evaluate_dense_needs_events_of_every_variable(backend: Backend) -> None:
     text = "expected events of every variable, got none of 'b'; the variables are a, b"
-    refused(InputError, text, lambda: evaluate_dense("a > b", {"a": [(0, 1)]}, backend=backend))
+    missing = "No signal 'b'. The signals are 'a'."
+    refused(InputError, missing, lambda: evaluate_dense("a > b", {"a": [(0, 1)]}, backend=backend))
     nothings: list[EventsLike] = [[], (), np.empty(0), np.empty((0, 2)), Events([], [])]
     for nothing in nothings:
         whole = {"a": [(0, 1)], "b": nothing}

@@ -175,7 +175,7 @@ def test_a_copy_counts_as_the_original(backend: Backend) -> None:
 
 def test_errors(backend: Backend) -> None:
     its = Implications(RESPONSE, backend=backend)
-    with pytest.raises(InputError, match="got none for 'gnt'"):
+    with pytest.raises(InputError, match="No column 'gnt'"):
         its.evidence({"req": [1.0]})
     with pytest.raises(InputError, match="at least 1 sample"):
         its.evidence({"req": [], "gnt": []})

@@ -103,9 +103,7 @@ def test_columns_may_have_numbers_for_names() -> None:
     assert untyped.evaluate_many("x > 0", {0: [[9]], "x": [[1]], 1: [[9]]}).tolist() == [[1.0]]
     with pytest.raises(InputError) as caught:
         untyped.evaluate_many("x > 0", {0: [[9]], 1: [[9]]})
-    assert str(caught.value) == (
-        "expected traces of every variable, got none of 'x'; the variables are x"
-    )
+    assert str(caught.value) == "No column 'x'. The columns are '0', '1'."
     with pytest.raises(InputError) as caught:
         untyped.Monitor("x > 0").update({0: 1.0})
     assert str(caught.value) == "unknown variable '0'; the variables are x"

@@ -103,7 +103,7 @@ X = "always(sqrt(x) > 1)"
             {"y": [[1]], "z": [[2]]},
             {},
             InputError,
-            "expected traces of every variable, got none of 'x'; the variables are x",
+            "No column 'x'. The columns are 'y', 'z'.",
         ),
         (
             X,

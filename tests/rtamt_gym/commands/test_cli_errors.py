@@ -125,6 +125,16 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "the following arguments are required: TRACE; see rtamt monitor --help",
         ),
         ("monitor no.stl trace.csv", "cannot open no.stl: No such file or directory"),
+        (
+            "monitor spc.stl trace.csv",
+            "No such file or directory; did you mean 'spec.stl'?",
+        ),
+        ("monitor spc.stl --constant a=1 -- trace.csv", "; did you mean 'spec.stl'?"),
+        ("moniter spec.stl trace.csv", "'export'. Did you mean 'monitor'?"),
+        ("monitor spec.stl trace.csv --juint x.xml", "--juint x.xml; did you mean '--junit'?"),
+        ("monitor spec.stl trace.csv --junit --", "argument --junit: expected a value, got '--'"),
+        ("monitor --out -- spec.stl trace.csv", "argument --out: expected a value, got '--'"),
+        ("explain spec.stl --period -- trace.csv", "--period: expected a value, got '--'"),
         ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
         (
             "monitor latin.csv trace.csv",
