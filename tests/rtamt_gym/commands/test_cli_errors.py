@@ -127,14 +127,25 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ("monitor no.stl trace.csv", "cannot open no.stl: No such file or directory"),
         (
             "monitor spc.stl trace.csv",
-            "No such file or directory; did you mean 'spec.stl'?",
+            "cannot open spc.stl: No such file or directory; did you mean 'spec.stl'?",
         ),
-        ("monitor spc.stl --constant a=1 -- trace.csv", "; did you mean 'spec.stl'?"),
-        ("moniter spec.stl trace.csv", "'export'. Did you mean 'monitor'?"),
-        ("monitor spec.stl trace.csv --juint x.xml", "--juint x.xml; did you mean '--junit'?"),
+        (
+            "monitor spc.stl --constant a=1 -- trace.csv",
+            "cannot open spc.stl: No such file or directory; did you mean 'spec.stl'?",
+        ),
+        (
+            "monitor spec.stl trace.csv --juint x.xml",
+            (
+                "unrecognized arguments: --juint x.xml; did you mean '--junit'?; "
+                "see rtamt monitor --help"
+            ),
+        ),
         ("monitor spec.stl trace.csv --junit --", "argument --junit: expected a value, got '--'"),
         ("monitor --out -- spec.stl trace.csv", "argument --out: expected a value, got '--'"),
-        ("explain spec.stl --period -- trace.csv", "--period: expected a value, got '--'"),
+        (
+            "explain spec.stl --period -- trace.csv",
+            "argument --period: expected a value, got '--'",
+        ),
         ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
         (
             "monitor latin.csv trace.csv",
@@ -295,3 +306,10 @@ def test_a_missing_extra_is_named(module: str, extra: str, arguments: list[str])
         "",
         f"rtamt: error: {module} is not installed; from the checkout: pip install '.[{extra}]'\n",
     )
+
+
+def test_misspelt_command_error(capsys: Output) -> None:
+    assert main(["moniter", "spec.stl", "trace.csv"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("rtamt: error: No command 'moniter'. The commands are 'demo', 'init'")
+    assert error.endswith("'export'. Did you mean 'monitor'?\n")
