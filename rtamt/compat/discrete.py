@@ -42,7 +42,7 @@ class _Sampled(AbstractSpecification):
 
     Attributes:
         sampling_period: The period, in `sampling_period_unit`.
-        sampling_period_unit: s, ms, us, ns or ps.
+        sampling_period_unit: s, ms, us, ns, ps, min or h.
         sampling_tolerance: Share of the period by which a sample may be early or late.
         sampling_violation_counter: The number of samples that were earlier or later than that.
     """
@@ -65,7 +65,7 @@ class _Sampled(AbstractSpecification):
 
         Args:
             sampling_period: The period; 0 for a specification without bounds.
-            unit: s, ms, us, ns or ps.
+            unit: s, ms, us, ns, ps, min or h.
             tolerance: Share of the period by which a sample may be early or late.
 
         Raises:

@@ -11,7 +11,7 @@ from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief, is_one_of
 
-__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact", "no_unit"]
+__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact", "is_decimal", "no_unit"]
 
 UNITS: dict[str, Fraction] = {
     "s": Fraction(1),
@@ -19,6 +19,8 @@ UNITS: dict[str, Fraction] = {
     "us": Fraction(1, 10**6),
     "ns": Fraction(1, 10**9),
     "ps": Fraction(1, 10**12),
+    "min": Fraction(60),
+    "h": Fraction(3600),
 }
 """Time units in seconds."""
 
@@ -73,6 +75,15 @@ def _read(text: str, value: object, what: str) -> Fraction | None:
         pass
     msg = f"expected a finite number for {what}, got {brief(value)}"
     raise SpecificationError(msg)
+
+
+def is_decimal(value: Fraction) -> bool:
+    """Return whether a decimal text writes a fraction exactly."""
+    rest = value.denominator
+    for prime in (2, 5):
+        while rest % prime == 0:
+            rest //= prime
+    return rest == 1
 
 
 def decimal_text(value: Fraction) -> str:

@@ -206,7 +206,14 @@ _ROWS = (
         _rise,
         sampled=True,
     ),
-    Operator(("fall",), "call", 13, "min(p(i-1), -p(i)); first: -p(i)", _fall, sampled=True),
+    Operator(
+        ("fall",),
+        "call",
+        13,
+        "min(p(i-1), -p(i)); the first sample has no neighbour: -p(i)",
+        _fall,
+        sampled=True,
+    ),
     # the future
     _timed(
         ("always", "G", "alw"),

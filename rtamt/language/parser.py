@@ -46,7 +46,7 @@ def parse(
 
     Args:
         text: One formula or more, declarations, constants.
-        unit: Unit of the bounds that have none: s, ms, us, ns or ps.
+        unit: Unit of the bounds that have none: s, ms, us, ns, ps, min or h.
         constants: Values of constants that the text uses. They override those that it defines: a
             threshold ``const float limit = 0.2`` is swept with ``constants={"limit": 0.3}``.
         modules: The modules from which the text imports types: by name, or names of modules to

@@ -15,9 +15,11 @@ from rtamt.language.interval import decimal_text
 __all__ = [
     "ADJECTIVES",
     "ARITHMETIC",
+    "CHANGES",
     "CONDITIONS",
     "CONSTANTS",
     "EVENTUAL",
+    "FIRST_SAMPLE",
     "FUNCTIONS",
     "INFIX",
     "MOMENTS",
@@ -72,6 +74,13 @@ NEGATIONS: Final = {
     "fall": ("stops being", "ceases to hold", "it stops being true that "),
 }
 """What changes the verb: of predicates, of what has a name, and what stands before all else."""
+
+CHANGES: Final = ("rise", "fall")
+"""What compares a sample with the one before."""
+
+FIRST_SAMPLE: Final = "the first sample counts as changed"
+"""What ``rise(p)`` and ``fall(p)`` are at the first sample, which has none before it: ``p`` and
+``not p``."""
 
 INFIX: Final = {
     "and": ("", " and ", ""),
@@ -144,7 +153,13 @@ WINDOWS: Final = {
 VOCABULARY: Final = frozenset(
     word
     for texts in (
-        *("is holds means that where", START, *ADJECTIVES.values(), *EVENTUAL.values()),
+        *(
+            "is holds means that where",
+            START,
+            FIRST_SAMPLE,
+            *ADJECTIVES.values(),
+            *EVENTUAL.values(),
+        ),
         *(*FUNCTIONS.values(), *NEIGHBOURS.values(), *MOMENTS.values()),
         *(*VERBS.values(), *NEVER.values()),
         *(text for table in (NEGATIONS, INFIX, CONDITIONS, WINDOWS) for text in table.values()),

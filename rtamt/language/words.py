@@ -22,9 +22,11 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification
 from rtamt.language.phrases import (
     ADJECTIVES,
+    CHANGES,
     CONDITIONS,
     CONSTANTS,
     EVENTUAL,
+    FIRST_SAMPLE,
     FUNCTIONS,
     INFIX,
     MOMENTS,
@@ -70,6 +72,7 @@ def in_words(
     Two formulas have the same words only if they are the same; but a bound without a unit is said
     in the unit of the specification. What is nested too deep for one sentence is said in
     numbered clauses behind it, and so are formulas and terms that have a name in the specification.
+    The last clause of a formula with ``rise`` or ``fall`` says what these are at the first sample.
     "p until q" and "p ever since q" are as the operators are: at the moment of q itself p need not
     hold.
 
@@ -170,6 +173,8 @@ class _Text:
                         pending.append(((labels[key], " means that ", *meaning.pieces), inside))
                 text += labels[key]
             sentences.append(text)
+        if any(node.op and node.op.name in CHANGES for node in specification.formula.nodes()):
+            sentences.append(FIRST_SAMPLE)
         return "; where ".join([sentences[0], *["; ".join(sentences[1:])][: len(sentences) - 1]])
 
     def _definition(self, named: _Named) -> tuple[_Pieces, str]:

@@ -162,7 +162,8 @@ def _implications(text: RequirementText) -> Iterator[Change]:
     for at in text.operators("implies"):
         for first, last in ((text.left(at), at - 1), (at + 1, text.right(at))):
             operand = text.between(first, last)
-            yield text.change((first, last), f"not ({operand})", (first, last))
+            negated = f"not {operand}" if text.bracketed(first, last) else f"not ({operand})"
+            yield text.change((first, last), negated, (first, last))
     yield from _exchanged({"implies": "iff", "iff": "implies"})(text)
 
 

@@ -161,6 +161,10 @@ class RequirementText:
         """The text from one token to another."""
         return self.text[self.tokens[first].start : self.tokens[last].stop + 1]
 
+    def bracketed(self, first: int, last: int) -> bool:
+        """Whether the tokens from first to last stand in one pair of brackets."""
+        return self.tokens[first].type == StlParser.OPEN and self._partners[first] == last
+
     def swapped(self, at: int, new: str) -> Change:
         """The change of a token, shown with the predicate or the interval that it belongs to."""
         row = self.row(at)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rtamt.errors import Advice, Argument, InputTypeError, Message, SpecificationError
-from rtamt.language.interval import UNITS, decimal_text
+from rtamt.language.interval import UNITS
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
@@ -130,7 +130,7 @@ class DenseBuilder(ProgramBuilder):
         unit = self.specification.unit
         seconds = bound * UNITS[unit]
         ticks = seconds / self._resolution
-        text = f"{decimal_text(bound)} {unit}"
+        text = f"{seconds_text(bound)} {unit}"
         if ticks.denominator != 1:
             finer = duration_text(_common(seconds, self._resolution))
             raise self.specification.error(

@@ -47,6 +47,8 @@ class Series:
         step: The usual distance of two times; None if they are sample numbers.
         text: The formula; empty for a signal.
         held: Whether each value holds until the next, as in dense time.
+        first: The value at the first instant of dense time, which may differ from the value right
+            after it; None if it does not.
     """
 
     times: Floats
@@ -54,6 +56,15 @@ class Series:
     step: float | None
     text: str = ""
     held: bool = False
+    first: float | None = None
+
+    @property
+    def instants(self) -> Series:
+        """The series with the first instant as a place of its own."""
+        if self.first is None:
+            return self
+        times = np.concatenate([self.times[:1], self.times])
+        return replace(self, times=times, values=np.concatenate([[self.first], self.values]))
 
     def at(self, place: int) -> str:
         """Writes the time of the value at a place."""
@@ -396,7 +407,13 @@ def _judge_events(
     for name, part in (_parts(spec) if formulas and not found.unknown else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
-        series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
+        first = None
+        if part.timed:
+            judged = rtamt.judge_dense(part, signals, "complete", semantics=semantics)
+            (first,) = _signed(np.array([judged.robustness]), semantics).tolist()
+        series[name] = Series(
+            *(events.times, values, trace.step, str(part.formula)), held=True, first=first
+        )
     progress = None
     if not trace.unknown and trace.max_gap is None and whole.variables:
         lines = {name: trace.signals[name] for name in whole.variables}

@@ -25,7 +25,8 @@ def report(
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
     for name, judgement in judgements.items():
-        for formula, series in judgement.series.items():
+        for formula, found in judgement.series.items():
+            series = found.instants
             least, below = series.least, series.below
             rows.append(
                 (

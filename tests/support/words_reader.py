@@ -114,6 +114,9 @@ _TRUE_THAT = {
 }
 
 
+_FIRST_SAMPLE = "the first sample counts as changed"
+
+
 def read(text: str) -> Formula:
     """The formula of a sentence.
 
@@ -121,12 +124,17 @@ def read(text: str) -> Formula:
         AssertionError: If it is none.
     """
     text = re.sub(r'"(\w+)"', r"Quoted_\1", text)
+    says_first = text.endswith(_FIRST_SAMPLE)
+    text = re.sub(f"; (where )?{_FIRST_SAMPLE}$", "", text)
     main, where, rest = text.partition("; where ")
     meanings = {}
     for each in rest.split("; ") if where else ():
         name, verb, meaning = re.fullmatch(r"(\[\d+\]|\w+) (is|means that) (.*)", each).groups()  # type: ignore[union-attr]  # else the test fails
         meanings[name, verb] = meaning
-    return _Reader(meanings).clause(main.removeprefix("at the start, "), first=True)
+    formula = _Reader(meanings).clause(main.removeprefix("at the start, "), first=True)
+    changes = any(node.op and node.op.name in ("rise", "fall") for node in formula.nodes())
+    assert says_first == changes
+    return formula
 
 
 class _Reader:

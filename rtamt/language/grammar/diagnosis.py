@@ -88,7 +88,6 @@ _ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x 
 _PRINTED = "≥≤≠¬∧∨→⇒↔⇔□◇"  # noqa: RUF001 - as formulas are printed in papers
 _SPELT = (">=", "<=", "!=", "not", "and", "or", "->", "->", "<->", "<->", "always", "eventually")
 _INSTEAD = {
-    "#": "a comment begins with //",
     "^": "write pow(x, 2) for a power",
     '"': "write '\"' where the text ends, on the same line",
     **{c: f"write '{spelling}'" for c, spelling in zip(_PRINTED, _SPELT, strict=True)},

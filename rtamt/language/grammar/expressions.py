@@ -14,11 +14,10 @@ from rtamt.language.grammar.diagnosis import (
     fail,
     no_bound,
     shown,
-    similar,
     similar_name,
 )
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.interval import UNITS, Interval, decimal_text, no_unit
+from rtamt.language.interval import UNITS, Interval, decimal_text, is_decimal, no_unit
 from rtamt.language.node import MAX_DEPTH, MAX_OPERANDS, Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Operator
@@ -30,6 +29,22 @@ _LEAVES = (StlParser.NAME, StlParser.ELEMENT, StlParser.NUMBER, StlParser.TRUTH)
 _CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
 
 _BACK = "bounds count away from now; once, historically and since look back"
+_UNIT_WORDS = {
+    word: hint
+    for hint, words in {
+        "write ms for milliseconds, min for minutes": "m",
+        "write s": "sec secs second seconds",
+        "write ms": "msec msecs millis millisecond milliseconds",
+        "write us": "usec usecs micros microsecond microseconds µs μs",
+        "write ns": "nsec nsecs nanos nanosecond nanoseconds",
+        "write min": "mins minute minutes",
+        "write h": "hr hrs hour hours",
+        "write 24h for a day": "d day days",
+    }.items()
+    for word in words.split()
+}
+"""Hints for words that may be meant as a unit."""
+
 _LONG = 60
 """An error that shows two readings of operands longer than this calls them p, q and r."""
 
@@ -221,7 +236,7 @@ class TreeBuilder:
         if begin is None:
             reason = "expected a finite bound as the begin of an interval, got inf"
             raise self._fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
-        second, scale = at + 1, Fraction(1)
+        second, scale, end_scale = at + 1, Fraction(1), Fraction(1)
         end: Fraction | None = None
         end_unit: Token | None = None
         if self.tokens[second].type in _CLOSING:
@@ -233,11 +248,12 @@ class TreeBuilder:
                 bounds = f"{decimal_text(begin)}:{decimal_text(end)}{unit.text}"
                 reason = "expected a unit after the end, got one after the begin only"
                 raise self._fail(unit, reason, f"the unit of the end holds for both: [{bounds}]")
-            scale = UNITS[unit.text] / UNITS[end_unit.text]
-            begin *= scale
+            scale, end_scale = _common_scales(UNITS[unit.text], UNITS[end_unit.text])
+            begin, end = begin * scale, end * end_scale
+            end_unit = end_unit if end_scale == 1 else unit
         unit = end_unit or unit
         begin_of = self._constant_of(first, scale)
-        end_of = self._constant_of(second)
+        end_of = self._constant_of(second, end_scale)
         named = begin_of is not None or end_of is not None
         if end is None and begin == 0 and not named:
             return at
@@ -276,7 +292,8 @@ class TreeBuilder:
         if unit.type != StlParser.NAME:
             return value, None, at + 1
         if unit.text not in UNITS:
-            raise self._fail(unit, no_unit(unit.text), similar(unit.text, UNITS))
+            hint = _UNIT_WORDS.get(unit.text.lower(), "")
+            raise self._fail(unit, no_unit(unit.text), hint)
         return value, unit, at + 2
 
     def _value(self, token: Token) -> Fraction | None:
@@ -298,6 +315,16 @@ class TreeBuilder:
 
     def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
         return fail(self.text, token, reason, hint)
+
+
+def _common_scales(begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
+    """Return the factors that give two bounds one unit, from the lengths of their units.
+
+    It is the unit of the end; for ``[10s:1min]`` that of the begin, since 10 s are no decimal
+    number of minutes.
+    """
+    scale = begin / end
+    return (scale, Fraction(1)) if is_decimal(scale) else (Fraction(1), 1 / scale)
 
 
 def _way_out(row: Operator, args: Sequence[Node]) -> str:

@@ -20,6 +20,7 @@ from rtamt.language.grammar.diagnosis import (
     similar,
     similar_name,
 )
+from rtamt.language.grammar.dialects import foreign_hint
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.ranges import RangeReader
 from rtamt.language.grammar.tokens import Limits, Span, Statement, Statements, read
@@ -227,7 +228,8 @@ class _Reader:
         if statement.kind.text not in types:
             kind = statement.kind.text
             otherwise = f"take bool, int, float, float64, ... or: from MODULE import {kind}"
-            hint = similar(kind, types, otherwise)
+            foreign = foreign_hint(self.text, statement.kind.start)
+            hint = foreign or similar(kind, types, otherwise)
             raise self._fail(statement.kind, f"unknown type '{kind}'", hint)
         if token.text in self.declarations or token.text in constants:
             given = token.text in self.given and token.text not in self.defined

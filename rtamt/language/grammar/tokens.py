@@ -20,6 +20,7 @@ from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
 from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
+from rtamt.language.grammar.dialects import foreign_hint
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.node import MAX_DEPTH, too_deep, too_long
@@ -101,6 +102,18 @@ def read(text: str) -> tuple[Statements, Sequence[Token]]:
     Raises:
         ParseError: If the text is not of the language.
     """
+    try:
+        return _read(text)
+    except ParseError as error:
+        lines = text.split("\n")[: error.line - 1]
+        hint = foreign_hint(text, sum(len(line) + 1 for line in lines) + error.column - 1)
+        if not hint:
+            raise
+        refused = ParseError(error.reason, text, error.line, error.column, hint)
+        raise refused.with_traceback(None) from None
+
+
+def _read(text: str) -> tuple[Statements, Sequence[Token]]:
     with _lock:
         tokens = _Scanner(text).scan()
         parser = StlParser(_Stream(tokens))

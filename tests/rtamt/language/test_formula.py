@@ -198,7 +198,10 @@ def bad(made: object) -> Any:  # noqa: ANN401 - what the checker would refuse is
         (lambda: make("not", (p,), Interval.of(0, 1)), "'not' takes no interval, got [0:1]"),
         (lambda: p.always(2, 1), "expected a bound of at least 2, got 1"),
         (lambda: p.always(-1, 1), "expected a bound of at least 0, got -1"),
-        (lambda: p.always(0, "5 min"), "expected one of the units s, ms, us, ns, ps, got 'min'"),
+        (
+            lambda: p.always(0, "5 d"),
+            "expected one of the units s, ms, us, ns, ps, min, h, got 'd'",
+        ),
         (lambda: p.always(0, math.nan), "expected a finite number for the end of an interval"),
         (lambda: p.always(0, Fraction(1, 3)), "expected a decimal number, got 1/3"),
         (lambda: p.always(0, bad([])), "expected a number for the end of an interval, got list []"),

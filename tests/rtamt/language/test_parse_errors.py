@@ -163,7 +163,7 @@ def test_arguments_are_checked() -> None:
     with pytest.raises(InputTypeError, match="expected the text of a specification, got int 3"):
         rtamt.parse(3)  # type: ignore[arg-type]
     with pytest.raises(SpecificationError, match="expected one of the units s, ms, us, ns, ps"):
-        rtamt.parse("x", unit="min")
+        rtamt.parse("x", unit="day")
     with pytest.raises(SpecificationError, match="'G' is the operator 'always'"):
         rtamt.parse("x", constants={"G": 3})
     with pytest.raises(InputTypeError, match="expected a number for the constant 'K', got list"):

@@ -34,10 +34,15 @@ PATTERNS = {
     "always eventually(x > 1)": "at all times, x gets above 1 at some time from then on",
     "always(rise(step > 0) implies eventually[0:2] always[0:5](abs(e) < 0.1))": (
         "whenever step becomes above 0, within 2 s, the absolute value of e stays below 0.1 for "
-        "the next 5 s"
+        "the next 5 s; where the first sample counts as changed"
+    ),
+    "slow = v < 9; always(fall(slow) implies x > 2)": (
+        "whenever slow ceases to hold, x is above 2; where slow means that v is below 9; "
+        "the first sample counts as changed"
     ),
     "always(rise(r > 1) implies always[0:500ms](y < 1.2))": (
-        "whenever r becomes above 1, y stays below 1.2 for the next 500 ms"
+        "whenever r becomes above 1, y stays below 1.2 for the next 500 ms; "
+        "where the first sample counts as changed"
     ),
     "always(g > 0 implies once[0:5](r > 0) and historically(v < 9))": (
         "whenever g is above 0, r was above 0 within the last 5 s and v has been below 9 at all "
