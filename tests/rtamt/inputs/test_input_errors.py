@@ -392,7 +392,7 @@ def test_nan_is_refused_and_the_monitor_continues_like_an_undisturbed_twin(
         assert np.array_equal(monitor.update(good), twin.update(good), equal_nan=True)
 
 
-CALLS_WITH_COLUMNS: list[Callable[[dict[str, object]], object]] = [
+CALLS_WITH_COLUMNS: list[Callable[[dict[str, Any]], object]] = [
     lambda data: evaluate("always(speed > 0)", data),
     lambda data: judge("always(speed > 0)", data),
     lambda data: explain("always(speed > 0)", data),
@@ -403,7 +403,7 @@ CALLS_WITH_COLUMNS: list[Callable[[dict[str, object]], object]] = [
 
 @pytest.mark.parametrize("call", CALLS_WITH_COLUMNS)
 @pytest.mark.parametrize("column", ["Speed", "SPEED", "spede"])
-def test_misspelt_column_is_named(call: Callable[[dict[str, object]], object], column: str) -> None:
+def test_misspelt_column_is_named(call: Callable[[dict[str, Any]], object], column: str) -> None:
     with pytest.raises(
         InputError, match=rf"'speed'\. The \w+ are 'gap', '{column}'\. Did you mean '{column}'\?"
     ):
