@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import Protocol, cast
+from typing import Final, Protocol, cast
 
 from rtamt.checking.graph import FALSE, TRUE, Graph, TermKey, Truth
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map
 from rtamt.program.program import Program
 
-__all__ = ["TermTruths", "function_of", "known_samples", "unknown_samples"]
+__all__ = ["TermTruths", "exact_sides", "function_of", "known_samples", "unknown_samples"]
 
 
 class TermTruths(Protocol):
@@ -45,6 +45,7 @@ class _Unknown:
 
     def _compared(self, function: str, x: TermKey, y: TermKey) -> Truth:
         graph = self._graph
+        x, y = exact_sides(x, y)
         match function:
             case "at_least" | "ge" | "nonnegative":
                 return graph.atom(("at_least", x, y))
@@ -69,6 +70,74 @@ class _Unknown:
                     number = (function, *(self._number(program, a, sample) for a in args))
             self._numbers[key] = number
         return self._numbers[key]
+
+
+def exact_sides(x: TermKey, y: TermKey) -> tuple[TermKey, TermKey]:
+    """Return two terms that compare as x and y do, for all doubles, with fewer operations.
+
+    The difference of unequal doubles never rounds to 0, so its sign is that of the comparison. A
+    product with a power of two is exact, except where it overflows or is close to 0.
+
+    Example:
+        >>> x, y = ("load", "x", 0), ("load", "y", 0)
+        >>> exact_sides(("sub", x, y), ("const", 0.0))
+        (('load', 'x', 0), ('load', 'y', 0))
+        >>> exact_sides(("const", 1.0), ("mul", ("const", -2.0), x))
+        (('load', 'x', 0), ('const', -0.5))
+    """
+    while True:
+        turned = y[0] != "const"
+        term, number = (y, x) if turned else (x, y)
+        reduced = _reduced(term, cast("float", number[1])) if number[0] == "const" else None
+        if reduced is None:
+            return x, y
+        term, other, flips = reduced
+        x, y = (other, term) if turned != flips else (term, other)
+
+
+def _reduced(term: TermKey, number: float) -> tuple[TermKey, TermKey, bool] | None:
+    """Take one exact operation off a term that is compared with a number.
+
+    Returns:
+        The two sides, and whether they change places; None if no operation is exact.
+    """
+    function, *parts = term
+    keys = [cast("TermKey", part) for part in parts] if function in _EXACT else []
+    if function == "neg":
+        return keys[0], ("const", -number), True
+    if function in ("sub", "add") and number == 0.0:
+        return keys[0], keys[1] if function == "sub" else ("neg", keys[1]), False
+    if function == "mul" and keys[0][0] == "const":
+        keys.reverse()
+    if function not in ("mul", "div") or keys[1][0] != "const":
+        return None
+    value = cast("float", keys[1][1])
+    if value == 0.0 or not (math.isfinite(value) and math.isfinite(number)):
+        return None
+    factor = Fraction(value) if function == "mul" else 1 / Fraction(value)
+    quotient = Fraction(number) / factor
+    if not _scales_exactly(factor, number) or not _is_double(quotient):
+        return None
+    return keys[0], ("const", float(quotient)), factor < 0
+
+
+_EXACT: Final = frozenset({"neg", "sub", "add", "mul", "div"})
+
+
+def _scales_exactly(factor: Fraction, number: float) -> bool:
+    """Whether a product with a factor never rounds to the other side of a number."""
+    least, greatest = sorted((abs(factor.numerator), factor.denominator))
+    if least != 1 or greatest & (greatest - 1):
+        return False  # no power of two
+    # A product that is rounded because it is close to 0 is less than 2**-1022.
+    return abs(factor) >= 1 or abs(number) >= 2.0**-1021
+
+
+def _is_double(value: Fraction) -> bool:
+    try:
+        return Fraction(float(value)) == value
+    except OverflowError:
+        return False
 
 
 def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
