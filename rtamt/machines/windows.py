@@ -1,4 +1,4 @@
-"""Folds of windows over a stream, one push a sample, and of windows over arrays.
+"""Folds of windows over a stream, one push a sample, and over lists of elements.
 
 `SlidingWindow` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
 and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows

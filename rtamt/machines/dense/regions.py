@@ -114,7 +114,7 @@ class RegionStream(StateFields):
 
     def trim(self) -> None:
         """Forget what no other register reads again."""
-        first = int(np.searchsorted(self.kept.starts, self.last + 1 - self.keep, "right")) - 1
+        first = int(self.kept.starts.searchsorted(self.last + 1 - self.keep, "right")) - 1
         if first > 0:
             values = tuple(a[..., first:].copy() for a in self.kept.values)
             self.kept = Runs(self.kept.starts[first:].copy(), values)

@@ -57,7 +57,7 @@ class Runs(NamedTuple):
 
     def places(self, positions: Positions) -> NDArray[np.intp]:
         """The run in which each position lies."""
-        return np.searchsorted(self.starts, positions, "right") - 1
+        return self.starts.searchsorted(positions, "right") - 1
 
     def merged(self) -> Runs:
         """The same signal without runs that are equal to the one before, to the sign of zeros."""
@@ -67,7 +67,7 @@ class Runs(NamedTuple):
         new[0] = True
         for values in self.values:
             bits = values.view(np.int64).reshape(-1, values.shape[-1])
-            new[1:] |= np.any(bits[:, 1:] != bits[:, :-1], axis=0)
+            new[1:] |= (bits[:, 1:] != bits[:, :-1]).any(axis=0)
         return (
             self if new.all() else Runs(self.starts[new], tuple(a[..., new] for a in self.values))
         )
@@ -75,10 +75,8 @@ class Runs(NamedTuple):
 
 def clipped(runs: Runs, begin: int, end: int | None = None) -> Runs:
     """The runs from a position on; with an end, those that begin up to there."""
-    first = max(0, int(np.searchsorted(runs.starts, begin, "right")) - 1)
-    after = len(runs.starts)
-    if end is not None:
-        after = int(np.searchsorted(runs.starts, end, "right"))
+    first = max(0, int(runs.starts.searchsorted(begin, "right")) - 1)
+    after = len(runs.starts) if end is None else int(runs.starts.searchsorted(end, "right"))
     starts = runs.starts[first:after]
     if len(starts) and starts[0] < begin:
         starts = starts.copy()
@@ -199,7 +197,7 @@ def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int |
             left = tuple(a[..., first[now]] for a in power)
             right = tuple(a[..., last[now] - size + 1] for a in power)
             found[..., now] = fold.combine_arrays(left, right)[-1]
-        if not np.any(width >= 2 * size):
+        if not (width >= 2 * size).any():
             return Runs(starts, (found,)).merged()
         power = fold.combine_arrays(
             tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
