@@ -27,6 +27,7 @@ from rtamt_gym.commands.specs import (
 )
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns, read_seconds
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
+from rtamt_gym.recorded.same_time import SameTime
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -185,6 +186,12 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "its last value holds, and a long silence is said)",
     )
     group.add_argument(
+        "--same-time",
+        choices=get_args(SameTime),
+        help="which record counts where several records of a variable at one instant differ "
+        "(default: they are an error; in bags and ULog files the last counts)",
+    )
+    group.add_argument(
         "--max-gap",
         metavar="TIME",
         help="how long a value holds until the next record of its column, such as 10s, 500ms or "
@@ -248,6 +255,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         missing=options.missing,
         jitter=options.jitter,
         stale=options.stale,
+        same_time=options.same_time,
         max_gap=options.max_gap,
         defaults=options.default,
         no_defaults=options.no_defaults,

@@ -17,6 +17,7 @@ from rtamt_gym.recorded.bag_reader import Bag
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.same_time import one_record, same_as_before
 from rtamt_gym.recorded.starts import starts_of, take_default
 from rtamt_gym.tables import counted, number
 
@@ -105,14 +106,25 @@ def read_signals(
         )
     wanted = topic_fields(bag, specs, columns)
     read = _read(bag, wanted, stamped=clock == "header", strict=columns.missing == "raise")
-    notes = list(bag.notes)
+    notes, choice = list(bag.notes), columns.same_time or "last"
     signals: dict[str, tuple[Stamps, Floats]] = {}
     apart: dict[str, float] = {}
     spans: dict[str, Stamps] = {}
     for messages in read:
-        times, kept = _times(bag, messages, notes, apart, stamped=clock == "header")
+        every, order = _times(bag, messages, notes, apart, stamped=clock == "header")
+        same = same_as_before(every)
+        apart_from = np.append(~same, True) if choice == "last" else np.append(True, ~same)
+        times, kept = every[apart_from], order[apart_from]
         spans[messages.topic] = times
         for variable, values in zip(messages.variables, messages.values, strict=True):
+            _, note = one_record(
+                every,
+                np.array(values, np.float64)[order],
+                choice,
+                f"{messages.topic}, '{variable}'",
+                lambda at, t=every: (int(t[at]) - bag.begin) / 1e9,
+            )
+            notes += filter(None, [note])
             numbers = np.array(values, np.float64)[kept]
             found_at = times, numbers
             if columns.missing != "unknown":
@@ -185,10 +197,9 @@ def _times(
     *,
     stamped: bool,
 ) -> tuple[Stamps, NDArray[np.intp]]:
-    """The times of a topic's messages, which increase, and the places of these messages.
+    """The times of a topic's messages, which do not decrease, and the places of these messages.
 
-    Where messages have equal times the last counts. A message whose stamp is older than the stamp
-    before it does not count.
+    A message whose stamp is older than the stamp before it does not count.
     """
     if not messages.logged:  # though the index of the bag counts some
         raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
@@ -216,9 +227,7 @@ def _times(
                 f"{messages.topic}: {counted(late, 'message')} older than the one before left out"
             )
     apart[messages.topic] = float(np.median(logged - times)) / 1e9
-    times = times[order]
-    last = np.append(times[1:] != times[:-1], True)
-    return times[last], order[last]
+    return times[order], order
 
 
 def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:

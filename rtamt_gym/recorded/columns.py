@@ -12,6 +12,7 @@ from typing import Literal, get_args
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.recorded.same_time import SameTime
 
 __all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns", "read_seconds"]
 
@@ -51,6 +52,9 @@ class Columns:
             None: 0.05, and such a trace is refused.
         stale: The longest time in seconds for which a topic of a bag may be without a message; one
             that is longer is refused. None: any time, and a long one is said.
+        same_time: Which of several different records of one variable at one instant counts,
+            ``"first"`` or ``"last"``. None: such records are an error; in bags and ULog files the
+            last one counts.
         max_gap: The longest time in seconds for which a value holds until the next record of its
             variable; where two are farther apart, nothing is known between them. A number or text,
             such as ``"500ms"``. None: any time.
@@ -74,6 +78,7 @@ class Columns:
     missing: Missing = "raise"
     jitter: float | None = None
     stale: float | None = None
+    same_time: SameTime | None = None
     max_gap: Fraction | None = None
     starts: Mapping[str, float] = field(default_factory=dict)
     defaults: Collection[str] = ()
@@ -85,6 +90,7 @@ class Columns:
             object.__setattr__(self, "max_gap", read_seconds("--max-gap", str(self.max_gap)))
         _check_choice("--time-unit", self.time_unit, UNITS)
         _check_choice("--decimal", self.decimal, (".", ","))
+        _check_choice("--same-time", self.same_time, get_args(SameTime))
         _check_choice("--missing", self.missing, get_args(Missing))
         if self.separator is not None and (len(self.separator) != 1 or self.separator in '"\r\n'):
             raise InputError(f"--separator: expected one character or tab, got {self.separator!r}")
@@ -128,6 +134,7 @@ def read_columns(
     missing: Missing = "raise",
     jitter: str | None = None,
     stale: float | None = None,
+    same_time: SameTime | None = None,
     max_gap: str | None = None,
     defaults: Sequence[str] = (),
     no_defaults: bool = False,
@@ -166,6 +173,7 @@ def read_columns(
         missing,
         _share(jitter),
         stale,
+        same_time,
         None if max_gap is None else read_seconds("--max-gap", max_gap),
         defaults=tuple(dict.fromkeys(defaults)),
         no_defaults=no_defaults,

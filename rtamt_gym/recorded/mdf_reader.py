@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from asammdf import MDF
+from numpy.typing import NDArray
 
 from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.foreign import refusing
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.same_time import SameTime, check_rising, common_instants, one_record
 from rtamt_gym.recorded.times import TIME
 
 __all__ = ["MdfRecording", "open_file"]
 
 
 @contextmanager
-def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Opens a measurement.
 
     Raises:
@@ -33,7 +36,7 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         with refusing(path, "a whole MDF file"):
             # As bytes of a file, because asammdf fails again when it closes a path it cannot read.
             file = MDF(raw)
-            recording = MdfRecording(file, path)
+            recording = MdfRecording(file, path, columns.same_time)
         with file:
             yield recording
 
@@ -42,52 +45,102 @@ class MdfRecording:
     """The channels of a measurement, and the column ``time`` of the times at which one has a value.
 
     A channel that has no value at a time where another one has is an empty cell there. A sample
-    that its invalidation bit marks as not valid, and one that is nan, holds no number.
+    that its invalidation bit marks as not valid, and one that is nan, holds no number. A channel
+    whose values are names of numbers holds the numbers.
+
+    A channel name that occurs in several groups is also there as ``GROUP.NAME``, where the group is
+    the name of its acquisition, or ``group3`` if the acquisitions of these groups have no names of
+    their own.
 
     Args:
         file: The open file.
         source: Its name, for messages.
+        same_time: Which of several different samples of a channel at one time counts; None: such
+            samples are an error.
     """
 
-    def __init__(self, file: MDF, source: str) -> None:
+    def __init__(self, file: MDF, source: str, same_time: SameTime | None = None) -> None:
         self.source, self._path = shown(source), source
-        self._file = file
+        self._file, self._same_time = file, same_time
         groups: list[Any] = file.groups
-        self._places: list[tuple[str, int, int]] = [
+        channels = [
             (shown(channel.name), group, index)
             for group, each in enumerate(groups)
             for index, channel in enumerate(each.channels)
             if index != file.masters_db.get(group)
         ]
+        self._places = [*channels, *_qualified(channels, groups)]
         self.names: Sequence[str] = [TIME, *(name for name, _, _ in self._places)]
         self.dates: Sequence[str] = ()
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted channels."""
+        """Read the wanted channels.
+
+        Raises:
+            InputError: If times of a channel go back, or samples at one time differ and nobody has
+                chosen one.
+        """
         names = dict.fromkeys([*wanted.numbers, *wanted.texts])
         signals: dict[str, Any] = {}
+        notes: list[str] = []
         for name, group, index in self._places:
             if name in names or (not names and not signals):
                 # Else invalid samples are left out, and the one before them seems to hold.
                 with refusing(self._path, "a whole MDF file"):
-                    signals[name] = self._file.get(
-                        group=group, index=index, ignore_invalidation_bits=True
-                    )
-        times = np.unique(np.concatenate([s.timestamps for s in signals.values()] or [np.zeros(0)]))
-        arrays, invalid = {TIME: times}, {}
+                    signals[name] = self._signal(name, group, index, notes)
+        times = common_instants([signal.times for signal in signals.values()])
+        arrays: dict[str, NDArray[Any]] = {TIME: times}
+        invalid = {}
         for name, signal in signals.items():
-            samples = np.asarray(signal.samples)
-            if samples.dtype.kind in "biuf":
-                places = np.searchsorted(times, signal.timestamps)
-                bits = signal.invalidation_bits
-                wrong = np.isnan(samples.astype(np.float64))
-                if bits is not None:
-                    wrong |= np.asarray(bits, bool)
-                values = np.full(len(times), np.nan)
-                values[places] = np.where(wrong, np.nan, samples)
-                samples = values
-                invalid[name] = np.zeros(len(times), bool)
-                invalid[name][places] = wrong
-            arrays[name] = samples
-        marked = ArrayRecording(self.source, arrays, invalid)
-        return replace(marked.read(wanted), unit="s", sparse=True)
+            if signal.values.dtype.kind not in "biuf":
+                arrays[name] = signal.values
+                continue
+            places = np.searchsorted(times, signal.times, side="right") - 1
+            arrays[name] = np.full(len(times), np.nan)
+            arrays[name][places] = signal.values
+            invalid[name] = np.zeros(len(times), bool)
+            invalid[name][places] = np.isnan(signal.values)
+        rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
+        return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *notes])
+
+    def _signal(self, name: str, group: int, index: int, notes: list[str]) -> _Signal:
+        """Read a channel; notes on it are appended."""
+        place = {"group": group, "index": index, "ignore_invalidation_bits": True}
+        signal = self._file.get(**place)
+        samples, times = np.asarray(signal.samples), np.asarray(signal.timestamps, np.float64)
+        what = f"{self.source}, channel '{name}'"
+        if samples.dtype.kind in "SUO":
+            numbers = np.asarray(self._file.get(**place, raw=True).samples)
+            if numbers.dtype.kind in "biuf":
+                notes.append(f"'{name}' names its values: the numbers behind the names are read")
+                samples = numbers
+        check_rising(times, what)
+        if samples.dtype.kind not in "biuf":
+            return _Signal(times, samples)
+        values = samples.astype(np.float64)
+        bits = signal.invalidation_bits
+        if bits is not None:
+            values[np.asarray(bits, bool)] = np.nan
+        kept, note = one_record(times, values, self._same_time, what)
+        notes += filter(None, [note])
+        return _Signal(times[kept], values[kept])
+
+
+class _Signal(NamedTuple):
+    """Samples of a channel; nan holds no number."""
+
+    times: Floats
+    values: NDArray[Any]
+
+
+def _qualified(
+    channels: Sequence[tuple[str, int, int]], groups: Sequence[Any]
+) -> Iterator[tuple[str, int, int]]:
+    """The channels whose name occurs in several groups, under names with their group."""
+    counts = Counter(name for name, _, _ in channels)
+    acquired = [shown(getattr(each.channel_group, "acq_name", "") or "") for each in groups]
+    for name, group, index in channels:
+        if counts[name] > 1:
+            its = [acquired[other] for each, other, _ in channels if each == name]
+            own = all(its) and len({*its}) == len(its)
+            yield f"{acquired[group] if own else f'group{group}'}.{name}", group, index

@@ -20,6 +20,7 @@ from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.same_time import SameTime, check_rising, one_record
 from rtamt_gym.recorded.times import TIME
 from rtamt_gym.tables import counted, number
 
@@ -31,7 +32,7 @@ _HEADER = 3
 
 
 @contextmanager
-def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Opens a log.
 
     Raises:
@@ -50,7 +51,7 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         raise InputError(f"{shown(path)}: expected a whole ULog file; bytes of it are no messages")
     if not log.data_list:
         raise InputError(f"{shown(path)}: expected a ULog file with data; it holds none")
-    yield ULogRecording(log, path, cut=file.cut)
+    yield ULogRecording(log, path, columns.same_time, cut=file.cut)
 
 
 class _Bytes:
@@ -93,11 +94,14 @@ class ULogRecording:
     Args:
         log: The log, read.
         source: The name of the file, for messages.
+        same_time: Which of several different records of a field at one time counts; None: the last.
         cut: Whether the file ends within a message.
     """
 
-    def __init__(self, log: ULog, source: str, *, cut: bool = False) -> None:
-        self.source = shown(source)
+    def __init__(
+        self, log: ULog, source: str, same_time: SameTime | None = None, *, cut: bool = False
+    ) -> None:
+        self.source, self._same_time = shown(source), same_time or "last"
         self.dates: Sequence[str] = ()
         self._fields = _fields(log)
         self.names: Sequence[str] = [TIME, *self._fields]
@@ -134,47 +138,58 @@ class ULogRecording:
         """The fields with times that increase, and what was left out for that."""
         kept: dict[str, _Field] = {}
         said: dict[str, None] = {}
+        notes: list[str] = []
         for name, (topic, times, values) in fields.items():
             stamped = times > 0
             if not stamped.any():
                 raise InputError(
                     f"{self.source}: expected records of {topic} with a time, got none"
                 )
-            last = np.append(times[stamped][1:] != times[stamped][:-1], np.True_)
-            kept[name] = field = _Field(topic, times[stamped][last], values[stamped][last])
-            back = field.times[1:] < field.times[:-1]
-            if back.any():
-                at = int(back.argmax())
-                raise InputError(
-                    f"{self.source}: expected times of {topic} that increase, got "
-                    f"{number(field.times[at + 1] / 1e6)} s after {number(field.times[at] / 1e6)} s"
-                )
-            out = {"without a time": ~stamped, "with the time of the next": ~last}
-            for why, left in out.items():
-                if left.any():
-                    said[f"{topic}: {counted(int(left.sum()), 'record')} {why}"] = None
-        return kept, [f"left out: {', '.join(said)}"] if said else []
+            check_rising(times[stamped] / 1e6, f"{self.source}, {topic}")
+            micros, numbers = times[stamped], np.asarray(values[stamped], np.float64)
+            places, note = one_record(
+                micros, numbers, self._same_time, f"'{name}'", lambda at, t=micros: t[at] / 1e6
+            )
+            notes += filter(None, [note])
+            kept[name] = _Field(topic, micros[places], numbers[places])
+            if not stamped.all():
+                left = counted(int((~stamped).sum()), "record")
+                said[f"{topic}: {left} without a time"] = None
+        return kept, [*notes, *([f"left out: {', '.join(said)}"] if said else [])]
 
 
 def _fields(log: ULog) -> dict[str, _Field]:
     """The fields of all topics by name."""
-    instances: dict[str, list[Any]] = {}
+    instances: dict[str, dict[int, list[Any]]] = {}
     for data in log.data_list:
-        instances.setdefault(data.name, []).append(data)
+        instances.setdefault(data.name, {}).setdefault(data.multi_id, []).append(data)
     found = {}
     for topic, several in instances.items():
-        for data in several:
-            times = data.data.get(_STAMP)
-            for name, values in data.data.items():
-                if times is None or name == _STAMP:
-                    continue
-                field = _Field(topic, times, values)
+        for instance, parts in several.items():
+            for name, field in _joined(topic, parts).items():
                 if len(several) == 1:
                     found[f"{topic}.{name}"] = field
+                    found[f"{topic}.{instance}.{name}"] = field
                 else:
-                    field = field._replace(topic=f"{topic}.{data.multi_id}")
-                found[f"{topic}.{data.multi_id}.{name}"] = field
+                    found[f"{topic}.{instance}.{name}"] = field._replace(
+                        topic=f"{topic}.{instance}"
+                    )
     return {shown(name): field for name, field in found.items()}
+
+
+def _joined(topic: str, parts: Sequence[Any]) -> dict[str, _Field]:
+    """The fields of an instance, whose topic a logger may have subscribed several times."""
+    parts = [part.data for part in parts if _STAMP in part.data]
+    if not parts:
+        return {}
+    times = np.concatenate([part[_STAMP] for part in parts])
+    # One part is checked in its own order; several parts may overlap.
+    order = np.argsort(times, kind="stable") if len(parts) > 1 else np.arange(len(times))
+    names = [name for name in parts[0] if name != _STAMP and all(name in part for part in parts)]
+    return {
+        name: _Field(topic, times[order], np.concatenate([part[name] for part in parts])[order])
+        for name in names
+    }
 
 
 def _dropouts(log: ULog) -> list[str]:

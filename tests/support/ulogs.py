@@ -38,11 +38,13 @@ class Topic:
         name: The topic, ``vehicle_status``.
         fields: Types and names of its fields after the time, ``("float[3]", "q")``.
         instance: The number of the instance.
+        subscription: The number of the subscription: a logger may subscribe a topic again.
     """
 
     name: str
     fields: tuple[tuple[str, str], ...]
     instance: int = 0
+    subscription: int = 0
 
     @property
     def format(self) -> str:

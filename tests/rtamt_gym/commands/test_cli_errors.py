@@ -58,7 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
                 "time, variable, value; give --dense to take rows as events at any time"
             ),
         ),
-        ("x,x\n1,2\n", "stdin, line 1: expected one column 'x', got two"),
+        ("x,x\n1,2\n", "stdin: expected one column 'x', got 2"),
         ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
         ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),
         (

@@ -188,11 +188,10 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
     trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, Reading(), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["vehicle_local_position.x"].tolist() == [1, 3, 4]
-    (said,) = trace.notes
-    assert said == (
-        "left out: vehicle_local_position: 1 record without a time, vehicle_local_position: "
-        "1 record with the time of the next"
-    )
+    assert [*trace.notes] == [
+        "'vehicle_local_position.x': the last of 2 different records at 0.0002 s counts",
+        "left out: vehicle_local_position: 1 record without a time",
+    ]
     log.data(POSITION, 250, [0, 0, 0])
     log.save(path)
     with pytest.raises(rtamt.InputError) as caught:
