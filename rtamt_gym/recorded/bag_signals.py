@@ -122,7 +122,7 @@ def read_signals(
                 np.array(values, np.float64)[order],
                 choice,
                 f"{messages.topic}, '{variable}'",
-                lambda at, t=every: (int(t[at]) - bag.begin) / 1e9,
+                (every - bag.begin) / 1e9,
             )
             notes += filter(None, [note])
             numbers = np.array(values, np.float64)[kept]

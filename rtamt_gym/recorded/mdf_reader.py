@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -105,12 +106,12 @@ class MdfRecording:
 
     def _signal(self, name: str, group: int, index: int, notes: list[str]) -> _Signal:
         """Read a channel; notes on it are appended."""
-        place = {"group": group, "index": index, "ignore_invalidation_bits": True}
-        signal = self._file.get(**place)
+        read = partial(self._file.get, group=group, index=index, ignore_invalidation_bits=True)
+        signal = read()
         samples, times = np.asarray(signal.samples), np.asarray(signal.timestamps, np.float64)
         what = f"{self.source}, channel '{name}'"
         if samples.dtype.kind in "SUO":
-            numbers = np.asarray(self._file.get(**place, raw=True).samples)
+            numbers = np.asarray(read(raw=True).samples)
             if numbers.dtype.kind in "biuf":
                 notes.append(f"'{name}' names its values: the numbers behind the names are read")
                 samples = numbers

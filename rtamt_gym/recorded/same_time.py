@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -30,8 +29,9 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
     """
     before, after = times[:-1], times[1:]
     if times.dtype.kind != "f":
-        return before == after
-    return np.abs(after - before) <= np.spacing(np.maximum(np.abs(before), np.abs(after)))
+        return np.asarray(before == after, np.bool_)
+    ulp = np.spacing(np.maximum(np.abs(before), np.abs(after)))
+    return np.asarray(np.abs(after - before) <= ulp, np.bool_)
 
 
 def check_rising(times: Floats, what: str) -> None:
@@ -58,7 +58,7 @@ def one_record(
     values: NDArray[Any],
     choice: SameTime | None,
     what: str,
-    seconds: Callable[[int], float] | None = None,
+    seconds: Floats | None = None,
 ) -> tuple[NDArray[np.intp], str]:
     """Keep one record of a signal for each instant.
 
@@ -67,7 +67,7 @@ def one_record(
         values: The values, shape (n,); nan stands for a record without a number.
         choice: Which record counts where records of one instant differ; None: that is an error.
         what: The file and the signal, for messages.
-        seconds: Returns the time of a record in seconds; by default, the times are seconds.
+        seconds: The times in seconds, shape (n,); None: the times are seconds.
 
     Returns:
         The places of the records that are kept, and a note on those that differ and are left out;
@@ -93,7 +93,7 @@ def one_record(
     starts = np.append(True, ~same)
     group = np.cumsum(starts) - 1
     differing = np.unique(group[1:][same & unequal])
-    at = seconds or (lambda place: float(times[place]))
+    at = times if seconds is None else seconds
     ends = np.append(~same, True)
     if not len(differing):
         return np.nonzero(starts)[0], ""
@@ -104,11 +104,11 @@ def one_record(
         change = place + int((same & unequal)[place:].argmax())
         more = f" (and at {counted(len(differing) - 1, 'more time')})" * (len(differing) > 1)
         raise InputError(
-            f"{what}: expected one value at {_text(at(place))} s, got {number(values[change])} and "
+            f"{what}: expected one value at {_text(at[place])} s, got {number(values[change])} and "
             f"{number(values[change + 1])}{more}; choose with --same-time first or --same-time last"
         )
     more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
-    note = f"the {choice} of {count} different records at {_text(at(place))} s{more} counts"
+    note = f"the {choice} of {count} different records at {_text(at[place])} s{more} counts"
     return np.nonzero(starts if choice == "first" else ends)[0], f"{what}: {note}"
 
 

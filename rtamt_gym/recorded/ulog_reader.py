@@ -147,9 +147,7 @@ class ULogRecording:
                 )
             check_rising(times[stamped] / 1e6, f"{self.source}, {topic}")
             micros, numbers = times[stamped], np.asarray(values[stamped], np.float64)
-            places, note = one_record(
-                micros, numbers, self._same_time, f"'{name}'", lambda at, t=micros: t[at] / 1e6
-            )
+            places, note = one_record(micros, numbers, self._same_time, f"'{name}'", micros / 1e6)
             notes += filter(None, [note])
             kept[name] = _Field(topic, micros[places], numbers[places])
             if not stamped.all():

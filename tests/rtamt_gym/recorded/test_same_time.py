@@ -87,10 +87,10 @@ def test_times_that_go_back_are_refused(write: Writer, tmp_path: Path, capsys: O
 
 
 def test_clocks_that_differ_in_the_last_bit_are_one(tmp_path: Path, capsys: Output) -> None:
-    fast = [
+    fast: Rows = [
         (float(time), 1 - 2 * (index == 150)) for index, time in enumerate(np.arange(0, 2, 0.01))
     ]
-    slow = [(float(time), 1) for time in np.arange(0, 2, 0.1)]
+    slow: Rows = [(float(time), 1) for time in np.arange(0, 2, 0.1)]
     assert {time for time, _ in slow} - {time for time, _ in fast}  # some differ
     path = write_mdf(tmp_path / "t.mf4", ("a", fast), ("b", slow))
     words = ["monitor", "always(a > 0 and b > 0)", path, "--missing", "hold"]

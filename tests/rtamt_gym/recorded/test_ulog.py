@@ -197,7 +197,7 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
     with pytest.raises(rtamt.InputError) as caught:
         events(path, text)
     assert str(caught.value) == (
-        f"{path}: expected times of vehicle_local_position that increase, got 0.00025 s after "
+        f"{path}, vehicle_local_position: expected times that increase, got 0.00025 s after "
         "0.0003 s"
     )
     log = Ulog()
