@@ -183,6 +183,74 @@ class EventReader:
             for name, column in found.items()
         ]
 
+    def held(self, given: Sequence[Given], until: object) -> list[Given]:
+        """Append an event at a time to each variable that ends before it.
+
+        The event has the last value of the variable; nothing is known of it if it comes more than
+        ``max_gap`` after the last event. A declared value lasts for any time.
+
+        Args:
+            given: All events of every variable.
+            until: The time, or ``"latest"`` for the time of the last event of all.
+
+        Raises:
+            InputError: If the time is before the last event of every variable, not finite, or not
+                of the kind of the events' times; and as `counted` does.
+            InputTypeError: If it is neither a number, nor a date, nor ``"latest"``.
+        """
+        columns, dated = self.counted(given, [-math.inf] * len(given), None)
+        lasts = [int(ticks[-1]) for ticks, _ in columns]
+        if isinstance(until, str) and until == "latest":
+            end = max(lasts)
+            time = given[lasts.index(end)].times[-1]
+        else:
+            time = _until(until, dated=bool(dated))
+            end = int(self.clock.ticks(_line_of(time), " (until)")[0])
+        if end < min(lasts):
+            name = self.variables[lasts.index(min(lasts))]
+            raise InputError(
+                f"expected until= at {shown(self.time(min(lasts), dated))} or later, where "
+                f"'{name}' has its last event, got {shown(time)}; leave out the events after it to "
+                "end the trace earlier"
+            )
+        return [
+            column if end <= last else self._held(column, time, end - last)
+            for column, last in zip(given, lasts, strict=True)
+        ]
+
+    def _held(self, column: Given, time: object, ticks: int) -> Given:
+        """The events of a variable, with one that comes some ticks after the last."""
+        times, values, declared = column
+        own = len(times) > declared
+        value = values[-1:]
+        if own and self.max_gap is not None and ticks > max(self.max_gap, 1):
+            values = values if values.ndim > 1 else np.column_stack([values, values])
+            value = np.array([[-np.inf, np.inf]])
+        return Given(
+            _with_time(times, time),
+            np.concatenate([values, value]),
+            declared if own else declared + 1,
+        )
+
+    def early_end(self, given: Sequence[Given]) -> str:
+        """Describe how a variable ends the trace before others do; empty if none does.
+
+        Args:
+            given: All events of every variable, which were counted before.
+        """
+        columns, dated = self.counted(given, [-math.inf] * len(given), None)
+        lasts = [int(ticks[-1]) for ticks, _ in columns]
+        end = min(lasts)
+        later = sum(len(ticks) - int(ticks.searchsorted(end, "right")) for ticks, _ in columns)
+        if not later:
+            return ""
+        name = self.variables[lasts.index(end)]
+        events = "1 later event" if later == 1 else f"{later} later events"
+        return (
+            f"the trace ends at time {_brief_time(self.time(end, dated))} with the last event of "
+            f"'{name}' and leaves out {events}; until=\"latest\" holds its value"
+        )
+
     def counted(
         self,
         given: Sequence[GivenLike],
@@ -342,6 +410,55 @@ def checked_nan(nan: object) -> NanPolicy:
     raise InputError(
         f"expected nan='raise' or nan='unknown', got {brief(nan)}{hold if nan == 'hold' else ''}"
     )
+
+
+def _until(until: object, *, dated: bool) -> object:
+    """The time up to which last values hold, as the events have it.
+
+    Raises:
+        InputError: If it is not finite, or a date where the events have numbers, or the reverse.
+        InputTypeError: If it is neither a number nor a date.
+    """
+    if isinstance(until, str):
+        raise InputError(f"expected until= as a time or 'latest', got {brief(until)}")
+    if isinstance(until, np.datetime64):
+        time: object = until
+        fine = dated and not np.isnat(until)
+    else:
+        if isinstance(until, bool | np.bool_) or number(until) is None:
+            raise InputTypeError(f"expected until= as a time or 'latest', got {kind_of(until)}")
+        time = _time(until, 0, "until")
+        fine = not dated and math.isfinite(time)  # type: ignore[arg-type]  # it is a number
+    if not fine:
+        wanted = "a datetime64, like the times of the events" if dated else "a finite number"
+        raise InputError(f"expected until= as {wanted}, got {shown(until)}")
+    return time
+
+
+def _line_of(time: object) -> Times:
+    """One time as an array that keeps it exact."""
+    if isinstance(time, np.datetime64):
+        return np.array([time])
+    line: Times = np.empty(1, object)
+    line[0] = time
+    return line
+
+
+def _with_time(times: Times, time: object) -> Times:
+    """Times with another one after them, none of which is rounded."""
+    if times.dtype.kind == "M" or isinstance(time, np.datetime64):
+        return np.append(times, _line_of(time))
+    if times.dtype.kind == "f" and isinstance(time, float):
+        return np.append(times, time)
+    line: Times = np.empty(len(times) + 1, object)
+    line[:-1] = times.tolist()
+    line[-1] = _item(time)
+    return line
+
+
+def _brief_time(time: object) -> str:
+    """A time as the text of a judgement shows it: 4 and not 4.0."""
+    return str(time) if isinstance(time, np.datetime64) else f"{time:.15g}"
 
 
 def _with_holes(column: TimedColumn, most: int, before: int | None, declared: int) -> TimedColumn:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, Self, overload
+from typing import Any, Literal, NamedTuple, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ __all__ = [
     "EventsLike",
     "Given",
     "GivenLike",
+    "Until",
     "are_dates",
     "as_ends",
     "check_times",
@@ -168,6 +169,9 @@ _brief.maxstring = 40  # a date to the attosecond has 38 characters
 
 EventsLike = Events | ArrayLike | Iterable[Sequence[object]]
 """Events as a sequence of (time, value), as an array of shape (n, 2), or as `Events`."""
+
+Until = float | np.datetime64 | Literal["latest"]
+"""The time up to which the last values of variables hold, or that of the last event of all."""
 
 
 def _line_of_times(times: ArrayLike) -> Times:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Unpack
 
-from rtamt.inputs.events import EventsLike
+from rtamt.inputs.events import EventsLike, Until
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.outlook import DenseOutlook
 from rtamt.machines.dense.rows import dense_of, rows_of, unknown_of
@@ -37,6 +37,7 @@ def judge_dense(
     signals: Mapping[str, EventsLike],
     end: End = "cut",
     *,
+    until: Until | None = None,
     resolution: Period = "1ns",
     **options: Unpack[EventOptions],
 ) -> Judgement:
@@ -44,14 +45,20 @@ def judge_dense(
 
     It is about the first time at which all variables are known, and exact at that instant: values
     at single instants count, those inside nested formulas too, which `evaluate_dense` leaves out.
-    The trace ends at the earliest of the variables' last events, an instant that is known.
-    Invariants are written ``always(...)``. The attributes `untested`, `decided_at`, `asked` and
-    `vacuous` of the result cost extra, when they are first asked for.
+    The trace ends at the earliest of the variables' last events, an instant that is known. If other
+    variables have later events, the text of the result names the variable that ends the trace, and
+    ``until`` holds its last value. Invariants are written ``always(...)``. The attributes
+    `untested`, `decided_at`, `asked` and `vacuous` of the result cost extra, when they are first
+    asked for.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: As for `evaluate_dense`; a value may also be a `Between`.
         end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
+        until: A time up to which the last value of each variable holds, as if an event at that time
+            repeated it; ``"latest"`` for the time of the last event of all variables of the
+            formula. Beyond ``max_gap`` the value is unknown. None: the trace ends with the earliest
+            of the last events.
         resolution: As for `DenseMonitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`; ``nan``
             and ``max_gap``, as for `DenseEpisodeMonitor`.
@@ -62,8 +69,9 @@ def judge_dense(
 
     Raises:
         SpecificationError: As for `evaluate_dense`.
-        InputError: As for `evaluate_dense`, on another reading of the end, and on a trace that with
-            the bounds of the formula lasts 2^62 ticks or more.
+        InputError: As for `evaluate_dense`; on another reading of the end; on a time ``until``
+            before the last event of every variable; and on a trace that with the bounds of the
+            formula lasts 2^62 ticks or more.
         InputTypeError: As for `evaluate_dense`.
 
     Example:
@@ -78,6 +86,17 @@ def judge_dense(
         >>> print(judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).asked[0])
         asked 1x, first at time 1
 
+        A value that is written once holds to the end of the others:
+
+        >>> flight = {"z": [(0, -10), (6, -500), (9, -10)], "home": [(0, 0)]}
+        >>> print(judge_dense("always(z - home > -100)", flight))
+        SATISFIED: always(z - home > -100)
+        robustness 90, bounds 90 to 90 under end="cut"
+        the trace ends at time 0 with the last event of 'home' and leaves out 2 later
+            events; until="latest" holds its value
+        >>> judge_dense("always(z - home > -100)", flight, until="latest").verdict.name
+        'VIOLATED'
+
     Source: see `DenseMonitor`.
     """
     reading = checked_end(end)
@@ -88,6 +107,8 @@ def judge_dense(
     make = BACKENDS[backend].dense_episode_machine
     reader = event_reader(dense_of(regions), options)
     given = reader.whole(signals)
+    if until is not None:
+        given = reader.held(given, until)
     machine = make(regions, reader)
     machine.run(given)
     decided = verdict_of(machine.lower, machine.upper) != 0
@@ -124,4 +145,5 @@ def judge_dense(
         decided_at,
         evidence,
         unknown_of(given, reader),
+        lambda: reader.early_end(given),
     )

@@ -87,6 +87,7 @@ class Judgement:
     _untested: Callable[[], tuple[Untested, ...]]
     _decided_at: Callable[[], float | None]
     _evidence: Callable[[], Evidence[Any]]
+    _early_end: Callable[[], str]
 
     @staticmethod
     def of(
@@ -98,6 +99,7 @@ class Judgement:
         decided_at: Callable[[], float | None],
         evidence: Callable[[Verdict], Evidence[Any]],
         unknown: tuple[str, ...] = (),
+        early_end: Callable[[], str] = str,
     ) -> Judgement:
         """The judgement for robustness, lower and upper bound.
 
@@ -110,9 +112,14 @@ class Judgement:
             decided_at: Finds when the open reading was decided, when that is first asked for.
             evidence: Finds what the verdict stands on, when that is first asked for.
             unknown: The variables of which a value is not known.
+            early_end: Describes how a variable ends a trace in dense time before others do; empty
+                if none does.
         """
         verdict = _verdict(*bounds[1:])
-        late = _Once(untested), _Once(decided_at), _Once(lambda: evidence(verdict))
+        late = (
+            *(_Once(untested), _Once(decided_at)),
+            *(_Once(lambda: evidence(verdict)), _Once(early_end)),
+        )
         return Judgement(*bounds, verdict, end, formula, complete, unknown, *late)
 
     @property
@@ -210,6 +217,8 @@ class Judgement:
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
         yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
         yield from map(str, self.untested)
+        if early_end := self._early_end():
+            yield early_end
         for each in self.asked:
             # Where values are not known, its left side may hold at an instant.
             never = each.first is None and bool(self.unknown)

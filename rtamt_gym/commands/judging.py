@@ -36,7 +36,7 @@ from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.unmet import Unmet
-from rtamt_gym.tables import number
+from rtamt_gym.tables import number, shorten
 
 __all__ = [
     "Judged",
@@ -293,13 +293,32 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
         notes.append("no column is one of times, so that bounds count samples")
     for name, judgement in judged.judgements.items():
         notes += filter(None, [judgement.note_of_end(name if len(asked.specs) > 1 else "")])
+    notes += _late_starts(judged.judgements, several=len(asked.specs) > 1)
     described = f"{judged.trace.source}: {extent.text}"
-    if asked.min_duration is not None and extent.shorter(asked.min_duration):
-        notes.append(
-            f"it lasts {number(extent.length or 0.0)} s, which is shorter than "
+    row = Trial.of_trace(shown(judged.path), described, cells, notes, extent)
+    shortest = row.judged_extent or extent
+    if asked.min_duration is not None and shortest.shorter(asked.min_duration):
+        short = (
+            f"it lasts {number(shortest.length or 0.0)} s, which is shorter than "
             f"{number(float(asked.min_duration))} s (--min-duration)"
         )
-    return Trial.of_trace(shown(judged.path), described, cells, notes, extent)
+        row = replace(row, notes=(*row.notes, short))
+    return row
+
+
+def _late_starts(judgements: Mapping[str, TraceJudgement], *, several: bool) -> list[str]:
+    """Describe the traces that start late because of some of their variables.
+
+    Requirements with the same start share a sentence.
+    """
+    starts: dict[str, list[str]] = {}
+    for name, judgement in judgements.items():
+        if judgement.late_start is not None and judgement.late_start.of:
+            starts.setdefault(judgement.late_start.text, []).append(name)
+    return [
+        f"{shorten(', '.join(names), 60)}: {text}" if several else text
+        for text, names in starts.items()
+    ]
 
 
 def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
@@ -325,8 +344,8 @@ def unmet_of(
     short = {
         row.name: text
         for row in matrix.rows
-        if asked.min_duration is not None and row.extent is not None
-        if (text := short_text({row.name: row.extent}, asked.min_duration))
+        if asked.min_duration is not None and row.judged_extent is not None
+        if (text := short_text({row.name: row.judged_extent}, asked.min_duration))
     }
     words: dict[str, list[str]] = {}
     for name in unasked:
@@ -352,7 +371,7 @@ def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
     """What says which traces are shorter than was asked for; nothing if none is."""
     if asked.min_duration is None:
         return []
-    extents = {row.name: row.extent for row in rows if row.extent is not None}
+    extents = {row.name: each for row in rows if (each := row.judged_extent) is not None}
     said = short_text(extents, asked.min_duration)
     return [Hollow(said, fails=True)] if said else []
 
@@ -369,12 +388,14 @@ def failure_lines(matrix: Matrix) -> list[str]:
 
 def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: Reading) -> str:
     judgement = judged.judgements[name]
-    unknown = judgement.found.unknown
+    unknown = judgement.from_start.unknown
     if unknown:
         return f"not explained: values of {', '.join(unknown)} are not known"
     whole, trace = judge.viewed(spec, reading.view), judged.trace
-    head = ""
-    if judgement.otherwise_complete:
+    head, late = "", judgement.late_start
+    if late is not None and late.counted:
+        head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
+    elif judgement.otherwise_complete:
         head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
         return head + str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
@@ -426,6 +447,7 @@ def _outcome(
         defaults=_defaults(spec, judged),
         unknown=found.unknown,
         progress=judgement.progress,
+        late_start=judgement.late_start,
     )
 
 

@@ -25,7 +25,14 @@ from rtamt_gym.commands.specs import (
     read_requirements,
     variables_of,
 )
-from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns, read_seconds
+from rtamt_gym.recorded.columns import (
+    UNITS,
+    Columns,
+    Missing,
+    Start,
+    read_columns,
+    read_seconds,
+)
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.recorded.same_time import SameTime
 from rtamt_gym.tables import shorten
@@ -212,6 +219,14 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         help="refuse a trace in which a variable would have its declared default (default: it has "
         "it, and a note says so)",
     )
+    group.add_argument(
+        "--start",
+        choices=get_args(Start),
+        default="unknown",
+        help="how the time counts in which some variables of a requirement have no value yet, with "
+        "--dense and in bags: unknown reports the worse of the verdicts without that time and with "
+        "unknown values in it; known leaves it out (default: unknown)",
+    )
 
 
 def add_min_duration(parser: argparse.ArgumentParser) -> None:
@@ -260,7 +275,13 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         defaults=options.default,
         no_defaults=options.no_defaults,
         skip=options.skip,
+        start=options.start,
     )
+    if options.start == "known" and not reading.dense and not any(map(is_bag, found)):
+        raise InputError(
+            "expected --start known with --dense or with a bag, where variables start at times of "
+            "their own"
+        )
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
 from keyword import iskeyword
 from pathlib import Path
+from struct import unpack_from
 from typing import Any
 
 from rosbags.highlevel import AnyReader
@@ -26,6 +27,9 @@ _RECOVERY = {
 }
 _HEADER = (Nodetype.NAME, "std_msgs/msg/Header")
 _TEXTS = ("string", "wstring")
+_STAMP_AT, _STAMP_END = 4, 12
+"""Where the stamp of a message that starts with a header is: after the encoding in ROS 2, after
+``seq`` in ROS 1."""
 
 
 class Bag:
@@ -72,6 +76,28 @@ class Bag:
         """Whether messages of a class have a header."""
         fields = self._fields(_long(kind)) or {}
         return fields.get("header") == _HEADER
+
+    def times(self, topics: Collection[str]) -> dict[str, tuple[list[int], list[int]]]:
+        """The times of recording of messages on some topics, and the times in their headers.
+
+        They are read from the bytes of messages that start with a header; other messages have the
+        time of recording.
+
+        Raises:
+            InputError: If the bag is damaged.
+        """
+        found: dict[str, tuple[list[int], list[int]]] = {}
+        for connection, time, raw in self.raw(topics):
+            topic, stamp = shown(connection.topic), time
+            first = next(iter(self.fields(topic)), "")
+            if first == "header" and self.stamped(self.types[topic]) and len(raw) >= _STAMP_END:
+                order = "<" if not self.reader.is2 or raw[1] & 1 else ">"
+                seconds, nanoseconds = unpack_from(f"{order}iI", raw, _STAMP_AT)
+                stamp = seconds * 1_000_000_000 + nanoseconds or time
+            logged, stamps = found.setdefault(topic, ([], []))
+            logged.append(time)
+            stamps.append(stamp)
+        return found
 
     def fields(self, topic: str) -> Collection[str]:
         """The fields of the messages on a topic; none if their class is not defined."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -135,6 +135,9 @@ def read_signals(
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
     if clock == "log":  # the metadata of a bag in several files may tell of the first alone
         zero, end = min(zero, bag.begin), max(end, bag.end)
+    else:
+        others = [*_ends_of_others(bag, spans, apart)]
+        zero, end = min([zero, *others]), max([end, *others])
     starts = starts_of(specs, columns)
     topics = {v: m.topic for m in read for v in m.variables}
     recorded = {name: times for name, (times, _) in signals.items()}
@@ -148,8 +151,7 @@ def read_signals(
     seconds = {name: (times - zero) / 1e9 for name, times in ends.items()}
     found = BagSignals(bag.source, ordered, zero, end, epoch, notes, seconds, defaults)
     notes += _missing(read, columns)
-    awaited = {m.topic for m in read if not starts.keys() >= {*m.variables}}
-    notes += _silences(found, spans, awaited, columns)
+    notes += _silences(found, spans, columns)
     return found
 
 
@@ -230,6 +232,22 @@ def _times(
     return times[order], order
 
 
+def _ends_of_others(bag: Bag, read: Collection[str], apart: Mapping[str, float]) -> Iterator[int]:
+    """The first and the last stamp of each topic that is not read, on the clock of those that are.
+
+    Args:
+        bag: The bag.
+        read: The topics that are read.
+        apart: The seconds from the stamps of each of these to the times of recording.
+    """
+    usual = min(apart.values(), key=abs, default=0.0)
+    for logged, stamps in bag.times(bag.types.keys() - read).values():
+        delay = float(np.median(np.array(logged, np.int64) - np.array(stamps, np.int64))) / 1e9
+        if abs(delay - usual) <= _APART:
+            yield min(stamps)
+            yield max(stamps)
+
+
 def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:
     """Checks that the stamps of all topics can be of one clock.
 
@@ -298,23 +316,13 @@ def _started(
     return defaults, notes
 
 
-def _silences(
-    found: BagSignals, spans: Mapping[str, Stamps], awaited: Collection[str], columns: Columns
-) -> list[str]:
-    """Says which topics begin late, pause or end early, so that what is judged was held.
+def _silences(found: BagSignals, spans: Mapping[str, Stamps], columns: Columns) -> list[str]:
+    """Describe the topics that pause or end early, so that their last values are held.
 
     Raises:
         InputError: If a topic is silent for longer than it may.
     """
     notes, stale = [], columns.stale
-    for topic, times in spans.items():
-        if topic not in awaited:  # their variables have a value from the begin on
-            continue
-        late = (int(times[0]) - found.zero) / 1e9
-        if late > _LEAST_QUIET:
-            notes.append(
-                f"what reads {topic} is judged from {number(late)} s on, its first message"
-            )
     for topic, times in spans.items():
         ends = np.append(times, found.end)
         gaps = np.diff(ends) / 1e9

@@ -21,7 +21,7 @@ from rtamt_gym.recorded.event_rows import measured
 from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis
-from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace import EventTrace, Trace, held
 
 __all__ = ["read_bag", "sampled"]
 
@@ -69,7 +69,8 @@ def sampled(
     """Samples a bag at the multiples of a period since its begin, up to its end.
 
     A sample has the values of the last messages at its time or before. The first sample is the
-    first at which all variables of a group have a value.
+    first at which one of the variables has a value, or the begin of the bag if a specification
+    reads none.
 
     Args:
         signals: The values at the times of their messages.
@@ -85,7 +86,7 @@ def sampled(
         name: math.ceil((int(times[0]) - zero) / step)
         for name, (times, _) in signals.signals.items()
     }
-    first = min(max((known[name] for name in group), default=0) for group in groups)
+    first = min(min((known[name] for name in group), default=0) for group in groups)
     count = int((signals.end - zero) / step) + 1 - first
     if not 0 < count <= _MOST:
         got = f"{count}, one every" if count > 0 else "none at the multiples of"
@@ -98,7 +99,7 @@ def sampled(
     after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
     places: Stamps = zero + after.astype(np.int64)
     columns = columns or Columns()
-    held = {name: _held(*found, places) for name, found in signals.signals.items()}
+    sampled_at = {name: _held(*found, places) for name, found in signals.signals.items()}
     records = {name: Records.of(times) for name, times in signals.recorded.items()}
     notes = [*signals.notes]
     if hole := hole_note(records, columns.most):
@@ -106,23 +107,28 @@ def sampled(
         for name, each in records.items():
             silent = signals.signals[name][0][-1] < signals.end
             holes = _in_holes(each, (places - zero) / 1e9, columns.most, silent=bool(silent))
-            held[name][holes] = np.nan
+            sampled_at[name][holes] = np.nan
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
     start = float(first * period)
     times = TimeAxis(columns.time or "log", since, start, 1e-9, certain=True, step=period)
     late = {name: at - first for name, at in known.items() if at > first}
     return Trace(
         signals.source,
-        held,
+        sampled_at,
         count,
         times,
         lambda sample: f"{signals.source}, at {start + since[sample]:.9g} s",
         notes=notes,
         epoch=signals.epoch,
         known_from=late,
-        unknown=[name for name, each in held.items() if np.isnan(each[late.get(name, 0) :]).any()],
+        unknown=[
+            name
+            for name, values in sampled_at.items()
+            if np.isnan(values[late.get(name, 0) :]).any()
+        ],
         defaults=signals.defaults,
         gap=longest_gap(records),
+        start_known=columns.start == "known",
     )
 
 
@@ -151,20 +157,26 @@ def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDA
 
 def _events(signals: BagSignals, columns: Columns) -> EventTrace:
     """The messages as events; the last value of each variable holds to the end of the bag."""
-    events = {}
-    for name, (times, values) in signals.signals.items():
-        at, held = times, values
-        if at[-1] < signals.end:
-            silent = (signals.end - at[-1]) / 1e9 > columns.most and name in signals.recorded
-            at = np.append(at, signals.end)
-            held = np.append(held, np.nan if silent else held[-1])
-        events[name] = (at - signals.zero) / 1e9, held
+    events = {
+        name: ((times - signals.zero) / 1e9, values)
+        for name, (times, values) in signals.signals.items()
+    }
+    end = (signals.end - signals.zero) / 1e9
+    absent = events.keys() - signals.recorded.keys()
     trace = EventTrace(
         signals.source,
-        events,
+        held(events, end, columns.max_gap, absent),
+        (0.0, end),
+        sum(
+            len(times) - (name in signals.defaults)
+            for name, (times, _) in events.items()
+            if name not in absent
+        ),
         signals.notes,
         signals.epoch,
         columns.max_gap,
         signals.defaults,
+        start_known=columns.start == "known",
+        absent=absent,
     )
     return measured(trace, signals.recorded, columns)

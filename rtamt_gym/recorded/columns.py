@@ -14,10 +14,13 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.same_time import SameTime
 
-__all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns", "read_seconds"]
+__all__ = ["NEAR", "UNITS", "Columns", "Missing", "Start", "read_columns", "read_seconds"]
 
 Missing = Literal["raise", "hold", "drop", "unknown"]
 """What an empty cell does: it is an error, has the value before, lets its row go, or is unknown."""
+
+Start = Literal["unknown", "known"]
+"""How the time counts in which some variables of a requirement have no value yet."""
 
 UNITS: Mapping[str, int] = {
     "ns": 1,
@@ -65,6 +68,9 @@ class Columns:
         no_defaults: Whether to refuse the defaults of all others.
         skip: The number of lines of a text before the line of names, or before lines that are
             recognised as comments.
+        start: How the time counts in which some variables of a requirement have no value yet, in
+            dense time and in bags. ``"unknown"``: the requirement is judged without it, and with it
+            as unknown, and the worse verdict is reported. ``"known"``: it is left out.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -84,6 +90,7 @@ class Columns:
     defaults: Collection[str] = ()
     no_defaults: bool = False
     skip: int = 0
+    start: Start = "unknown"
 
     def __post_init__(self) -> None:
         if self.max_gap is not None:
@@ -92,6 +99,7 @@ class Columns:
         _check_choice("--decimal", self.decimal, (".", ","))
         _check_choice("--same-time", self.same_time, get_args(SameTime))
         _check_choice("--missing", self.missing, get_args(Missing))
+        _check_choice("--start", self.start, get_args(Start))
         if self.separator is not None and (len(self.separator) != 1 or self.separator in '"\r\n'):
             raise InputError(f"--separator: expected one character or tab, got {self.separator!r}")
         if self.separator is not None and self.separator == self.decimal:
@@ -139,6 +147,7 @@ def read_columns(
     defaults: Sequence[str] = (),
     no_defaults: bool = False,
     skip: int = 0,
+    start: Start = "unknown",
 ) -> Columns:
     r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
@@ -178,6 +187,7 @@ def read_columns(
         defaults=tuple(dict.fromkeys(defaults)),
         no_defaults=no_defaults,
         skip=skip,
+        start=start,
     )
 
 

@@ -26,7 +26,7 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
-from rtamt_gym.recorded.trace import EventTrace, read_rows
+from rtamt_gym.recorded.trace import EventTrace, held, read_rows
 from rtamt_gym.tables import number
 
 __all__ = ["measured", "read_events"]
@@ -65,7 +65,8 @@ def read_events(
     there = recorded_variables(recording.names, variables, columns)
     needed = needed_columns(recording, there, columns)
     nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
-    rows = read_rows(recording, Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time))
+    wanted = Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time, ends=True)
+    rows = read_rows(recording, wanted)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
@@ -95,10 +96,10 @@ def _events(
     columns: Columns,
     axis: TimeAxis,
 ) -> EventTrace:
-    """The trace, with defaults from its first row on; one without events lasts to the last row."""
+    """The trace, with defaults from its first row on; values hold to its last row."""
     times = axis.seconds
-    begin, end, notes = times.min(), times.max(), [*rows.notes]
-    made, defaults = {}, {}
+    begin, end, notes = float(times.min()), float(times.max()), [*rows.notes]
+    made, defaults, none = {}, {}, []
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))
         start = columns.starts.get(name)
@@ -108,15 +109,28 @@ def _events(
                 why = f"its first event comes at {number(float(at[0]))} s"
                 at, values = np.append(begin, at), np.append(start, values)
             else:
-                at, values = np.unique([begin, end]), np.full(1 + (begin < end), start)
+                at, values = np.array([begin]), np.array([start])
+                none.append(name)
             notes.append(take_default(rows.source, name, columns, why))
             defaults[name] = start
         made[name] = at, values
-    trace = EventTrace(rows.source, made, notes, max_gap=columns.max_gap, defaults=defaults)
+    trace = EventTrace(
+        rows.source,
+        held(made, end, columns.max_gap, none),
+        (begin, end),
+        sum(len(at) for at, _ in signals.values()),
+        notes,
+        max_gap=columns.max_gap,
+        defaults=defaults,
+        start_known=columns.start == "known",
+        absent=none,
+    )
     recorded, wrong = {}, []
     for name, (at, values) in signals.items():
         absent = np.isnan(values) if columns.missing == "unknown" else np.False_
         recorded[name] = at[~absent] if absent.any() else at
+        if len(recorded[name]) and recorded[name][-1] < end:
+            recorded[name] = np.append(recorded[name], end)
         if absent.any():
             first = number(float(at[absent][0]))
             wrong.append(f"{name}: {int(absent.sum())}, the first at {first} s")

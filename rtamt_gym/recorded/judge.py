@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import InputError, SemanticsName, Verdict
+from rtamt import End, InputError, SemanticsName, Verdict
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
@@ -19,7 +19,7 @@ from rtamt_gym.judging.stage_progress import progress_of, progress_of_events
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.asked import asked_texts
-from rtamt_gym.results.extent import Extent
+from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.statistics import progress_text
 from rtamt_gym.tables import number, sample_text, time_text
@@ -98,6 +98,9 @@ class TraceJudgement:
         progress: How far it came in the stages of the requirement; None without stages, and in
             dense time also where stages have times of their own or values are not known.
         cut: The verdict on a recording that was cut; None: it was not asked for.
+        late_start: Where the trace of the requirement starts, if that is later than the recording.
+        from_start: The verdict on the trace from there on. It is ``found`` unless that counts the
+            time before, and is what the series rest on.
     """
 
     found: rtamt.Judgement
@@ -109,6 +112,8 @@ class TraceJudgement:
     dense: bool = False
     progress: float | None = None
     cut: Verdict | None = None
+    late_start: LateStart | None = None
+    from_start: rtamt.Judgement = field(kw_only=True)
 
     def __str__(self) -> str:
         if self.progress is None:
@@ -272,14 +277,22 @@ def judge(
         InputError: As `Trace.known` does.
     """
     whole = viewed(spec, reading.view)
+    late, recorded = trace.late_start(whole.variables), trace
     trace = trace.known(whole.variables)
     semantics, n = reading.semantics, trace.samples
     reading = _having_unknown(reading.having(period=period), trace, whole)
     options = reading.of_monitors({"": whole})[""]
-    found = rtamt.judge(whole, trace.columns, end=reading.end, n=n, **options)
-    cut = None
-    if reading.end == "complete":
-        cut = rtamt.judge(whole, trace.columns, end="cut", n=n, **options).verdict
+
+    def from_start(end: End) -> rtamt.Judgement:
+        return rtamt.judge(whole, trace.columns, end=end, n=n, **options)
+
+    def with_beginning(end: End) -> rtamt.Judgement:
+        from_begin = recorded.with_beginning(whole.variables)
+        known = {**options, "nan": "unknown"}
+        return rtamt.judge(whole, from_begin.columns, end=end, n=from_begin.samples, **known)
+
+    ways = from_start, with_beginning
+    found, known, late, cut = _by_start(ways, late, reading.end, known=recorded.start_known)
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -291,11 +304,50 @@ def judge(
             step,
             str(part.formula),
         )
-        for name, part in (_parts(spec) if formulas and not found.unknown else {}).items()
+        for name, part in (_parts(spec) if formulas and not known.unknown else {}).items()
     }
-    progress = progress_of(whole, trace.columns, reading)
-    clock = trace.start, period, step
-    return TraceJudgement(found, series, semantics, *clock, progress=progress, cut=cut)
+    counted = late is not None and late.counted
+    progress = None if counted else progress_of(whole, trace.columns, reading)
+    start = late.begin if late is not None and counted else trace.start
+    return TraceJudgement(
+        *(found, series, semantics, start, period, step),
+        progress=progress,
+        cut=cut,
+        late_start=late,
+        from_start=known,
+    )
+
+
+def _by_start(
+    ways: tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]],
+    late: LateStart | None,
+    end: End,
+    *,
+    known: bool,
+) -> tuple[rtamt.Judgement, rtamt.Judgement, LateStart | None, Verdict | None]:
+    """Judge a trace whose variables may start at different times.
+
+    Args:
+        ways: Judge the trace from the first time on at which all variables are known, and with the
+            time before, in which some are unknown.
+        late: The start of the trace.
+        end: The reading of the end.
+        known: Whether the first way alone counts. Otherwise, the worse verdict does.
+
+    Returns:
+        The verdict, the verdict of the first way, the start, and the verdict on a recording that
+        was cut; that is None unless the trace is all there is.
+    """
+    judge_, with_beginning = ways
+    first = found = judge_(end)
+    if late is not None:
+        late = replace(late, verdict=first.verdict.name)
+        if late.of and not known and first.verdict is not Verdict.VIOLATED:
+            whole = with_beginning(end)
+            if whole.verdict < first.verdict:
+                found, judge_ = whole, with_beginning
+                late = replace(late, counted=True)
+    return found, first, late, judge_("cut").verdict if end == "complete" else None
 
 
 def noticed(
@@ -326,12 +378,12 @@ def noticed(
         reading = _having_unknown(reading.having(period=period), trace, requirement)
         options = reading.of_monitors({"": requirement})[""]
         return rtamt.noticed(mutants, trace.columns, end=reading.end, n=trace.samples, **options)
-    events, dense = trace, {"semantics": reading.semantics, **_not_known(trace)}
+    events, late = trace, trace.late_start(requirement.variables)
 
     def verdict(spec: rtamt.Specification) -> Verdict | None:
-        signals = {name: events.tables[name] for name in spec.variables}
         try:
-            return rtamt.judge_dense(spec, signals, reading.end, **dense).verdict
+            ways = _dense_ways(spec, events, late, reading)
+            return _by_start(ways, late, reading.end, known=events.start_known)[0].verdict
         except rtamt.RtamtError:  # it counts samples, for instance
             return None
 
@@ -375,7 +427,7 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
 def judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool = True
 ) -> TraceJudgement:
-    """Judges events in dense time; the trace ends with the last.
+    """Judges events in dense time; the trace ends with the recording.
 
     Args:
         spec: The specification.
@@ -398,13 +450,11 @@ def _judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool
 ) -> TraceJudgement:
     semantics, signals, whole = reading.semantics, trace.tables, viewed(spec, reading.view)
-    known = {name: signals[name] for name in whole.variables}
-    options = {"semantics": semantics, **_not_known(trace)}
-    found, cut = rtamt.judge_dense(whole, known, reading.end, **options), None
-    if reading.end == "complete":
-        cut = rtamt.judge_dense(whole, known, "cut", **options).verdict
+    late = trace.late_start(whole.variables)
+    ways = _dense_ways(whole, trace, late, reading)
+    found, known, late, cut = _by_start(ways, late, reading.end, known=trace.start_known)
     series = {}
-    for name, part in (_parts(spec) if formulas and not found.unknown else {}).items():
+    for name, part in (_parts(spec) if formulas and not known.unknown else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         first = None
@@ -415,18 +465,46 @@ def _judge_events(
             *(events.times, values, trace.step, str(part.formula)), held=True, first=first
         )
     progress = None
-    if not trace.unknown and trace.max_gap is None and whole.variables:
+    counted = late is not None and late.counted
+    if not (trace.unknown or counted) and trace.max_gap is None and whole.variables:
         lines = {name: trace.signals[name] for name in whole.variables}
         satisfied = found.verdict is Verdict.SATISFIED
         progress = progress_of_events(whole, lines, reading, satisfied=satisfied)
-    clock = 0.0, None, trace.step
-    return TraceJudgement(found, series, semantics, *clock, dense=True, progress=progress, cut=cut)
+    return TraceJudgement(
+        *(found, series, semantics, 0.0, None, trace.step),
+        dense=True,
+        progress=progress,
+        cut=cut,
+        late_start=late,
+        from_start=known,
+    )
+
+
+def _dense_ways(
+    spec: rtamt.Specification, trace: EventTrace, late: LateStart | None, reading: Reading
+) -> tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]]:
+    """Judge a specification on a trace with a start, by its end; for `_by_start`."""
+    options = {"semantics": reading.semantics, **_not_known(trace)}
+    # A declared default leaves no hole, other than an event of the same value.
+    declared = {*trace.absent} & spec.defaults.keys()
+    names = [name for name in spec.variables if name not in declared] or spec.variables
+
+    def from_start(end: End) -> rtamt.Judgement:
+        return rtamt.judge_dense(spec, trace.tables_from(late, names), end, **options)
+
+    def with_beginning(end: End) -> rtamt.Judgement:
+        assert late is not None, "there is a time before"  # noqa: S101 - for mypy
+        signals = trace.tables_with_beginning(late, names)
+        return rtamt.judge_dense(spec, signals, end, **{**options, "nan": "unknown"})
+
+    return from_start, with_beginning
 
 
 def _not_known(trace: EventTrace) -> dict[str, Any]:
     """What says where values of a trace are not known."""
-    nan = {"nan": "unknown"} if trace.unknown else {}
-    return nan if trace.max_gap is None else {**nan, "max_gap": trace.max_gap}
+    if trace.max_gap is not None:
+        return {"nan": "unknown", "max_gap": trace.max_gap}
+    return {"nan": "unknown"} if trace.unknown else {}
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:

@@ -89,7 +89,8 @@ class MdfRecording:
                 # Else invalid samples are left out, and the one before them seems to hold.
                 with refusing(self._path, "a whole MDF file"):
                     signals[name] = self._signal(name, group, index, notes)
-        times = common_instants([signal.times for signal in signals.values()])
+        lines = [signal.times for signal in signals.values()]
+        times = common_instants([*lines, self._ends()] if wanted.ends else lines)
         arrays: dict[str, NDArray[Any]] = {TIME: times}
         invalid = {}
         for name, signal in signals.items():
@@ -103,6 +104,15 @@ class MdfRecording:
             invalid[name][places] = np.isnan(signal.values)
         rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *notes])
+
+    def _ends(self) -> Floats:
+        """The first and the last time of all groups that have times and records."""
+        masters = []
+        for group in self._file.masters_db:
+            with refusing(self._path, "a whole MDF file"):
+                masters.append(np.asarray(self._file.get_master(group), np.float64))
+        ends = [end for times in masters if len(times) for end in (times.min(), times.max())]
+        return np.unique([min(ends), max(ends)] if ends else [])
 
     def _signal(self, name: str, group: int, index: int, notes: list[str]) -> _Signal:
         """Read a channel; notes on it are appended."""

@@ -25,6 +25,8 @@ class Wanted:
         nan: Whether ``nan`` counts as an empty cell there.
         empty: Advice for the error about an empty cell in any other column of numbers.
         time: Name of the column of times, or None; it may be among the numbers too.
+        ends: Whether there are rows at the first and the last time of the whole file, also where
+            columns come at their own pace and these times are of columns that are not read.
     """
 
     numbers: Sequence[str]
@@ -33,6 +35,7 @@ class Wanted:
     nan: bool = False
     empty: str = ""
     time: str | None = None
+    ends: bool = False
 
 
 @dataclass(frozen=True, slots=True)

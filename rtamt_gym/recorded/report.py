@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.results.matrix import indented, undecided_lines
-from rtamt_gym.tables import shorten, table
+from rtamt_gym.tables import number, shorten, table
 
 __all__ = ["report"]
 
@@ -45,9 +45,11 @@ def report(
     for name, judgement in judgements.items():
         verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
         verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
+        if judgement.late_start is not None:
+            verdicts += indented(judgement.late_start.text, "    ")
         verdicts += [line for text in judgement.asked for line in indented(text, "    ")]
-        if judgement.found.unknown:
-            unknown[name] = judgement.found.unknown
+        if judgement.from_start.unknown:
+            unknown[name] = judgement.from_start.unknown
     notes = [*notes, *_left_out(unknown, several=several)]
     for name, judgement in judgements.items():
         notes += filter(None, [judgement.note_of_end(name if several else "")])
@@ -57,6 +59,10 @@ def report(
                 f"robustness over time{of} is that of a trace that is all there is, of which "
                 f"--end complete says {judgement.otherwise_complete}"
             )
+        late = judgement.late_start
+        if judgement.series and late is not None and late.counted:
+            of = f" of {name}" if several else ""
+            notes.append(f"robustness over time{of} starts at {number(late.time)} s")
     return [
         *verdicts,
         *trace,

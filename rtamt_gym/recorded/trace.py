@@ -21,9 +21,9 @@ from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variab
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
-from rtamt_gym.results.extent import Extent, Gap
+from rtamt_gym.results.extent import Extent, Gap, LateStart
 
-__all__ = ["EventTrace", "Trace", "read_rows", "read_trace"]
+__all__ = ["EventTrace", "Trace", "held", "read_rows", "read_trace"]
 
 _NOW = 0, ""
 """From when on no variable is known."""
@@ -52,6 +52,8 @@ class Trace:
         defaults: The variables that have their default in part of the trace or in all of it.
         gap: The longest time between two records of one variable, if there are times.
         grid: The grid beside the times, if it is known already.
+        start_known: Whether samples count only from the first one on at which all variables of a
+            requirement have a value.
     """
 
     source: str
@@ -68,6 +70,25 @@ class Trace:
     defaults: Mapping[str, float] = field(default_factory=dict)
     gap: Gap | None = None
     grid: Grid | None = None
+    start_known: bool = False
+
+    def late_start(self, variables: Collection[str]) -> LateStart | None:
+        """The start of a trace of some variables; None if all have a value at the first sample."""
+        firsts = {name: self.known_from.get(name, 0) for name in variables}
+        first, begin = max(firsts.values(), default=0), min(firsts.values(), default=0)
+        if not 0 < first < self.samples or self.times is None:
+            return None
+        late = [name for name, at in firsts.items() if at == first > begin]
+        time, since = (self.start + float(self.times.since[at]) for at in (first, begin))
+        return LateStart(time, since, tuple(late), first - begin, "sample")
+
+    def with_beginning(self, variables: Collection[str]) -> Trace:
+        """The trace from the first sample on at which one of some variables has a value.
+
+        The others are unknown there, which is nan.
+        """
+        begin = min(self.known_from.get(name, 0) for name in variables)
+        return replace(_taken(self, np.arange(begin, self.samples)), known_from={})
 
     def known(self, variables: Collection[str]) -> Trace:
         """The trace from the first sample on at which all of some variables have a value.
@@ -137,11 +158,14 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class EventTrace:
-    """Signals that hold each value until their next event.
+    """Signals that hold each value until their next event, the last one to the end.
 
     Attributes:
         source: Name of the file, for messages.
-        signals: Times and values of the events of each variable.
+        signals: Times and values of the events of each variable; the last event of each is at the
+            end of the recording (`held`).
+        span: The first and the last time of the recording, whatever was recorded then.
+        events: The number of recorded events of all variables.
         notes: What was read otherwise than it is written, in sentences to print.
         epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
         max_gap: The longest time in seconds for which a value holds; None: any.
@@ -149,10 +173,14 @@ class EventTrace:
         gap: The longest time between two events of one variable.
         step: The usual distance of two events of the most frequent variable, in seconds.
         unknown: The variables of which some events hold no number, which is not known then.
+        start_known: As for `Trace`, with events in place of samples.
+        absent: The variables without an event, which have their default throughout.
     """
 
     source: str
     signals: Mapping[str, tuple[Floats, Floats]]
+    span: tuple[float, float]
+    events: int
     notes: Sequence[str] = ()
     epoch: int = 0
     max_gap: Fraction | None = None
@@ -160,27 +188,92 @@ class EventTrace:
     gap: Gap | None = None
     step: float = 1.0
     unknown: Collection[str] = ()
+    start_known: bool = False
+    absent: Collection[str] = ()
 
     @property
     def tables(self) -> dict[str, Floats]:
         """The events of each variable as rows of time and value, which `rtamt` takes."""
         return {name: np.column_stack(events) for name, events in self.signals.items()}
 
-    @property
-    def events(self) -> int:
-        """The number of events of all variables."""
-        return sum(len(times) for times, _ in self.signals.values())
+    def late_start(self, variables: Collection[str]) -> LateStart | None:
+        """The start of a trace of some variables; None if all are known when the recording starts.
 
-    @property
-    def span(self) -> tuple[float, float]:
-        """The first and the last time at which every variable has a value."""
-        ends = [(float(times[0]), float(times[-1])) for times, _ in self.signals.values()]
-        return max(first for first, _ in ends), min(last for _, last in ends)
+        An event that still holds when the trace starts is not left out.
+        """
+        lines = {name: self.signals[name][0] for name in variables}
+        firsts = {name: float(times[0]) for name, times in lines.items()}
+        time, begin = max(firsts.values(), default=-math.inf), min(firsts.values(), default=0.0)
+        if time <= self.span[0]:
+            return None
+        late = [name for name, first in firsts.items() if first == time > begin]
+        before = sum(int(times.searchsorted(time, "right")) - 1 for times in lines.values())
+        return LateStart(time, begin, tuple(late), before)
+
+    def tables_from(self, start: LateStart | None, names: Collection[str]) -> dict[str, Floats]:
+        """The events of some variables from a start on; all if it is None.
+
+        The trace starts there even if all of these variables are known earlier.
+        """
+        tables = {name: np.column_stack(self.signals[name]) for name in names}
+        if start is None:
+            return tables
+        for name, table in tables.items():
+            at = int(table[:, 0].searchsorted(start.time, "right")) - 1
+            cut = table[at:].copy()
+            hole = len(cut) > 1 and _longer(cut[0, 0], cut[1, 0], self.max_gap)
+            if cut[0, 0] < start.time:
+                cut[0] = start.time, np.nan if hole else cut[0, 1]
+            tables[name] = cut
+        return tables
+
+    def tables_with_beginning(self, start: LateStart, names: Collection[str]) -> dict[str, Floats]:
+        """The events of some variables, each of which is unknown, nan, before its first event."""
+        tables = {}
+        for name in names:
+            table = np.column_stack(self.signals[name])
+            late = table[0, 0] > start.begin
+            tables[name] = np.vstack([[start.begin, np.nan], table]) if late else table
+        return tables
 
     def extent(self) -> Extent:
         """How much of the trace was recorded."""
         begin, end = self.span
         return Extent(None, self.events, None, begin, end, self.step, self.gap)
+
+
+def held(
+    signals: Mapping[str, tuple[Floats, Floats]],
+    end: float,
+    max_gap: Fraction | None,
+    absent: Collection[str] = (),
+) -> dict[str, tuple[Floats, Floats]]:
+    """Append an event at the end of the recording to each variable that ends before it.
+
+    The event has the last value of the variable, or nan, which is unknown, if it comes more than
+    ``max_gap`` after the last event.
+
+    Args:
+        signals: Times and values of the events of each variable.
+        end: The last time of the recording in seconds.
+        max_gap: The longest time in seconds for which a value holds; None: any.
+        absent: The variables without an event, whose default holds for any time.
+    """
+    found = {}
+    for name, (times, values) in signals.items():
+        found[name] = times, values
+        if times[-1] < end:
+            silent = name not in absent and _longer(times[-1], end, max_gap)
+            last = np.nan if silent else values[-1]
+            found[name] = np.append(times, end), np.append(values, last)
+    return found
+
+
+def _longer(begin: float, end: float, most: Fraction | None) -> bool:
+    """Whether two times are farther apart than values hold, by their decimal texts."""
+    if most is None:
+        return False
+    return Fraction(repr(float(end))) - Fraction(repr(float(begin))) > most
 
 
 def read_trace(

@@ -104,6 +104,7 @@ class ULogRecording:
         self.source, self._same_time = shown(source), same_time or "last"
         self.dates: Sequence[str] = ()
         self._fields = _fields(log)
+        self._lines = [each.data[_STAMP] for each in log.data_list if _STAMP in each.data]
         self.names: Sequence[str] = [TIME, *self._fields]
         self._notes = _dropouts(log)
         if cut:
@@ -121,7 +122,8 @@ class ULogRecording:
         names = [each for each in (*wanted.numbers, *wanted.texts) if each != TIME]
         fields = {each: self._fields[each] for each in names or list(self._fields)[:1]}
         kept, notes = self._in_order(fields)
-        micros = np.unique(np.concatenate([each.times for each in kept.values()]))
+        lines = [each.times for each in kept.values()]
+        micros = np.unique(np.concatenate([*lines, *([self._ends()] if wanted.ends else [])]))
         arrays: dict[str, NDArray[Any]] = {TIME: micros / 1e6}
         invalid = {}
         for name, field in kept.items():
@@ -133,6 +135,12 @@ class ULogRecording:
             invalid[name][places] = np.isnan(values[places])
         rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
+
+    def _ends(self) -> NDArray[np.uint64]:
+        """The first and the last time of all topics."""
+        stamped = [times[times > 0] for times in self._lines]
+        ends = [end for times in stamped if len(times) for end in (times.min(), times.max())]
+        return np.array([min(ends), max(ends)], np.uint64)
 
     def _in_order(self, fields: Mapping[str, _Field]) -> tuple[dict[str, _Field], list[str]]:
         """The fields with times that increase, and what was left out for that."""

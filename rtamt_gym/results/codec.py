@@ -11,6 +11,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -20,7 +21,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.results.extent import Extent
+from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Failure, Moment, Outcome, asked_of
 from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
@@ -114,6 +115,9 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         kept["defaults"] = found.defaults
     if found.progress is not None:
         kept["progress"] = found.progress
+    if found.late_start is not None:
+        late = found.late_start
+        kept["late_start"] = {**asdict(late), "left_out": late.left_out}
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -207,7 +211,14 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
         unknown=tuple(kept.get("unknown", ())),
         progress=number_of(kept.get("progress")),
+        late_start=_late_start(kept.get("late_start")),
     )
+
+
+def _late_start(kept: Mapping[str, Any] | None) -> LateStart | None:
+    if kept is None:
+        return None
+    return LateStart(**{**{n: v for n, v in kept.items() if n != "left_out"}, "of": (*kept["of"],)})
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:

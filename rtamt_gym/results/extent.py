@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Final, Self
 
 from rtamt_gym.tables import counted, number, time_text
 
-__all__ = ["Extent", "Gap", "gap_summary", "length_text", "short_text"]
+__all__ = ["Extent", "Gap", "LateStart", "gap_summary", "length_text", "short_text"]
 
 _LONG: Final = 10
 """A gap of more than so many usual steps is noted."""
@@ -54,6 +54,59 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
+class LateStart:
+    """The start of the trace of a requirement, where that is later than the recording.
+
+    Attributes:
+        time: The first time in seconds at which all variables of the requirement are known.
+        begin: The first time at which one of them is known.
+        of: The variables that are known from ``time`` on only, where others are known before;
+            else empty.
+        before: The number of events or samples from ``begin`` on whose values ``time`` comes too
+            late for.
+        what: ``"event"`` or ``"sample"``.
+        verdict: The name of the verdict if these are left out and the trace starts at ``time``.
+        counted: Whether the verdict that is reported counts the time from ``begin`` on, with the
+            variables ``of`` unknown until they start.
+    """
+
+    time: float
+    begin: float
+    of: tuple[str, ...] = ()
+    before: int = 0
+    what: str = "event"
+    verdict: str = ""
+    counted: bool = False
+
+    @property
+    def judged(self) -> float:
+        """The time in seconds at which the trace of the reported verdict starts."""
+        return self.begin if self.counted else self.time
+
+    @property
+    def left_out(self) -> int:
+        """The number of events or samples that the reported verdict leaves out."""
+        return 0 if self.counted else self.before
+
+    @property
+    def text(self) -> str:
+        """The start in words: which variable is late, for how long, and what is left out."""
+        start = f"from {number(self.time)} s on"
+        if not self.of:
+            return f"judged {start}, with its first {self.what}"
+        names = ", ".join(f"'{name}'" for name in self.of)
+        first = f"where {names} {'has' if len(self.of) == 1 else 'have'} the first {self.what}"
+        missing = f"{number(self.time - self.begin)} s before it"
+        rest = counted(self.before, self.what)
+        if not self.counted:
+            return f"judged {start}, {first}: {missing} are left out, with {rest}"
+        return (
+            f"{self.verdict} if judged {start}, {first}; {missing}, with {rest}, count with "
+            f"{names} unknown; --start known leaves them out"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Extent:
     """How much of a trace was recorded.
 
@@ -81,6 +134,15 @@ class Extent:
         if self.period is not None and self.samples is not None:
             return float((self.samples - 1) * self.period)
         return None if self.begin is None or self.end is None else self.end - self.begin
+
+    def starting(self, time: float) -> Self:
+        """The extent from a time on, of a trace with times."""
+        if self.begin is None or time <= self.begin:
+            return self
+        samples = self.samples
+        if samples is not None and self.period is not None:
+            samples -= round((time - self.begin) / float(self.period))
+        return replace(self, samples=samples, begin=time)
 
     def shorter(self, least: Fraction) -> bool:
         """Whether it is shorter than so many seconds, by more than the rounding of its times."""

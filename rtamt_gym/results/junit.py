@@ -112,6 +112,9 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
     if isinstance(cell, Outcome) and cell.occasions is not None:
         found["asked"] = str(cell.occasions)
         found |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
+    if isinstance(cell, Outcome) and cell.late_start is not None:
+        late = cell.late_start
+        found |= {"late_start": late.text, "left_out": str(late.left_out)}
     if isinstance(cell, Outcome):
         found |= {f"default:{name}": number(value) for name, value in cell.defaults.items()}
     return {key: value for key, value in found.items() if value}
@@ -133,7 +136,8 @@ def _say(
         said = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")
         said.text = _xml(f"{formula}\n\n{cell.explanation}")
     elif cell.verdict == Verdict.UNDECIDED:
-        reasons = [*cell.not_recorded, cell.way_out]
+        late = cell.late_start
+        reasons = [*cell.not_recorded, cell.way_out, *([late.text] if late and late.of else [])]
         said = ET.SubElement(case, "skipped", message=_xml("; ".join(reasons)))
         said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
 

@@ -51,7 +51,8 @@ class Matrix(Results):
 
     def shorter(self, least: Fraction) -> list[str]:
         """The traces that last less than so many seconds."""
-        return [row.name for row in self.rows if row.extent and row.extent.shorter(least)]
+        extents = {row.name: row.judged_extent for row in self.rows}
+        return [name for name, extent in extents.items() if extent and extent.shorter(least)]
 
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
         """For each message of an error the error and the traces that have it."""

@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
 from rtamt import Asked, DenseAsked, Evidence, Verdict
+from rtamt_gym.results.extent import LateStart
 
 __all__ = [
     "BY_END",
@@ -86,6 +87,7 @@ class Outcome:
         unknown: The variables of which a value was not known (`rtamt.Judgement.unknown`).
         progress: How far it has come in its stages, from 0 to 1; 1 only if it is satisfied. None
             if it has none (`rtamt.patterns.stages`), in dense time, and where nobody has counted.
+        late_start: Where its trace starts, if that is later than the recording; else None.
     """
 
     robustness: float
@@ -102,6 +104,7 @@ class Outcome:
     defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
     unknown: tuple[str, ...] = ()
     progress: float | None = None
+    late_start: LateStart | None = None
 
     def __repr__(self) -> str:
         shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]

@@ -228,6 +228,12 @@ class Trial:
         return found or self.failures.get(requirement) or Failure(self.error)
 
     @property
+    def judged_extent(self) -> Extent | None:
+        """The extent from the latest start of its requirements on; None as for ``extent``."""
+        starts = [o.late_start.judged for o in self.outcomes.values() if o.late_start is not None]
+        return self.extent.starting(max(starts)) if self.extent and starts else self.extent
+
+    @property
     def word(self) -> Word:
         """The worst that became of a requirement, in a word."""
         words = {word(each) for each in self.outcomes.values()}

@@ -57,6 +57,7 @@ _NEWER = {
     "defaults",
     "unknown",
     "progress",
+    "late_start",
 }
 
 

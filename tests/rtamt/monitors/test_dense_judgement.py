@@ -388,7 +388,7 @@ def test_other_errors() -> None:
         judge_dense("x > 0", {"x": [(0, 1)]}, period=1)  # type: ignore[call-arg] # refused
     assert str(unknown.value) == (
         "judge_dense() got an unexpected keyword argument 'period'; its arguments are spec, "
-        "signals, end, resolution, semantics, inputs, outputs, backend, nan, max_gap"
+        "signals, end, until, resolution, semantics, inputs, outputs, backend, nan, max_gap"
     )
 
 
