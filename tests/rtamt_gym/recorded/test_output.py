@@ -62,7 +62,8 @@ def test_events_come_back_in_the_order_of_their_times(
 ) -> None:
     monkeypatch.setattr(output, "_LONG", long)
     times = np.arange(8) / 8
-    events = EventTrace("made", {"x": (times, np.nan_to_num(X, posinf=9, neginf=-9))})
+    x = times, np.nan_to_num(X, posinf=9, neginf=-9)
+    events = EventTrace("made", {"x": x}, (times[0], times[-1]), len(times))
     judgements = {name: judge_events(s, events, Reading(dense=True)) for name, s in SPECS.items()}
     save(judgements, path, dense=True)
     with open_recording(str(path)) as recording:

@@ -78,12 +78,12 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
         ),
         (
             "time,variable,value\n1,x,0.25\n2,x,0.125\n2,limit,0.75\n3,x,0\n",
-            [[1, 0.5], [2, 0.75]],
+            [[1, 0.5], [2, 0.75], [3, 0.75]],
             ["'limit' is 0.5, its default: its first event comes at 2 s"],
         ),
         (
             "time,x,limit\n1,0.25,0.75\n3,0,\n",
-            [[1, 0.75]],
+            [[1, 0.75], [3, 0.75]],
             ["empty cells are no events: the value before holds (limit: 1)"],
         ),
         (
