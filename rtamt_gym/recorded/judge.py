@@ -288,8 +288,8 @@ def judge(
 
     def with_beginning(end: End) -> rtamt.Judgement:
         from_begin = recorded.with_beginning(whole.variables)
-        known = {**options, "nan": "unknown"}
-        return rtamt.judge(whole, from_begin.columns, end=end, n=from_begin.samples, **known)
+        unknown = reading.having(nan="unknown").of_monitors({"": whole})[""]
+        return rtamt.judge(whole, from_begin.columns, end=end, n=from_begin.samples, **unknown)
 
     ways = from_start, with_beginning
     found, known, late, cut = _by_start(ways, late, reading.end, known=recorded.start_known)
