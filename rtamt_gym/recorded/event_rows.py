@@ -51,8 +51,8 @@ def read_events(
         >>> for lines in (wide, long):
         ...     signals = read_events(CsvRecording(lines, "trace.csv"), ["x", "y"]).signals
         ...     print({name: values.tolist() for name, (_, values) in signals.items()})
-        {'x': [5.0, 4.0], 'y': [1.0]}
-        {'x': [5.0, 4.0], 'y': [1.0]}
+        {'x': [5.0, 4.0], 'y': [1.0, 1.0]}
+        {'x': [5.0, 4.0], 'y': [1.0, 1.0]}
     """
     columns = columns or Columns()
     if columns.jitter is not None:
