@@ -25,6 +25,7 @@ from rtamt.checking.check import check
 from rtamt.checking.equivalence import equivalent
 from rtamt.checking.examples import Example, RequirementExamples, examples
 from rtamt.checking.witness import ExampleTrace
+from rtamt.columns import unit_of_times
 from rtamt.errors import (
     InputError,
     InputTypeError,
@@ -36,7 +37,6 @@ from rtamt.errors import (
 from rtamt.export.fmu import export_fmu
 from rtamt.inputs.between import Between
 from rtamt.inputs.events import Events
-from rtamt.inputs.frames import unit_of_times
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.ids import RequirementId

@@ -2,54 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rtamt.columns import looks_like_times, names_objects, objects_in, unit_of_times
 from rtamt.errors import InputError, InputTypeError
 
-__all__ = ["check_times", "named_columns", "unit_of_times"]
-
-_WORDS = {
-    "ns": "ns nsec nsecs nanos nanosecond nanoseconds",
-    "us": "us µs μs usec usecs micros microsecond microseconds",
-    "ms": "ms msec msecs millis millisecond milliseconds",
-    "s": "s sec secs second seconds",
-    "min": "min mins minute minutes",
-    "h": "h hr hrs hour hours",
-}
-_UNIT_OF = {word: unit for unit, words in _WORDS.items() for word in words.split()}
-"""How the units are written in names of columns, in lower case."""
-
-_TIMES = re.compile(
-    r"(?:time|timestamp|time[ _]stamp|stamp|datetime|tout|t)s?"
-    r"(?:\s*[\[(]\s*(?P<inside>[^\])]*?)\s*[\])]|[\s_/.-]+(?P<behind>[^\W\d_]+))?",
-    re.IGNORECASE,
-)
-
-
-def unit_of_times(column: str) -> str | None:
-    """The unit in the name of a column of times; empty if it has none, None if it has no times.
-
-    These are ``time``, ``timestamp``, ``time stamp``, ``stamp``, ``datetime``, ``tout`` (of
-    Simulink) and ``t``, in any case but ``T``, alone or with a unit behind them. A unit in brackets
-    is returned as it stands if it is unknown.
-
-    Example:
-        >>> [unit_of_times(name) for name in ("Time [s]", "timestamp_ns", "t", "time (µs)")]
-        ['s', 'ns', '', 'us']
-        >>> [unit_of_times(name) for name in ("time_zone", "T", "timer", "Time [ticks]")]
-        [None, None, None, 'ticks']
-    """
-    found = _TIMES.fullmatch(column)
-    if found is None or column.lower() == "ts" or column == "T":  # rather names of quantities
-        return None
-    inside, behind = found["inside"], found["behind"]
-    if inside is not None:
-        return _UNIT_OF.get(inside.lower(), inside)
-    return _UNIT_OF.get(behind.lower()) if behind else ""
+__all__ = ["check_roles", "named_columns"]
 
 
 class _Table(Mapping[str, object]):
@@ -98,29 +60,86 @@ def _names(data: object) -> list[Any] | None:
         return None
 
 
-def check_times(data: object, variables: Sequence[str]) -> None:
-    """Checks that a frame has no times which a formula would ignore whose bounds count samples.
+def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
+    """Check that a frame is one trace, and has no times that bounds would ignore.
 
     Args:
-        data: What holds the values.
+        data: What holds the values; only frames are checked.
         variables: The variables of the formula; a column that it reads is not ignored.
+        timed: Whether the formula has bounds and there is no period.
 
     Raises:
-        InputError: If it has a column or an index of times. The message says the ways out.
+        InputError: If it has the rows of several objects, or a column or an index of times. The
+            message states the ways out.
     """
     names = _names(data)
     if names is None:
         return
     frame = cast("Any", data)
+    ignored = [name for name in names if str(name) not in variables]
+    _check_objects(frame, ignored, variables)
+    if timed:
+        _check_times(frame, ignored, names[0])
+
+
+def _check_objects(frame: Any, ignored: Sequence[Any], variables: Sequence[str]) -> None:  # noqa: ANN401
+    index: Any = getattr(frame, "index", None)
+    levels = [name for name in getattr(index, "names", ()) or () if name is not None]
+    cells: dict[str, Any] = {str(name): index.get_level_values(name) for name in levels}
+    times = next((v for n, v in cells.items() if unit_of_times(n) is not None), None)
+    for name in ignored:
+        cells[str(name)] = frame[name]
+        if times is None and (unit_of_times(str(name)) is not None or _dated(frame, name)):
+            times = cells.pop(str(name))
+    instants = None if times is None else np.asarray(times)
+    if instants is not None and instants.dtype.kind not in "iufmM":
+        instants = None
+    late = instants is not None and not (instants[1:] > instants[:-1]).all()
+    looked_at = {n: np.asarray(each) for n, each in cells.items() if late or names_objects(n)}
+    if not looked_at:
+        return
+    given = [name for name in variables if name in map(str, frame.columns)]
+    filled = [_filled(frame[name]) for name in given]
+    found = objects_in(looked_at, instants, filled)
+    if found is None:
+        return
+    what = "times that repeat or go back while other columns change"
+    if found.column:
+        values = ", ".join(found.values[:_SHOWN]) + (", ..." if len(found.values) > _SHOWN else "")
+        what = f"a column '{found.column}' with {len(found.values)} values ({values})"
+    raise InputError(
+        f"expected one trace, got a data frame that has {what}, as with several objects or "
+        "episodes; pass the rows of one, or only the columns of the formula if all rows are one "
+        "trace"
+    )
+
+
+_SHOWN = 5
+"""The most values that a message lists."""
+
+
+def _filled(values: object) -> NDArray[np.bool_]:
+    array = np.asarray(values)
+    if array.dtype.kind == "f":
+        return np.asarray(~np.isnan(array))
+    if array.dtype.kind == "O":
+        return np.array([value is not None and value == value for value in array.tolist()])  # noqa: PLR0124
+    return np.ones(len(array), bool)
+
+
+def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # noqa: ANN401
     index = getattr(frame, "index", None)
     dated = getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M")
     if dated or unit_of_times(str(getattr(index, "name", None) or "")) is not None:
         times: Any = index
         found, without = "an index of times", "reset_index(drop=True)"
     else:
-        ignored = [name for name in names if str(name) not in variables]
         called = [
-            name for name in ignored if unit_of_times(str(name)) is not None or _dated(frame, name)
+            name
+            for name in ignored
+            if unit_of_times(str(name)) is not None
+            or _dated(frame, name)
+            or looks_like_times(str(name), np.asarray(frame[name]), first=name == first)
         ]
         if not called:
             return

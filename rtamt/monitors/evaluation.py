@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError
-from rtamt.inputs.frames import check_times
+from rtamt.inputs.frames import check_roles
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_offline
@@ -50,7 +50,8 @@ def evaluate(
     Raises:
         SpecificationError: As for `Monitor`, except that a future may have no end.
         InputError: As for `Monitor`, and on missing variables, an empty trace, columns of different
-            length, a nan, or times of a frame that would be ignored.
+            length, a nan, times of a frame that would be ignored, or a frame with the rows of
+            several objects or episodes.
         InputTypeError: On values that are not real numbers.
 
     Example:
@@ -101,5 +102,5 @@ def _check_trace(
 ) -> None:
     if length == 0:
         raise InputError("expected a trace of at least 1 sample, got 0")
-    if period is None and reader.program.specification.timed:
-        check_times(data, reader.variables)
+    timed = period is None and reader.program.specification.timed
+    check_roles(data, reader.variables, timed=timed)

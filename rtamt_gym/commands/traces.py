@@ -33,6 +33,7 @@ from rtamt_gym.recorded.columns import (
     read_columns,
     read_seconds,
 )
+from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.recorded.same_time import SameTime
 from rtamt_gym.tables import shorten
@@ -140,15 +141,35 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--time",
         metavar="COLUMN",
-        help="the column of times (default: one called time, timestamp, t, stamp, Time [s] ...); "
-        "of a bag log, when messages were recorded, or header, what their stamps say (default: "
-        "log)",
+        help="the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
+        "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); of a bag log, when messages were "
+        "recorded, or header, what their stamps say (default: log)",
     )
     group.add_argument(
         "--time-unit",
         metavar="UNIT",
         help=f"the unit of the times: {', '.join(UNITS)} (default: that in the name or the type of "
         "the column, else s)",
+    )
+    group.add_argument(
+        "--date-order",
+        choices=get_args(DateOrder),
+        help="whether dates such as 03/04/2024 have the day or the month first (default: such a "
+        "date is refused where it matters)",
+    )
+    group.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="COLUMN=VALUE",
+        help="read only the rows of a table with this text in the column, such as vehicle_id=3; "
+        "may be repeated for other columns",
+    )
+    group.add_argument(
+        "--one-trace",
+        action="store_true",
+        help="judge all rows of a table as one trace, though they look like several objects or "
+        "episodes (default: such a table is refused)",
     )
     group.add_argument(
         "--separator",
@@ -276,6 +297,9 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         no_defaults=options.no_defaults,
         skip=options.skip,
         start=options.start,
+        where=options.where,
+        one_trace=options.one_trace,
+        date_order=options.date_order,
     )
     if options.start == "known" and not reading.dense and not any(map(is_bag, found)):
         raise InputError(

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
+from rtamt_gym.recorded.dates import RawTimes, times_of_texts
 from rtamt_gym.recorded.recording import Floats, RowNumbers, Rows, Wanted
-from rtamt_gym.recorded.times import RawTimes, read_dates
+from rtamt_gym.recorded.selection import RowFilter, cell_texts
+from rtamt_gym.recorded.times import join_times
 
 __all__ = ["ArrayRecording", "check_gaps", "columns_in", "times_of"]
 
@@ -41,28 +43,47 @@ class ArrayRecording:
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns."""
         names = [*wanted.numbers, *wanted.texts, *([] if wanted.time is None else [wanted.time])]
+        names += [*wanted.where, *([] if wanted.part is None else [wanted.part.column])]
+        chosen = RowFilter(wanted.where, self.names, self.source)
         columns = {name: self._arrays[name] for name in names}
         lengths = {len(column) for column in columns.values()}
         if len(lengths) > 1:
             each = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
             raise InputError(f"{self.source}: expected columns of one length, got {each}")
-        if not lengths:
-            lengths = {max(map(len, self._arrays.values()), default=0)}
+        count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
+        cells = {name: self._arrays[name] for name in wanted.cells}
+        invalid, where = self._invalid, RowNumbers(self.source)
+        if wanted.where:
+            kept = chosen.mask({name: cell_texts(columns[name]) for name in wanted.where})
+            chosen.check()
+            columns = {name: column[kept] for name, column in columns.items()}
+            cells = {n: column[kept] for n, column in cells.items() if len(column) == count}
+            invalid = {name: wrong[kept] for name, wrong in invalid.items()}
+            (rows,) = np.nonzero(kept)
+            count, where = len(rows), RowNumbers(self.source, rows)
 
-        where = RowNumbers(self.source)
-        numbers = {name: self._numbers(name) for name in wanted.numbers}
+        numbers = {name: self._numbers(name, columns[name]) for name in wanted.numbers}
         for name, values in numbers.items():
-            if not (name in self._invalid and self._invalid[name].any()):  # that has its own error
+            if not (name in invalid and invalid[name].any()):  # that has its own error
                 check_gaps(values, wanted, name, where)
         texts = {name: [str(text) for text in columns[name]] for name in wanted.texts}
-        times = None
+        times, unit = None, ""
         if wanted.time is not None:
-            times = times_of(columns[wanted.time], f"{self.source}, column '{wanted.time}'")
-        count = lengths.pop()
-        return Rows(numbers, texts, count, where, self.source, times, invalid=self._invalid)
+            part = None if wanted.part is None else columns[wanted.part.column]
+            times, unit = times_of(columns[wanted.time], wanted, self.source, where, part)
+        return Rows(
+            numbers,
+            texts,
+            count,
+            where,
+            self.source,
+            times,
+            unit=unit,
+            invalid=invalid,
+            cells=cells,
+        )
 
-    def _numbers(self, name: str) -> Floats:
-        values = self._arrays[name]
+    def _numbers(self, name: str, values: NDArray[Any]) -> Floats:
         if values.dtype.kind not in "biuf":
             raise InputError(
                 f"{self.source}, column '{name}': expected numbers, got {values.dtype}"
@@ -98,20 +119,41 @@ def check_gaps(
         )
 
 
-def times_of(values: NDArray[Any], where: str) -> RawTimes:
-    """A column of times as it is, or the dates in its texts.
+def times_of(
+    values: NDArray[Any],
+    wanted: Wanted,
+    source: str,
+    where: Callable[[int], str],
+    part: NDArray[Any] | None = None,
+) -> tuple[RawTimes, str]:
+    """Return a column of times as it is, or the dates in its texts; and the unit if it is certain.
+
+    Args:
+        values: The column.
+        wanted: The columns to read.
+        source: The name of the file, for messages.
+        where: Returns the place of a row, for messages.
+        part: The second column of times, or None.
 
     Raises:
-        InputError: If they are no times.
+        InputError: If they are not times.
     """
-    kind = values.dtype.kind
+    kind, what = values.dtype.kind, f"{source}, column '{wanted.time}'"
+    if part is not None and wanted.part is not None and wanted.part.unit:
+        if kind not in "iuf" or part.dtype.kind not in "iuf":
+            raise InputError(f"{what}: expected numbers, got {values.dtype}")
+        return join_times(values, part, wanted.part.unit, where), "ns"
     if kind in "OSUT":
-        dates = read_dates([str(text) for text in values.tolist()])
-        if dates is not None:
-            return dates
+        texts = [str(text) for text in values.tolist()]
+        days = None if part is None else [str(day).split("T")[0] for day in part.tolist()]
+        if part is not None and part.dtype.kind == "M":
+            days = [str(day) for day in part.astype("M8[D]")]
+        times = times_of_texts(texts, days, wanted.date_order)
+        if times is not None:
+            return times, ""
     if kind not in "iufmM":
-        raise InputError(f"{where}: expected numbers or dates, got {values.dtype}")
-    return values.astype(np.int64) if kind in "iu" else values
+        raise InputError(f"{what}: expected numbers or dates, got {values.dtype}")
+    return values.astype(np.int64) if kind in "iu" else values, ""
 
 
 def columns_in(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:

@@ -12,10 +12,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.times import RawTimes
 
-__all__ = ["floats_of", "is_number", "is_time", "raw_times_of"]
+__all__ = ["cells_of", "floats_of", "is_number", "is_time", "raw_times_of"]
 
 _NUMBERS = (
     pa.types.is_integer,
@@ -43,6 +43,23 @@ def floats_of(column: pa.ChunkedArray) -> Floats:
     if column.null_count:
         column = column.fill_null(pa.scalar(np.nan, pa.float64()))
     return _array(column)
+
+
+def cells_of(column: pa.ChunkedArray) -> NDArray[Any]:
+    """The cells of a column as they are: numbers, with nan in an empty cell, dates, or texts."""
+    kind = column.type
+    if pa.types.is_boolean(kind) and not column.null_count:
+        return np.array(column.to_pylist(), bool)
+    if is_time(kind) and not column.null_count:
+        times = raw_times_of(column)
+        if times is not None:
+            return times
+    if pa.types.is_integer(kind) and not column.null_count:
+        return np.array(column.to_pylist())
+    if is_number(kind):
+        return floats_of(column)
+    cells = ["" if cell is None else str(cell).strip() for cell in column.to_pylist()]
+    return np.array(cells or [""])[: len(cells)]
 
 
 def raw_times_of(column: pa.ChunkedArray) -> RawTimes | None:

@@ -10,17 +10,19 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 from pyarrow import csv
 
 from rtamt_gym.recorded.arrow_columns import floats_of, is_time, raw_times_of
-from rtamt_gym.recorded.cells import GROUP_MARKS, NOT_KNOWN, TRUTH
+from rtamt_gym.recorded.cells import GROUP_MARKS, NOT_KNOWN, TRUTH, cells_in
+from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats, Wanted
-from rtamt_gym.recorded.times import RawTimes
+from rtamt_gym.recorded.selection import RowFilter
 
 __all__ = ["CsvColumns", "Text", "read_text"]
 
@@ -58,6 +60,7 @@ class CsvColumns:
         decimal: The decimal mark of the file.
         thousands: The longest cell of each column in which every number has three digits after the
             mark.
+        rows: The row of the file for each row; None: all rows were read.
     """
 
     numbers: Mapping[str, Floats]
@@ -66,13 +69,15 @@ class CsvColumns:
     times: RawTimes | None
     decimal: str
     thousands: Mapping[str, str]
+    cells: Mapping[str, NDArray[Any]]
+    rows: NDArray[np.intp] | None
 
 
 class _UnclearError(Exception):
     """The other reader has to look closer."""
 
 
-def read_text(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns | None:
+def read_text(text: Text, wanted: Wanted, chosen: RowFilter, *, certain: bool) -> CsvColumns | None:
     """Read the wanted columns of a text, or return None if another reader has to look closer.
 
     That is so if a cell is wrong or is one that pyarrow does not read, and if the decimal mark is
@@ -81,24 +86,41 @@ def read_text(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns | None
     Args:
         text: The file.
         wanted: The columns.
+        chosen: The rows that are read.
         certain: Whether the decimal mark is certain.
+
+    Raises:
+        InputError: If no row is chosen.
     """
     try:
-        return _read(text, wanted, certain=certain)
+        return _read(text, wanted, chosen, certain=certain)
     except _UnclearError:
         return None
 
 
-def _read(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns:
+def _read(text: Text, wanted: Wanted, chosen: RowFilter, *, certain: bool) -> CsvColumns:
+    if wanted.part is not None:
+        raise _UnclearError
     time = [] if wanted.time is None else [wanted.time]
     names = list(dict.fromkeys([*wanted.numbers, *wanted.texts, *time])) or text.names[:1]
     places = [text.names.index(name) for name in names]  # a name may come twice
     beyond = range(len(text.names), text.width)
     dated = [name for name in time if name in text.dates and name not in wanted.numbers]
-    table = _table(text, [*places, *beyond], [*map(text.names.index, dated)])
-    if any(_bytes(column).strip() for column in table.columns[len(names) :]):
+    others = [name for name in dict.fromkeys([*wanted.cells, *wanted.where]) if name not in names]
+    also = [*map(text.names.index, others)]
+    table = _table(text, [*places, *also, *beyond], [*map(text.names.index, dated)])
+    if any(_bytes(column).strip() for column in table.columns[len(names) + len(also) :]):
         raise _UnclearError
-    columns = dict(zip(names, table.columns, strict=False))
+    rows = None
+    if wanted.where:
+        if not set(dated).isdisjoint(wanted.where):
+            raise _UnclearError
+        columns = dict(zip([*names, *others], table.columns, strict=False))
+        kept = chosen.mask({name: _strings(columns[name]) for name in wanted.where})
+        chosen.check()
+        (rows,) = np.nonzero(kept)
+        table = table.take(pa.array(rows)).combine_chunks()
+    columns = dict(zip([*names, *others], table.columns, strict=False))
     numbers, marked = {}, {}
     for name in dict.fromkeys([*wanted.numbers, *(name for name in time if name not in dated)]):
         cells, values = _numbers(columns[name], text.decimal, wanted)
@@ -118,7 +140,14 @@ def _read(text: Text, wanted: Wanted, *, certain: bool) -> CsvColumns:
         _times(columns[wanted.time], numbers.get(wanted.time)) if wanted.time is not None else None,
         text.decimal if marked or certain else ".",
         _thousands(unclear, text.decimal) if certain else {},
+        {name: cells_in(_strings(columns[name]), text.decimal) for name in wanted.cells},
+        rows,
     )
+
+
+def _strings(column: pa.ChunkedArray) -> list[str]:
+    """Return the texts of a column, an empty one for null."""
+    return ["" if cell is None else str(cell) for cell in column.to_pylist()]
 
 
 def _thousands(columns: Mapping[str, pa.ChunkedArray], mark: str) -> dict[str, str]:

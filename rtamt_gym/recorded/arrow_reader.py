@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.feather
 import pyarrow.json
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import check_gaps, times_of
-from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_times_of
+from rtamt_gym.recorded.arrow_columns import cells_of, floats_of, is_number, is_time, raw_times_of
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, RowNumbers, Rows, Wanted
-from rtamt_gym.recorded.times import RawTimes
+from rtamt_gym.recorded.selection import RowFilter, cell_texts
 
 __all__ = ["ArrowRecording", "open_file"]
 
@@ -45,7 +49,13 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
                     with refusing(path, "a whole Parquet file"):
                         return file.read(columns=wanted)
 
-                yield ArrowRecording(fields, load, path, "s" if own else "")
+                lists = [field.name for field in fields if _is_list(field.type)]
+                lengths = {}
+                if lists and file.metadata.num_rows:
+                    with refusing(path, "a whole Parquet file"):
+                        batch = next(file.iter_batches(1, columns=lists))
+                    lengths = _lengths(_flat(pa.Table.from_batches([batch])))
+                yield ArrowRecording(fields, load, path, "s" if own else "", lengths)
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
@@ -61,7 +71,7 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
 def of_table(table: pa.Table, source: str) -> ArrowRecording:
     """The columns of a table in memory."""
     flat = _flat(table)
-    return ArrowRecording(list(flat.schema), flat.select, source)
+    return ArrowRecording(list(flat.schema), flat.select, source, lists=_lengths(flat))
 
 
 def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
@@ -78,14 +88,45 @@ def _flat(table: pa.Table) -> pa.Table:
     return table
 
 
+_LONGEST_LIST = 1000
+"""The most elements of a list that are columns."""
+
+
+def _is_list(kind: pa.DataType) -> bool:
+    """Whether the elements of a list are columns."""
+    lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
+    return bool((lists or pa.types.is_fixed_size_list(kind)) and is_number(kind.value_type))
+
+
+def _is_scalar(kind: pa.DataType) -> bool:
+    """Whether a cell is a number, a date or a text, and not a list or an image."""
+    texts = pa.types.is_string(kind) or pa.types.is_large_string(kind)
+    other = pa.types.is_dictionary(kind) or pa.types.is_time(kind)
+    return bool(is_number(kind) or is_time(kind) or texts or other)
+
+
+def _lengths(table: pa.Table) -> dict[str, int]:
+    """The number of elements in the first cell of each column of lists of numbers."""
+    lengths = {}
+    for field in table.schema:
+        if _is_list(field.type) and table.num_rows:
+            first = table[field.name][0].as_py() or ()
+            if 0 < len(first) <= _LONGEST_LIST:
+                lengths[field.name] = len(first)
+    return lengths
+
+
 class ArrowRecording:
     """The columns of a table; a field of a structure is a column with a dotted name.
+
+    An element of a list of numbers is a column too, as in ``observation.state[0]``.
 
     Args:
         fields: The names and the types of the columns.
         load: Gives the table of some of them.
         source: Name of the file, for messages.
         unit: The unit of the times, if the file says it: a saved `Run` has seconds.
+        lists: The number of elements of columns of lists.
     """
 
     def __init__(
@@ -94,55 +135,114 @@ class ArrowRecording:
         load: Callable[[list[str]], pa.Table],
         source: str,
         unit: str = "",
+        lists: Mapping[str, int] | None = None,
     ) -> None:
         self.source = shown(source)
-        self.names: Sequence[str] = [shown(field.name) for field in fields]
+        lists = lists or {}
+        self._elements = {
+            shown(f"{name}[{i}]"): (name, i) for name, n in lists.items() for i in range(n)
+        }
+        self._lengths = lists
         self._own = {shown(field.name): field.name for field in fields}
+        self.names: Sequence[str] = [
+            shown(name)
+            for field in fields
+            for name in (
+                [f"{field.name}[{i}]" for i in range(lists[field.name])]
+                if field.name in lists
+                else [field.name]
+            )
+        ]
         self.dates: Sequence[str] = [
             shown(field.name)
             for field in fields
             if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
         ]
+        self.days = [shown(field.name) for field in fields if pa.types.is_date(field.type)]
+        """The columns of dates without a time of day."""
+        self._scalars = {shown(field.name) for field in fields if _is_scalar(field.type)}
         self._load, self._unit = load, unit
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; nan counts as an empty cell."""
-        time = wanted.time
-        names = dict.fromkeys([*wanted.numbers, *wanted.texts, *([] if time is None else [time])])
-        own = [self._own[name] for name in list(names) or list(self.names[:1])]
-        table = _flat(self._load(own))
-        table = table.rename_columns(list(map(shown, table.column_names)))
-
+        time, part = wanted.time, wanted.part
+        chosen = RowFilter(wanted.where, self.names, self.source)
+        plain = [n for n in wanted.cells if n in self._scalars or n in self._elements]
+        named = [*wanted.numbers, *wanted.texts, *plain, *wanted.where]
+        named += [*([] if time is None else [time]), *([] if part is None else [part.column])]
+        table = self._table(list(dict.fromkeys(named)) or list(self.names[:1]))
         where = RowNumbers(self.source)
+        if wanted.where:
+            kept = chosen.mask({n: cell_texts(cells_of(table[n])) for n in wanted.where})
+            chosen.check()
+            (rows,) = np.nonzero(kept)
+            table = table.take(pa.array(rows))
+            where = RowNumbers(self.source, rows)
         numbers = {name: self._numbers(table[name], name) for name in wanted.numbers}
         for name, values in numbers.items():
             absent = table[name].is_null().to_pylist() if table[name].null_count else ()
             check_gaps(values, wanted, name, where, absent)
         texts = {name: self._texts(table[name], name, where) for name in wanted.texts}
-        times = None
+        times, unit = None, self._unit
         if time is not None:
             column = table[time]
             if column.null_count:
                 row = column.is_valid().to_pylist().index(False)
                 raise InputError(f"{where(row)}, column '{time}': expected a number, got none")
-            times = self._times(column, time)
-        return Rows(numbers, texts, table.num_rows, where, self.source, times, unit=self._unit)
+            second = None if part is None else cells_of(table[part.column])
+            times, joined = self._times(column, wanted, where, second)
+            unit = joined or unit
+        cells = {name: cells_of(table[name]) for name in plain}
+        return Rows(
+            numbers, texts, table.num_rows, where, self.source, times, unit=unit, cells=cells
+        )
+
+    def _table(self, names: Sequence[str]) -> pa.Table:
+        """Some columns by their shown names, elements of lists among them."""
+        own = [self._elements.get(name, (self._own.get(name, ""), 0))[0] for name in names]
+        table = _flat(self._load(list(dict.fromkeys(own))))
+        columns = {}
+        for name, each in zip(names, own, strict=True):
+            column = table[each]
+            if name in self._elements:
+                column = self._element(column, name)
+            columns[name] = column
+        return pa.table(columns)
+
+    def _element(self, column: pa.ChunkedArray, name: str) -> pa.ChunkedArray:
+        own, index = self._elements[name]
+        lengths = pc.list_value_length(column)
+        short = pc.fill_null(pc.less_equal(lengths, index), fill_value=False)
+        if pc.any(short).as_py():
+            row = short.to_pylist().index(True)
+            raise InputError(
+                f"{self.source}, row {row + 1}, column '{own}': expected a list of "
+                f"{self._lengths[own]}, as in the first row, got {lengths[row].as_py()}"
+            )
+        return pc.list_element(column, index)
 
     def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
         if not is_number(column.type):
             raise InputError(f"{self.source}, column '{name}': expected numbers, got {column.type}")
         return floats_of(column)
 
-    def _times(self, column: pa.ChunkedArray, name: str) -> RawTimes:
-        kind, where = column.type, f"{self.source}, column '{name}'"
-        if is_number(kind) or is_time(kind):
+    def _times(
+        self,
+        column: pa.ChunkedArray,
+        wanted: Wanted,
+        place: Callable[[int], str],
+        second: NDArray[Any] | None,
+    ) -> tuple[RawTimes, str]:
+        kind, where = column.type, f"{self.source}, column '{wanted.time}'"
+        parts = wanted.part is not None and bool(wanted.part.unit)
+        if (is_number(kind) or is_time(kind)) and not parts:
             times = raw_times_of(column)
             if times is None:
                 counted = "64 bits of nanoseconds" if is_time(kind) else "64 bits with a sign"
                 msg = f"{where}: expected times that {counted} can count, got {kind} beyond them"
                 raise InputError(f"{msg}; write seconds since the begin")
-            return times
-        return times_of(np.array(column.to_pylist()), where)
+            return times, ""
+        return times_of(cells_of(column), wanted, self.source, place, second)
 
     def _texts(
         self, column: pa.ChunkedArray, name: str, where: Callable[[int], str]

@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.recorded.dates import DateOrder, RawTimes, read_dates, times_of_texts
 from rtamt_gym.recorded.recording import Floats, Wanted
-from rtamt_gym.recorded.times import RawTimes, read_dates
 
 __all__ = [
     "GROUP_MARKS",
     "NOT_KNOWN",
     "TRUTH",
     "NumberColumns",
+    "cells_in",
     "floats_in",
     "grouped_in",
     "is_number",
@@ -188,13 +190,43 @@ class NumberColumns:
         return at, name, cell, self._wanted.empty if not text or text in NOT_KNOWN else ""
 
 
-def times_in(cells: Sequence[str], decimal: str, where: Callable[[int], str]) -> RawTimes:
-    """Return the times in cells: integers, doubles, or dates as ``datetime64[ns]``.
+def cells_in(cells: Sequence[str], decimal: str) -> NDArray[Any]:
+    """Return cells as they look: integers, doubles with nan in empty cells, or texts.
+
+    Args:
+        cells: The texts.
+        decimal: The decimal mark.
+
+    Example:
+        >>> cells_in(["1", "2"], "."), cells_in(["1,5", ""], ","), cells_in(["a", "1"], ".")
+        (array([1, 2]), array([1.5, nan]), array(['a', '1'], dtype='<U1'))
+    """
+    numbers = floats_in(cells, decimal, gaps=True, nan=True)
+    if numbers is None:
+        return np.array([cell.strip() for cell in cells] or [""])[: len(cells)]
+    whole = numbers.astype(np.int64) if np.isfinite(numbers).all() else numbers
+    return whole if (np.abs(numbers) < _EXACT).all() and (whole == numbers).all() else numbers
+
+
+_EXACT: Final = 2.0**53
+"""Whole numbers below are exact as doubles."""
+
+
+def times_in(
+    cells: Sequence[str],
+    decimal: str,
+    where: Callable[[int], str],
+    days: Sequence[str] | None = None,
+    order: DateOrder | None = None,
+) -> RawTimes:
+    """Return the times in cells: integers, doubles, dates as ``datetime64[ns]``, or times of day.
 
     Args:
         cells: The texts.
         decimal: The decimal mark.
         where: Returns the place of a cell, for messages.
+        days: The dates of times of day; None: there are none.
+        order: The order of day and month where it is not certain.
 
     Raises:
         InputError: If a cell is neither a number nor a date as the first one is.
@@ -211,7 +243,10 @@ def times_in(cells: Sequence[str], decimal: str, where: Callable[[int], str]) ->
     numbers = floats_in(cells, decimal)
     if numbers is not None:
         return numbers
-    dates = read_dates(cells)
+    try:
+        dates = times_of_texts(cells, days, order)
+    except InputError as error:
+        raise InputError(f"{where(0)}: {error}") from None
     if dates is not None:
         return dates
     expected = "a number"

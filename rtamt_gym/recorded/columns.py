@@ -10,8 +10,10 @@ from fractions import Fraction
 from typing import Literal, get_args
 
 from rtamt import InputError
+from rtamt.columns import NANOSECONDS
 from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.same_time import SameTime
 
 __all__ = ["NEAR", "UNITS", "Columns", "Missing", "Start", "read_columns", "read_seconds"]
@@ -22,14 +24,7 @@ Missing = Literal["raise", "hold", "drop", "unknown"]
 Start = Literal["unknown", "known"]
 """How the time counts in which some variables of a requirement have no value yet."""
 
-UNITS: Mapping[str, int] = {
-    "ns": 1,
-    "us": 10**3,
-    "ms": 10**6,
-    "s": 10**9,
-    "min": 60 * 10**9,
-    "h": 3600 * 10**9,
-}
+UNITS = NANOSECONDS
 """The units of a column of times, in nanoseconds."""
 
 NEAR = 0.05
@@ -71,6 +66,10 @@ class Columns:
         start: How the time counts in which some variables of a requirement have no value yet, in
             dense time and in bags. ``"unknown"``: the requirement is judged without it, and with it
             as unknown, and the worse verdict is reported. ``"known"``: it is left out.
+        where: The text that each of some columns has in the rows that are read.
+        one_trace: Whether rows are one trace although they look like several objects or episodes.
+        date_order: Whether dates such as 03/04/2024 have the day first (``"dmy"``) or the month
+            (``"mdy"``). None: dates in which the order is not certain are refused.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -91,6 +90,9 @@ class Columns:
     no_defaults: bool = False
     skip: int = 0
     start: Start = "unknown"
+    where: Mapping[str, str] = field(default_factory=dict)
+    one_trace: bool = False
+    date_order: DateOrder | None = None
 
     def __post_init__(self) -> None:
         if self.max_gap is not None:
@@ -100,6 +102,7 @@ class Columns:
         _check_choice("--same-time", self.same_time, get_args(SameTime))
         _check_choice("--missing", self.missing, get_args(Missing))
         _check_choice("--start", self.start, get_args(Start))
+        _check_choice("--date-order", self.date_order, get_args(DateOrder))
         if self.separator is not None and (len(self.separator) != 1 or self.separator in '"\r\n'):
             raise InputError(f"--separator: expected one character or tab, got {self.separator!r}")
         if self.separator is not None and self.separator == self.decimal:
@@ -148,6 +151,9 @@ def read_columns(
     no_defaults: bool = False,
     skip: int = 0,
     start: Start = "unknown",
+    where: Sequence[str] = (),
+    one_trace: bool = False,
+    date_order: DateOrder | None = None,
 ) -> Columns:
     r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
@@ -172,6 +178,17 @@ def read_columns(
         if variable in named:
             raise InputError(f"--signal: expected one column for {variable!r}, got two")
         named[variable] = column
+    rows: dict[str, str] = {}
+    for argument in where:
+        column, equals, value = (part.strip() for part in argument.partition("="))
+        if not (column and equals):
+            raise InputError(
+                f"--where: expected COLUMN=VALUE, such as vehicle_id=3, got {argument!r}"
+            )
+        if rows.setdefault(column, value) != value:
+            raise InputError(
+                f"--where: expected one value of {column!r}, got {rows[column]!r} and {value!r}"
+            )
     mark = "\t" if separator in ("tab", r"\t") else separator
     return Columns(
         named,
@@ -188,6 +205,9 @@ def read_columns(
         no_defaults=no_defaults,
         skip=skip,
         start=start,
+        where=rows,
+        one_trace=one_trace,
+        date_order=date_order,
     )
 
 

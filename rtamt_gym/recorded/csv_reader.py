@@ -26,13 +26,15 @@ from typing import BinaryIO, TextIO, cast
 from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import NumberColumns, is_number, times_in
+from rtamt_gym.recorded.cells import NumberColumns, cells_in, is_number, times_in
 from rtamt_gym.recorded.columns import UNITS, Columns
+from rtamt_gym.recorded.dates import RawTimes, read_dates
 from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, notes_on
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.selection import RowFilter
 from rtamt_gym.recorded.text_layout import TOP, layout_of, names_line, rows_of
-from rtamt_gym.recorded.times import read_dates
+from rtamt_gym.recorded.times import join_times
 
 __all__ = ["CsvRecording", "lines_of", "open_file"]
 
@@ -44,6 +46,9 @@ _LINE = 1 << 26
 
 _FEW = 100
 """Rows that show which decimal mark pyarrow is to try."""
+
+_DAY = 12
+"""Characters of the longest date without a time of day."""
 
 _LONG = 1 << 20
 """Bytes from which on a file is worth the import of pyarrow."""
@@ -63,9 +68,12 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     if path == "-":
         raw = getattr(sys.stdin, "buffer", None)
         stdin = sys.stdin if raw is None else _text_of(raw)
-        yield CsvRecording(_bounded(stdin, "stdin"), "stdin", columns)
+        yield CsvRecording(list(_bounded(stdin, "stdin")), "stdin", columns)
         return
     with lines_of(path) as lines:
+        if not Path(path).is_file():  # a pipe, which cannot be read again
+            yield CsvRecording(list(lines), path, columns)
+            return
         long = Path(path).stat().st_size >= _LONG and find_spec("pyarrow")
         yield CsvRecording(lines, path, columns, path if long else None)
 
@@ -133,7 +141,8 @@ class CsvRecording:
     """Separated values below a line with the names of the columns.
 
     Args:
-        lines: The lines of the file.
+        lines: The lines of the file; unless they are a sequence, they are read from the file again
+            when columns are read a second time.
         source: Name of the file, for messages.
         columns: The separator, the decimal mark and the lines to skip, if they are not to be
             recognised.
@@ -157,7 +166,10 @@ class CsvRecording:
         path: str | None = None,
     ) -> None:
         self._columns = columns = columns or Columns()
-        self.source = source = shown(source)
+        self._file, self.source = source, shown(source)
+        source = self.source
+        self._lines = lines if isinstance(lines, Sequence) else None
+        self._was_read = False
         given = iter(lines)
         skipped = list(itertools.islice(given, columns.skip))
         top = list(itertools.islice(given, TOP))
@@ -186,14 +198,19 @@ class CsvRecording:
         self._begin = list(itertools.islice(rows, _FEW))
         self.rows = itertools.chain(self._begin, rows)
         """The rows of values that are not empty, with their lines."""
-        cells = self._begin[0][1] if self._begin else []
-        self.dates: Sequence[str] = [
+        cells = [*zip(self.names, self._begin[0][1], strict=False)] if self._begin else []
+        self.dates: Sequence[str] = [n for n, cell in cells if read_dates([cell]) is not None]
+        self.days = [n for n, cell in cells if n in self.dates and len(cell.strip()) <= _DAY]
+        """The columns of dates without a time of day."""
+        self.blank = [
             name
-            for name, cell in zip(self.names, cells, strict=False)
-            if read_dates([cell]) is not None
+            for i, (name, _) in enumerate(cells)
+            if not any(row[i].strip() for _, row in self._begin if i < len(row))
         ]
+        """The columns without a value in the first rows."""
         # Runs of blanks are one separator here, and several for pyarrow.
         self._path = None if self.separator == " " else path
+        self._long = path
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; an empty cell that is allowed becomes nan.
@@ -206,9 +223,18 @@ class CsvRecording:
             raise InputError(
                 f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
             )
+        if self._was_read:
+            return self._read_again(wanted)
+        self._was_read = True
         unit = self._unit_of(wanted.time)
         read = self._read_fast(wanted) or self._read_blocks(wanted)
-        return replace(read, unit=unit)
+        return replace(read, unit=read.unit or unit)
+
+    def _read_again(self, wanted: Wanted) -> Rows:
+        if self._lines is not None:
+            return CsvRecording(self._lines, self._file, self._columns).read(wanted)
+        with lines_of(self._file) as lines:
+            return CsvRecording(lines, self._file, self._columns, self._long).read(wanted)
 
     def _unit_of(self, time: str | None) -> str:
         """Return the unit of the times in the row of units; empty if there is none."""
@@ -232,18 +258,30 @@ class CsvRecording:
 
         mark = self._likely_mark()
         text = Text(path, self.names, self._width, self._above, self.separator, mark, self.dates)
-        read = read_text(text, wanted, certain=self._columns.decimal is not None)
+        chosen = RowFilter(wanted.where, self.names, self.source)
+        read = read_text(text, wanted, chosen, certain=self._columns.decimal is not None)
         if read is None:
             return None
+        kept = read.rows
 
         def where(row: int) -> str:  # the file is read once more
             with lines_of(path) as lines:
                 rows = CsvRecording(lines, self.source, self._columns).rows
-                line, _ = next(itertools.islice(rows, row, None))
+                at = row if kept is None else int(kept[row])
+                line, _ = next(itertools.islice(rows, at, None))
             return f"{self.source}, line {line}"
 
         notes = self._notes + notes_on(self._columns.decimal, read.decimal, "", read.thousands)
-        return Rows(read.numbers, read.texts, read.count, where, self.source, read.times, notes)
+        return Rows(
+            read.numbers,
+            read.texts,
+            read.count,
+            where,
+            self.source,
+            read.times,
+            notes,
+            cells=read.cells,
+        )
 
     def _likely_mark(self) -> str:
         """Return the decimal mark of the first rows; a point if they do not show it."""
@@ -256,36 +294,99 @@ class CsvRecording:
 
     def _read_blocks(self, wanted: Wanted) -> Rows:
         time = [] if wanted.time is None else [wanted.time]
-        columns: dict[str, list[str]] = {name: [] for name in (*wanted.texts, *time)}
+        part = [] if wanted.part is None else [wanted.part.column]
+        named = (*wanted.texts, *wanted.cells, *time, *part)
+        columns: dict[str, list[str]] = {name: [] for name in named}
         lines: list[int] = []
+        every: list[int] = []
 
         def where(row: int) -> str:
             return f"{self.source}, line {lines[row]}"
 
+        def where_of_all(row: int) -> str:
+            return f"{self.source}, line {every[row]}"
+
         read = dict.fromkeys([*wanted.numbers, *time])
-        marks = FileMarks(self.names, read, self._columns.decimal, self.source, where)
+        marks = FileMarks(self.names, read, self._columns.decimal, self.source, where_of_all)
         numbers = NumberColumns(wanted)
-        while block := list(itertools.islice(self.rows, _BLOCK)):
-            cells = self._cells_of(block)
-            marks.add(cells, len(lines))
+        for places, cells in self._blocks(wanted, marks, every):
             numbers.add(cells, len(lines))
-            lines += [line for line, _ in block]
+            lines += places
             for name, column in columns.items():
                 column.extend(cells[name])
             if marks.known:
                 self._convert(numbers, marks, where)
         decimal = self._convert(numbers, marks, where)
-        raw = None
-        if wanted.time is not None and lines:
-            at, times = f", column '{wanted.time}'", columns[wanted.time]
-            raw = times_in(times, decimal, lambda i: where(i) + at)
-            numbers.look_for_groups(times, decimal)
+        times, unit = self._times(columns, decimal, wanted, where) if lines else (None, "")
+        if time:
+            numbers.look_for_groups(columns[time[0]], decimal)
         notes = [*self._notes, *marks.notes(decimal, numbers.grouped)]
         texts = {name: [*map(str.strip, columns[name])] for name in wanted.texts}
         plain = {n: [_plain(text, self.source) for text in column] for n, column in texts.items()}
         if plain != texts and _LATIN not in notes:
             notes.append(_LATIN)
-        return Rows(numbers.arrays, plain, len(lines), where, self.source, raw, notes)
+        cells_as_read = {name: cells_in(columns[name], decimal) for name in wanted.cells}
+        return Rows(
+            numbers.arrays,
+            plain,
+            len(lines),
+            where,
+            self.source,
+            times,
+            notes,
+            unit=unit,
+            cells=cells_as_read,
+        )
+
+    def _blocks(
+        self, wanted: Wanted, marks: FileMarks, every: list[int]
+    ) -> Iterator[tuple[Sequence[int], Mapping[str, Sequence[str]]]]:
+        """Yield the lines and the cells of the rows that are selected, in blocks.
+
+        Args:
+            wanted: The rows.
+            marks: The evidence of decimal marks, to which the cells of all rows are added.
+            every: A list to which the lines of all rows are added.
+
+        Raises:
+            InputError: If no row is selected.
+        """
+        chosen = RowFilter(wanted.where, self.names, self.source)
+        while block := list(itertools.islice(self.rows, _BLOCK)):
+            cells = self._cells_of(block)
+            marks.add(cells, len(every))
+            places = [line for line, _ in block]
+            every += places
+            if wanted.where:
+                kept = chosen.mask(cells)
+                cells = {name: [*itertools.compress(each, kept)] for name, each in cells.items()}
+                places = [*itertools.compress(places, kept)]
+            if places:
+                yield places, cells
+        if wanted.where and every:
+            chosen.check()
+
+    def _times(
+        self,
+        texts: Mapping[str, Sequence[str]],
+        decimal: str,
+        wanted: Wanted,
+        where: Callable[[int], str],
+    ) -> tuple[RawTimes | None, str]:
+        """Return the times, and their unit if it is certain."""
+        time, part = wanted.time, wanted.part
+        if time is None:
+            return None, ""
+
+        def place(row: int) -> str:
+            return f"{where(row)}, column '{time}'"
+
+        if part is None or not part.unit:
+            days = None if part is None else texts[part.column]
+            return times_in(texts[time], decimal, place, days, self._columns.date_order), ""
+        seconds = times_in(texts[time], decimal, place)
+        parts = times_in(texts[part.column], decimal, where)
+        return join_times(seconds, parts, part.unit, where), "ns"
 
     def _convert(
         self, numbers: NumberColumns, marks: FileMarks, where: Callable[[int], str]

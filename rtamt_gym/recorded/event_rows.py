@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import nearest
@@ -24,21 +23,33 @@ from rtamt_gym.recorded.names import (
     recorded_variables,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.roles import Table
+from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
-from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
-from rtamt_gym.recorded.trace import EventTrace, held, read_rows
+from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
+from rtamt_gym.recorded.trace import EventTrace, held, read_rows, wanted_times
 from rtamt_gym.tables import number
 
 __all__ = ["measured", "read_events"]
 
 
 def read_events(
-    recording: Recording, variables: Sequence[str], columns: Columns | None = None
+    recording: Recording,
+    variables: Sequence[str],
+    columns: Columns | None = None,
+    *,
+    table: bool = False,
 ) -> EventTrace:
     """Reads events of the variables.
 
     A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
     ``variable`` and ``value``, a row is one event.
+
+    Args:
+        recording: The file.
+        variables: The variables that are needed.
+        columns: How the columns are read.
+        table: Whether the file is one table, whose rows may belong to several objects.
 
     Raises:
         InputError: If a column or a variable is missing, a value is not a number, or the times of
@@ -57,20 +68,28 @@ def read_events(
     columns = columns or Columns()
     if columns.jitter is not None:
         raise InputError("expected --jitter or --dense, which reads events at any time")
-    time = find_times(recording, columns) or TIME
+    read = {columns.column(name) for name in variables}
+    time = find_times(recording, columns, read=read)
     if are_long(recording.names, variables):
-        return _read_long(recording, variables, columns, time)
-    check_names(recording, (time,))
+        return _read_long(recording, variables, columns, time or TimeColumn(TIME), table=table)
+    if time is None and table:
+        wanted = replace(wanted_times(Wanted(()), None, columns), cells=recording.names[:1])
+        Table(recording, columns, read, None).check_times(recording.read(wanted))
+    time = time or TimeColumn(TIME)
+    check_names(recording, time.columns)
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     needed = needed_columns(recording, there, columns)
     nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
-    wanted = Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time, ends=True)
-    rows = read_rows(recording, wanted)
+    wanted = Wanted(needed, gaps=needed, nan=nan, empty=advice, ends=True)
+    rows = read_rows(recording, wanted_times(wanted, time, columns))
+    if table:
+        filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
+        Table(recording, columns, read, time).check_objects(rows, filled)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
-    _check_order(rows, times, np.arange(len(times)))
+    axis.check_order(rows.where)
     signals, empty = {}, []
     for name in there:
         column = columns.column(name)
@@ -98,7 +117,8 @@ def _events(
 ) -> EventTrace:
     """The trace, with defaults from its first row on; values hold to its last row."""
     times = axis.seconds
-    begin, end, notes = float(times.min()), float(times.max()), [*rows.notes]
+    begin, end = float(times.min()), float(times.max())
+    notes = [*rows.notes, *selection_notes(rows, columns.where)]
     made, defaults, none = {}, {}, []
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))
@@ -171,14 +191,22 @@ def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns
 
 
 def _read_long(
-    recording: Recording, variables: Sequence[str], columns: Columns, time: str
+    recording: Recording,
+    variables: Sequence[str],
+    columns: Columns,
+    time: TimeColumn,
+    *,
+    table: bool,
 ) -> EventTrace:
     """Reads events from rows of which each is one event."""
-    check_names(recording, (time, VARIABLE, VALUE))
-    rows = read_rows(recording, Wanted((VALUE,), (VARIABLE,), time=time))
+    check_names(recording, (*time.columns, VARIABLE, VALUE))
+    rows = read_rows(recording, wanted_times(Wanted((VALUE,), (VARIABLE,)), time, columns))
+    named = np.array(rows.texts[VARIABLE])
+    if table:
+        filled = {name: named == columns.column(name) for name in variables}
+        Table(recording, columns, (VARIABLE, VALUE), time).check_objects(rows, filled)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
-    named = np.array(rows.texts[VARIABLE])
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
     signals = {}
     check_recorded(recording.source, known, variables, columns)
@@ -191,24 +219,13 @@ def _read_long(
                 f"the variables are {', '.join(known)}{nearest(called, known)}"
             )
         (given,) = np.nonzero(named == called)
-        _check_order(rows, times, given, f" of '{called}'")
+        axis.check_order(rows.where, given, f" of '{called}'")
         signals[name] = times[given], rows.numbers[VALUE][given]
     return _events(rows, signals, variables, columns, axis)
 
 
-def _event_times(rows: Rows, time: str, columns: Columns) -> TimeAxis:
-    axis = TimeAxis.of(rows, time, columns)
+def _event_times(rows: Rows, time: TimeColumn, columns: Columns) -> TimeAxis:
+    axis = TimeAxis.of(rows, time.name, columns)
     axis.check_distances(rows)
     axis.check_unit(rows.source)
     return axis
-
-
-def _check_order(rows: Rows, times: Floats, given: NDArray[np.intp], what: str = "") -> None:
-    times = times[given]
-    late = times[1:] <= times[:-1]
-    if late.any():
-        at = int(late.argmax())
-        raise InputError(
-            f"{rows.where(int(given[at + 1]))}: expected times{what} that increase, "
-            f"got {times[at + 1]:.15g} after {times[at]:.15g}"
-        )

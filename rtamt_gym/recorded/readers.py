@@ -39,6 +39,8 @@ class Format:
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
             manager that gives a `Recording`; a module for bags has ``read_bag``.
         bag: Whether they are bags, whose topics have times of their own.
+        table: Whether a file is one table, whose rows ``--where`` selects and whose columns the
+            reader gives as they are too.
         contained: Whether another process reads them, as what reads them may crash on a damaged
             file. Rows then come with `RowNumbers`.
     """
@@ -48,15 +50,16 @@ class Format:
     module: str
     bag: bool = False
     contained: bool = False
+    table: bool = False
 
 
 FORMATS = [
-    Format("CSV", (".csv", ".csv.gz", ".tsv", ".txt"), "rtamt_gym.recorded.csv_reader"),
-    Format("Parquet", (".parquet",), "rtamt_gym.recorded.arrow_reader"),
-    Format("Feather", (".feather", ".arrow"), "rtamt_gym.recorded.arrow_reader"),
-    Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader"),
-    Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader"),
-    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader", contained=True),
+    Format("CSV", (".csv", ".csv.gz", ".tsv", ".txt"), "rtamt_gym.recorded.csv_reader", table=True),
+    Format("Parquet", (".parquet",), "rtamt_gym.recorded.arrow_reader", table=True),
+    Format("Feather", (".feather", ".arrow"), "rtamt_gym.recorded.arrow_reader", table=True),
+    Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader", table=True),
+    Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader", table=True),
+    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader", contained=True, table=True),
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True),
     Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
     Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),

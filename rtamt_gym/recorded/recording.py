@@ -9,9 +9,25 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Recording", "RowNumbers", "Rows", "Wanted"]
+from rtamt_gym.recorded.dates import DateOrder
+
+__all__ = ["Floats", "Recording", "RowNumbers", "Rows", "TimePart", "Wanted"]
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TimePart:
+    """A second column of times.
+
+    Attributes:
+        column: Its name.
+        unit: The unit of the part of a second in it; empty if it holds dates, and the first column
+            times of day.
+    """
+
+    column: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +43,11 @@ class Wanted:
         time: Name of the column of times, or None; it may be among the numbers too.
         ends: Whether there are rows at the first and the last time of the whole file, also where
             columns come at their own pace and these times are of columns that are not read.
+        part: The second column of times, or None.
+        date_order: The order of day and month in dates where it is not certain.
+        cells: Names of the columns that are read as they are, so that no cell is an error.
+        where: The text that each of some columns has in the rows to read; other rows are left out
+            before anything else.
     """
 
     numbers: Sequence[str]
@@ -36,6 +57,10 @@ class Wanted:
     empty: str = ""
     time: str | None = None
     ends: bool = False
+    part: TimePart | None = None
+    date_order: DateOrder | None = None
+    cells: Sequence[str] = ()
+    where: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +92,7 @@ class Rows:
     unit: str = ""
     sparse: bool = False
     invalid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    cells: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +101,7 @@ class RowNumbers:
 
     Attributes:
         source: Name of the file.
+        rows: The row of the file for each row that was read; None: all rows were read.
 
     Example:
         >>> RowNumbers("trace.npz")(0)
@@ -82,10 +109,11 @@ class RowNumbers:
     """
 
     source: str
+    rows: NDArray[np.intp] | None = None
 
     def __call__(self, row: int) -> str:
         """The file and the number of the row, from 1."""
-        return f"{self.source}, row {row + 1}"
+        return f"{self.source}, row {(row if self.rows is None else int(self.rows[row])) + 1}"
 
 
 class Recording(Protocol):
@@ -102,7 +130,7 @@ class Recording(Protocol):
     dates: Sequence[str]
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns and leaves the others unread.
+        """Reads the wanted columns and leaves the others unread; it may be called again.
 
         Raises:
             InputError: If a row has too few or too many values, or if a cell of a column of

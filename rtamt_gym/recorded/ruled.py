@@ -17,6 +17,7 @@ from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded
 from rtamt_gym.recorded.readers import format_of, open_recording
+from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.starts import starts_of
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
 from rtamt_gym.tables import number
@@ -34,6 +35,10 @@ def read_ruled(
         OSError: If there is no such file.
     """
     row = format_of(path)
+    if columns.where and not row.table:
+        raise InputError(
+            f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
+        )
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
             path, specs, reading, columns
@@ -48,10 +53,16 @@ def read_ruled(
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)
         if reading.dense:
-            return read_events(recording, variables, columns), None
+            return read_events(recording, variables, columns, table=row.table), None
         if_events = "give --dense to take rows as events at any time"
         trace = read_trace(
-            recording, variables, columns, if_events=if_events, period=reading.seconds
+            recording,
+            variables,
+            columns,
+            if_events=if_events,
+            period=reading.seconds,
+            timed=any(map(has_time_bounds, specs.values())),
+            table=row.table,
         )
     if reading.seconds is not None:
         return _under(trace, reading.seconds), reading.seconds

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Final
 
 from rtamt_gym.recorded.cells import TRUTH, is_number
-from rtamt_gym.recorded.times import read_dates
+from rtamt_gym.recorded.dates import read_dates
 
 __all__ = ["TOP", "TextLayout", "layout_of", "names_line", "rows_of"]
 

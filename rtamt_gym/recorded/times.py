@@ -4,28 +4,36 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
+from rtamt.columns import has_plain_time_name, name_words, plausible_units
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import UNITS, Columns
-from rtamt_gym.recorded.recording import Floats, Recording, Rows
-from rtamt_gym.tables import number
+from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, TimePart
+from rtamt_gym.tables import counted, number
 
-__all__ = ["TIME", "RawTimes", "TimeAxis", "find_times", "read_dates", "simple"]
+__all__ = [
+    "TIME",
+    "TimeAxis",
+    "TimeColumn",
+    "find_times",
+    "join_times",
+    "newest_first",
+    "rises",
+    "simple",
+]
 
 TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
-
-RawTimes = NDArray[Any]
-"""Times as a file holds them: doubles, integers, or dates of ``datetime64[ns]``."""
 
 _FEW = 100
 
@@ -34,77 +42,176 @@ _ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
 number of seconds: samples of 1 kHz in ns are 10^6 apart, a date in ms is above 10^12."""
 
 
-def find_times(recording: Recording, columns: Columns) -> str | None:
-    """The column of times: that which is named, else the one whose name tells it, else None.
+class TimeColumn(NamedTuple):
+    """The columns of times.
 
-    A column ``time`` goes before others. Where no name does, a column of dates counts, and then a
-    name behind a dot or a slash, as in ``header.stamp``.
+    Attributes:
+        name: The column.
+        part: A second column, with parts of seconds or dates; None if there is none.
+    """
+
+    name: str
+    part: TimePart | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of the columns."""
+        return [self.name] if self.part is None else [self.name, self.part.column]
+
+    @property
+    def label(self) -> str:
+        """The columns as ``--time`` names them."""
+        return "+".join(self.columns)
+
+
+_CLOCK_NAMES = {"time", "zeit", "uhrzeit", "heure", "hora", "ora", "tijd", "utctime", "localtime"}
+_DATE_NAMES = {"date", "datum", "fecha", "utcdate", "localdate"}
+_SECOND_NAMES = {"sec", "secs", "second", "seconds"}
+_PARTS = {
+    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"), "ns"),
+    **dict.fromkeys(("usec", "usecs", "microsec", "microseconds", "micros"), "us"),
+    **dict.fromkeys(("msec", "msecs", "millisec", "milliseconds", "millis"), "ms"),
+}
+"""The last words of names of columns of which two are one time."""
+
+
+def find_times(
+    recording: Recording, columns: Columns, *, read: Collection[str] = (), needed: bool = True
+) -> TimeColumn | None:
+    """Return the column of times: the one that is named, or the one whose name is of times.
+
+    A column ``time`` goes before others, and other plain names before seconds with a column of
+    nanoseconds, dates, less usual names and fields such as ``header.stamp``. A column of dates
+    next to a column ``time`` completes it if that holds times of day.
+
+    Args:
+        recording: The file.
+        columns: How its columns are read.
+        read: The columns that specifications read. One with a less usual name is not taken.
+        needed: Whether times are needed. Several columns with less usual names are an error then;
+            otherwise none is taken.
 
     Raises:
-        InputError: If the named column is missing, or if several names tell of times.
+        InputError: If the named column is missing, or if several names are of times.
     """
-    names = dict.fromkeys(recording.names)
-    if columns.time is not None:
-        if columns.time not in names:
-            raise InputError(
-                f"{recording.source}: no column '{columns.time}', which --time names; the columns "
-                f"are {listed(names, columns.time)}{nearest(columns.time, names)}"
-            )
-        return columns.time
-    if TIME in names:
-        return TIME
-    found = [name for name in names if unit_of_times(name) is not None]
-    if not found:
-        found = list(recording.dates)
-    if not found:
-        parts = {name: re.split(r"[./]", name)[-1] for name in names}
-        found = [n for n, last in parts.items() if last != "t" and unit_of_times(last) is not None]
-    if len(found) > 1:
+    found = _found(recording, columns, read, needed=needed)
+    if found is not None and found.part is not None and found.part.unit and columns.time_unit:
         raise InputError(
-            f"{recording.source}: expected one column of times, got {listing(found)}; "
-            f"say which with --time {found[0]!r}"
+            f"{recording.source}: expected --time-unit for one column of times, got the columns "
+            f"{listing(found.columns)}, whose units their names state"
         )
-    return found[0] if found else None
+    return found
 
 
-def read_dates(texts: Sequence[str]) -> RawTimes | None:
-    """Dates of ISO 8601 as ``datetime64[ns]``, in UTC if they have offsets; None if one is no date.
+def _found(
+    recording: Recording, columns: Columns, read: Collection[str], *, needed: bool
+) -> TimeColumn | None:
+    names = [*dict.fromkeys(recording.names)]
+    if columns.time is not None:
+        return _named(recording, columns.time)
+    blank = getattr(recording, "blank", ())
+    if TIME in names:
+        return _with_date(TIME, recording)
+    plain = [name for name in names if has_plain_time_name(name) and name not in blank]
+    if plain:
+        return _with_date(_only(recording, [TimeColumn(name) for name in plain]).name, recording)
+    pairs = _second_pairs(names)
+    dates = [name for name in recording.dates if name not in blank]
+    known = [n for n in names if unit_of_times(n) is not None and n not in (*read, *blank)]
+    if len(both := [name for name in dates if name in known]) == 1:
+        return TimeColumn(both[0])
+    days = getattr(recording, "days", ())
+    if len(dates) == 1 and dates[0] in days and len(known) == 1:
+        return _with_date(known[0], recording)
+    if dates:
+        return _only(recording, [TimeColumn(name) for name in dates])
+    fields = {name: re.split(r"[./]", name)[-1] for name in names if name not in blank}
+    usual = [n for n, last in fields.items() if last != "t" and has_plain_time_name(last)]
+    found = pairs or [TimeColumn(name) for name in known]
+    if not found and usual:
+        return _only(recording, [TimeColumn(name) for name in usual])
+    found = found or [
+        TimeColumn(name)
+        for name, last in fields.items()
+        if name not in read and last not in (name, "t") and unit_of_times(last) is not None
+    ]
+    if not found or (len(found) > 1 and not needed):
+        return None
+    one = _only(recording, found)
+    return one if one.part else _with_date(one.name, recording)
 
-    A date without a time is the begin of the day.
 
-    Example:
-        >>> read_dates(["2024-05-01T12:00:00.5Z", "2024-05-01 14:00:01+02:00"]).tolist()
-        [1714564800500000000, 1714564801000000000]
-        >>> read_dates(["2024-05-01T12:00:00Z", "2024-05-01T12:00:01"]), read_dates(["12"])
-        (None, None)
+def _named(recording: Recording, name: str) -> TimeColumn:
+    """The column that ``--time`` names, or the two columns, as in ``secs+nsecs``."""
+    names = [*dict.fromkeys(recording.names)]
+    if name in names:
+        return TimeColumn(name)
+    first, plus, second = name.partition("+")
+    if plus and {first, second} <= {*names}:
+        words = name_words(second)
+        return TimeColumn(first, TimePart(second, _PARTS.get(words[-1], "") if words else ""))
+    raise InputError(
+        f"{recording.source}: no column '{name}', which --time names; the columns "
+        f"are {listed(names, name)}{nearest(name, names)}"
+    )
+
+
+def _only(recording: Recording, found: Sequence[TimeColumn]) -> TimeColumn:
+    if len(found) > 1:
+        labels = [each.label for each in found]
+        raise InputError(
+            f"{recording.source}: expected one column of times, got {listing(labels)}; "
+            f"say which with --time {labels[0]!r}"
+        )
+    return found[0]
+
+
+def _with_date(name: str, recording: Recording) -> TimeColumn:
+    """A column of times with the only column of dates, which counts if it holds times of day."""
+    dates = [n for n in recording.names if "".join(name_words(n)) in _DATE_NAMES]
+    if "".join(name_words(name)) in _CLOCK_NAMES and len(dates) == 1 and dates[0] != name:
+        return TimeColumn(name, TimePart(dates[0]))
+    return TimeColumn(name)
+
+
+def _second_pairs(names: Sequence[str]) -> list[TimeColumn]:
+    """The columns of seconds that have a column of nanoseconds or other parts of seconds."""
+    words = {name: name_words(name) for name in names}
+    parts = {
+        each[:-1]: TimePart(name, _PARTS[each[-1]])
+        for name, each in words.items()
+        if each and each[-1] in _PARTS
+    }
+    return [
+        TimeColumn(name, parts[each[:-1]])
+        for name, each in words.items()
+        if each and each[-1] in _SECOND_NAMES and each[:-1] in parts
+    ]
+
+
+def join_times(times: RawTimes, part: RawTimes, unit: str, where: Callable[[int], str]) -> RawTimes:
+    """Return seconds with parts of seconds as whole nanoseconds.
+
+    Args:
+        times: Whole seconds.
+        part: The parts.
+        unit: The unit of the parts.
+        where: Returns the place of a row, for messages.
+
+    Raises:
+        InputError: If seconds are not whole, or a part is negative or a second or more.
     """
-    parts = [_DATE.fullmatch(text.strip()) for text in texts]
-    matches = [part for part in parts if part is not None]
-    if len(matches) < len(parts) or len({part["zone"] is None for part in matches}) > 1:
-        return None
-    try:
-        dates = np.array([part["date"] for part in matches], "M8[ns]")
-    except ValueError:  # such as a month 13
-        return None
-    offsets = {zone: _offset(zone) for zone in {part["zone"] for part in matches}}
-    shift = np.array([offsets[part["zone"]] for part in matches], "m8[m]")
-    utc: RawTimes = dates - shift
-    return utc
-
-
-_DATE = re.compile(
-    r"(?P<date>\d{4}-\d\d-\d\d(?:(?P<time>[T ])\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?)"
-    r"(?(time)(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?)",
-    re.ASCII,
-)
-
-
-def _offset(zone: str | None) -> int:
-    """Minutes that a zone is ahead of UTC."""
-    if zone in (None, "Z"):
-        return 0
-    sign, digits = -1 if zone[0] == "-" else 1, zone[1:].replace(":", "")
-    return sign * (60 * int(digits[:2]) + int(digits[2:] or 0))
+    whole = times.astype(np.int64)
+    parts = part.astype(np.int64)
+    most = UNITS["s"] // UNITS[unit]
+    wrong = (whole != times) | (parts != part) | (parts < 0) | (parts >= most)
+    if wrong.any():
+        at = int(wrong.argmax())
+        raise InputError(
+            f"{where(at)}: expected whole seconds and from 0 to {most - 1} {unit}, got {times[at]} "
+            f"and {part[at]}; name one column of times with --time"
+        )
+    return whole * UNITS["s"] + parts * UNITS[unit]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +226,9 @@ class TimeAxis:
         certain: Whether somebody has said that the unit is the unit.
         step: The distance of all neighbours, if it is the same and the times are whole numbers of
             nanoseconds or longer units.
+        decided: The unit that a name and the usual step decided together; empty if they did not.
+        readings: The units in which the usual step would be plausible, if none is certain and
+            seconds are not.
     """
 
     column: str
@@ -127,6 +237,8 @@ class TimeAxis:
     precision: float
     certain: bool
     step: Fraction | None = None
+    decided: str = ""
+    readings: Sequence[str] = ()
 
     @staticmethod
     def of(rows: Rows, column: str, columns: Columns) -> TimeAxis:
@@ -150,12 +262,18 @@ class TimeAxis:
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             step = _step(whole, 1)
             return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
-        said = columns.time_unit or rows.unit or unit_of_times(column) or ""
+        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1]) or ""
+        said, decided = columns.time_unit or rows.unit or named, ""
         if said and said not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
+        readings: Sequence[str] = ()
+        if not said and len(raw) > 1 and _absurd(raw):
+            readings = plausible_units(raw)
+            if column == "%time" and raw.dtype.kind != "f" and "ns" in readings:
+                said = decided = "ns"  # of rostopic
         unit = UNITS[said or "s"]
         with np.errstate(over="ignore"):  # of times that `check_distances` refuses
             since = _scaled(raw - raw[0], unit)
@@ -164,7 +282,8 @@ class TimeAxis:
         start = float(_scaled(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
         step = None if raw.dtype.kind == "f" else _step(raw, unit)
-        return TimeAxis(column, since, start, precision, bool(said), step)
+        certain = bool(said)
+        return TimeAxis(column, since, start, precision, certain, step, decided, readings)
 
     @property
     def seconds(self) -> Floats:
@@ -195,24 +314,75 @@ class TimeAxis:
         """
         if self.certain or len(self.since) < 2:
             return
-        usual = float(np.median(np.diff(self.since)))
+        usual = float(np.median(np.abs(np.diff(self.since))))
         most = max(abs(self.start), abs(self.start + float(self.since[-1])))
         if usual < _ABSURD_STEP and most < _ABSURD_TIME:
             return
         got = f"{usual:.6g} s apart"
         if usual < _ABSURD_STEP:
             got = f"{most:.6g} s, a time after the year 5000"
+        readings = [f"{usual * UNITS[unit] / UNITS['s']:.6g} s as {unit}" for unit in self.readings]
+        read = f" ({' or '.join(readings)})" if readings else ""
         raise InputError(
-            f"{where}: expected times in seconds in the column '{self.column}', got {got}; "
+            f"{where}: expected times in seconds in the column '{self.column}', got {got}{read}; "
             "say the unit with --time-unit, such as ns, ms or s"
+        )
+
+    def check_order(
+        self,
+        where: Callable[[int], str],
+        rows: NDArray[np.intp] | None = None,
+        what: str = "",
+    ) -> None:
+        """Check that each time is after the one before.
+
+        Args:
+            where: Returns the place of a row, for messages.
+            rows: The rows that count; None: all do.
+            what: Whose times they are, such as `` of 'x'``.
+
+        Raises:
+            InputError: If times repeat or go back.
+        """
+        rows = np.arange(len(self.since)) if rows is None else rows
+        with np.errstate(over="ignore"):
+            steps = np.diff(self.since[rows])
+        if (steps > 0).all():
+            return
+        at = int((steps <= 0).argmax())
+        place = f"{where(int(rows[at + 1]))}: expected times{what} that increase"
+        late, before = self.text(int(rows[at + 1])), self.text(int(rows[at]))
+        if newest_first(self.since[rows]):
+            raise InputError(
+                f"{place}, got the newest first, {before} before {late}. Sort the rows by "
+                f"'{self.column}', the oldest first."
+            )
+        if (steps < 0).any():
+            at = int((steps < 0).argmax())
+            place = f"{where(int(rows[at + 1]))}: expected times{what} that increase"
+            late, before = self.text(int(rows[at + 1])), self.text(int(rows[at]))
+            raise InputError(
+                f"{place}, got {late} after {before}. Sort the rows by '{self.column}', or cut the "
+                "file where a recording starts again."
+            )
+        count = int((steps == 0).sum())
+        raise InputError(
+            f"{place}, got time {late} twice ({counted(count, 'row')} of {len(rows)} with the time "
+            "of the row before). Keep one row of each time, or name another column with --time."
         )
 
     @property
     def unit_note(self) -> str:
-        """Says that the times may be milliseconds; empty if they can hardly be, or are not.
+        """Says which unit was decided, or that the times may be milliseconds; empty otherwise.
 
-        These are times whose unit nobody has said, and which are whole numbers 1 or more apart.
+        They may be if the unit is not stated, and the times are whole numbers 1 or more apart.
         """
+        if self.decided:
+            usual = float(np.median(np.abs(np.diff(self.since))))
+            return (
+                f"the times in the column '{self.column}' count as {self.decided}, a sample every "
+                f"{usual:.6g} s; --time-unit states another unit"
+            )
         if self.certain or len(self.since) < 2:
             return ""
         steps = np.diff(self.since[:_FEW])
@@ -232,6 +402,25 @@ class TimeAxis:
         if abs(self.start) < 1e6:
             return f"{self.start + self.since[at]:.15g}"
         return f"{self.since[at]:.15g} s since the first"
+
+
+def rises(times: NDArray[Any]) -> bool:
+    """Return whether each time is after the one before."""
+    return bool((times[1:] > times[:-1]).all())
+
+
+def newest_first(since: Floats) -> bool:
+    """Return whether times fall from the first row to the last."""
+    later, before = since[1:], since[:-1]
+    return len(later) > 0 and bool((later <= before).all() and (later < before).any())
+
+
+def _absurd(raw: RawTimes) -> bool:
+    """Whether numbers can hardly be seconds."""
+    numbers = raw.astype(np.float64)
+    with np.errstate(over="ignore"):
+        usual = float(np.median(np.abs(np.diff(numbers))))
+    return usual >= _ABSURD_STEP or float(np.abs(numbers).max()) >= _ABSURD_TIME
 
 
 def _step(whole: NDArray[Any], unit: int) -> Fraction | None:

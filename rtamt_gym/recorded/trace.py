@@ -19,11 +19,13 @@ from rtamt_gym.recorded.grid import HOLE, Grid, Resampled, resampled
 from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.roles import Table
+from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
-from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
+from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
 from rtamt_gym.results.extent import Extent, Gap, LateStart
 
-__all__ = ["EventTrace", "Trace", "held", "read_rows", "read_trace"]
+__all__ = ["EventTrace", "Trace", "held", "read_rows", "read_trace", "wanted_times"]
 
 _NOW = 0, ""
 """From when on no variable is known."""
@@ -123,6 +125,7 @@ class Trace:
         if self.times is None or self.samples < 2:
             return None
         times, grid = self.times, self.grid or Grid(self.times, self.jitter)
+        times.check_order(self.where)
         aside = f"--period to leave the column '{times.column}' aside"
         if grid.usual > 0 and not _LEAST <= grid.usual <= _MOST:
             raise InputError(
@@ -133,16 +136,13 @@ class Trace:
         if grid.even:
             return grid.period
         at = grid.odd
-        rest = "" if grid.usual <= 0 else f", elsewhere {grid.usual:.6g} s"
-        ways = [aside]
-        if grid.rises:
-            ways.insert(0, f"--jitter {100 * NEAR:g}% to resample by holding values")
-            if grid.even_between_holes:
-                ways.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
-            ways[:0] = filter(None, [self.if_events.removeprefix("give ")])
+        ways = [f"--jitter {100 * NEAR:g}% to resample by holding values", aside]
+        if grid.even_between_holes:
+            ways.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
+        ways[:0] = filter(None, [self.if_events.removeprefix("give ")])
         raise InputError(
             f"{self.where(at + 1)}: expected samples at even distances, "
-            f"got time {times.text(at + 1)} after {times.text(at)}{rest}; "
+            f"got time {times.text(at + 1)} after {times.text(at)}, elsewhere {grid.usual:.6g} s; "
             f"give {_either(ways)}"
         )
 
@@ -283,6 +283,8 @@ def read_trace(
     *,
     if_events: str = "",
     period: Fraction | None = None,
+    timed: bool = False,
+    table: bool = False,
 ) -> Trace:
     """Reads samples of the variables, and their times if there is a column of times.
 
@@ -292,9 +294,12 @@ def read_trace(
         columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
         period: Seconds between samples where the times are left aside.
+        timed: Whether a specification has time bounds, which need times or a period.
+        table: Whether the file is one table, whose rows may belong to several objects.
 
     Raises:
-        InputError: If a column is missing, a value is not a number, or there is no sample.
+        InputError: If a column is missing, a value is not a number, there is no sample, rows belong
+            to several objects, or times are in a column that was not recognised.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -303,13 +308,15 @@ def read_trace(
         ([5.0, 4.0], Fraction(1, 2))
     """
     columns = columns or Columns()
-    time = find_times(recording, columns)
+    read = {columns.column(name) for name in variables}
     about_times = {
         "--max-gap": columns.max_gap,
         "--jitter": columns.jitter,
         "--time-unit": columns.time_unit,
     }
     option = next((name for name, value in about_times.items() if value is not None), None)
+    needed = period is None and (timed or option is not None)
+    time = find_times(recording, columns, read=read, needed=needed)
     if time is None and option is not None:
         raise InputError(
             f"{recording.source}: expected a column of times, which {option} speaks of; the "
@@ -317,14 +324,19 @@ def read_trace(
         )
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
-    needed = needed_columns(recording, there, columns, if_events)
+    numbers = needed_columns(recording, there, columns, if_events)
     empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
-    gaps = () if columns.missing == "raise" else needed
-    wanted = Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time)
-    rows = read_rows(recording, wanted)
+    gaps = () if columns.missing == "raise" else numbers
+    wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
+    rows = read_rows(recording, wanted_times(wanted, time, columns))
+    rules = Table(recording, columns, read, time)
+    if table:
+        rules.check_objects(rows, {n: ~np.isnan(each) for n, each in rows.numbers.items()})
+    if table and timed and time is None and period is None:
+        rules.check_times(rows)
     check_valid(rows, columns)
     values = {name: rows.numbers[columns.column(name)] for name in there}
-    notes, defaults = [*rows.notes], {}
+    notes, defaults = [*rows.notes, *selection_notes(rows, columns.where)], {}
     for name in variables:
         if name not in there:
             values[name] = np.full(rows.count, columns.starts[name])
@@ -332,9 +344,11 @@ def read_trace(
             why = f"there is no such column{near}"
             notes.append(take_default(recording.source, name, columns, why))
             defaults[name] = columns.starts[name]
-    times = None if time is None else TimeAxis.of(rows, time, columns)
+    times = None if time is None else TimeAxis.of(rows, time.name, columns)
     if times is not None and period is None:
         times.check_distances(rows)
+    if times is not None and newest_first(times.since):
+        times.check_order(rows.where)
     trace = Trace(
         recording.source,
         values,
@@ -518,6 +532,12 @@ def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
         grid=None,
         where=lambda sample: trace.where(int(rows[sample])),
     )
+
+
+def wanted_times(wanted: Wanted, time: TimeColumn | None, columns: Columns) -> Wanted:
+    """Return the columns to read with those of times, in the rows that ``--where`` selects."""
+    timed = replace(wanted, where=columns.where, date_order=columns.date_order)
+    return timed if time is None else replace(timed, time=time.name, part=time.part)
 
 
 def read_rows(recording: Recording, wanted: Wanted) -> Rows:

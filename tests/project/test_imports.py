@@ -16,7 +16,7 @@ import rtamt
 # stands by itself.
 FLOORS = {
     "rtamt": (
-        ("errors", "limits"),
+        ("errors", "limits", "columns"),
         ("language",),
         ("program", "patterns"),
         ("inputs",),
@@ -95,7 +95,12 @@ FLOORS = {
 HOUSE = ("rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_envs", "rtamt_ros")
 
 # Where public names are.
-PUBLIC = {"rtamt": rtamt, "rtamt.errors": rtamt.errors, "rtamt.patterns": rtamt.patterns}
+PUBLIC = {
+    "rtamt": rtamt,
+    "rtamt.columns": rtamt.columns,
+    "rtamt.errors": rtamt.errors,
+    "rtamt.patterns": rtamt.patterns,
+}
 
 # Not while modules load: the released classes are loaded when first asked for.
 LATE = {("rtamt", "rtamt.compat")}

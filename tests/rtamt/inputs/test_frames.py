@@ -165,3 +165,44 @@ def test_a_table_is_the_mapping_of_its_columns() -> None:
     assert isinstance(table, Mapping)
     assert (len(table), [*table]) == (2, ["x", "y"])
     assert {name: [*column] for name, column in table.items()} == {"x": [1.0], "y": [2.0]}
+
+
+@pytest.mark.parametrize("name", ["sim_time", "clk", "TimeUS", "Abszisse"])
+def test_times_of_other_names_are_not_ignored(make: Make, name: str) -> None:
+    columns = {name: [0.0, 0.25, 0.5, 0.75], "x": [5.0, 4.0, 3.0, 0.0]}
+    with pytest.raises(
+        rtamt.InputError, match=f"^expected a period, .* a column of times '{name}'"
+    ):
+        rtamt.evaluate("always[0:1](x > 1)", make(columns))
+    columns["odometer"] = columns.pop(name)
+    assert rtamt.evaluate("always[0:1](x > 1)", make(columns)).tolist() == [3.0, 2.0, -1.0, -1.0]
+
+
+def test_a_tidy_frame_is_several_traces(make: Make) -> None:
+    x = [5.0, 4.0, 3.0, -1.0]
+    one_after_another = {"vehicle_id": [0, 0, 1, 1], "t": [0.0, 1.0, 2.0, 3.0], "x": x}
+    interleaved = {"lane": [7, 8, 7, 8], "t": [0.0, 0.0, 1.0, 1.0], "x": x}
+    for columns, name, values in (
+        (one_after_another, "vehicle_id", "0, 1"),
+        (interleaved, "lane", "7, 8"),
+    ):
+        for call in (rtamt.evaluate, rtamt.judge, rtamt.explain):
+            with pytest.raises(rtamt.InputError) as caught:
+                call("always(x > 1)", make(columns))
+            assert str(caught.value) == (
+                f"expected one trace, got a data frame that has a column '{name}' with 2 values "
+                f"({values}), as with several objects or episodes; pass the rows of one, or only "
+                "the columns of the formula if all rows are one trace"
+            )
+        assert rtamt.judge("always(x > 1)", make({"x": x})).robustness == -2
+    named = make({**one_after_another, "vehicle_id": [0, 0, 0, 0]})
+    assert rtamt.judge("always(x > 1)", named).robustness == -2
+
+
+def test_an_index_of_episodes_is_several_traces() -> None:
+    frame = pd.DataFrame(
+        {"episode": [0, 0, 1, 1], "time": [0, 1, 0, 1], "x": [5.0, 4.0, 3.0, -1.0]}
+    )
+    with pytest.raises(rtamt.InputError, match=r"a column 'episode' with 2 values \(0, 1\)"):
+        rtamt.judge("always(x > 1)", frame.set_index(["episode", "time"]))
+    assert rtamt.judge("always(x > 1)", frame.set_index(["episode"]).loc[0]).robustness == 3

@@ -81,8 +81,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (
             "time,x\n1,1\n1,1\n",
             (
-                "stdin, line 3: expected samples at even distances, got time 1 after 1; "
-                "give --period to leave the column 'time' aside"
+                "stdin, line 3: expected times that increase, got time 1 twice (1 row of 2 with "
+                "the time of the row before). Keep one row of each time, or name another "
+                "column with --time."
             ),
         ),
         (

@@ -93,9 +93,12 @@ def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
 @pytest.mark.parametrize(
     ("times", "got"),
     [
-        ([0, 10_000_000, 20_000_000], "1e+07 s apart"),
-        ([0, 10_000, 20_000], "10000 s apart"),
-        ([1_700_000_000_000, 1_700_000_000_010], "1.7e+12 s, a time after the year 5000"),
+        ([0, 10_000_000, 20_000_000], "1e+07 s apart (10 s as us or 0.01 s as ns)"),
+        ([0, 10_000, 20_000], "10000 s apart (10 s as ms or 0.01 s as us)"),
+        (
+            [1_700_000_000_000, 1_700_000_000_010],
+            "1.7e+12 s, a time after the year 5000 (0.01 s as ms)",
+        ),
     ],
 )
 def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], got: str) -> None:

@@ -214,7 +214,8 @@ def test_nanoseconds_are_not_taken_for_seconds(extension: str, tmp_path: Path) -
     with pytest.raises(rtamt.InputError) as caught:
         read(path, ["speed"]).period()
     assert str(caught.value) == (
-        f"{path}: expected times in seconds in the column 'timestamp', got 1e+07 s apart; "
+        f"{path}: expected times in seconds in the column 'timestamp', got 1e+07 s apart "
+        "(0.01 s as ns); "
         "say the unit with --time-unit, such as ns, ms or s"
     )
     trace = read(path, ["speed"], Columns(time_unit="ns"))

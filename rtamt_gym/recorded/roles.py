@@ -1,0 +1,146 @@
+"""Checks that a table is one trace, and that no column of times was overlooked."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError, Specification, unit_of_times
+from rtamt.columns import looks_like_times, names_objects, objects_in, plausible_units
+from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.columns import UNITS, Columns
+from rtamt_gym.recorded.dates import times_of_texts
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.times import TimeColumn, rises
+
+__all__ = ["Table", "has_time_bounds"]
+
+
+def has_time_bounds(spec: Specification) -> bool:
+    """Return whether a specification has a finite bound other than 0.
+
+    Example:
+        >>> from rtamt import parse
+        >>> [has_time_bounds(parse(f"{each}(x > 0)")) for each in ("always[0:2]", "always[0:0]")]
+        [True, False]
+        >>> has_time_bounds(parse("next(rise(x > 0))"))
+        False
+    """
+    intervals = [node.interval for node in spec.nodes() if node.interval is not None]
+    return any(begin or end for begin, end in map(spec.bounds, intervals))
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of rows, and what is read from it.
+
+    Attributes:
+        recording: The file, whose columns can be read again.
+        columns: How its columns are read.
+        read: The columns that specifications read.
+        time: The columns of times; None if there are none.
+    """
+
+    recording: Recording
+    columns: Columns
+    read: Collection[str]
+    time: TimeColumn | None
+
+    @property
+    def unread(self) -> list[str]:
+        """The columns that nothing reads."""
+        times = [] if self.time is None else self.time.columns
+        used = {*self.read, *times, *self.columns.where}
+        return [name for name in dict.fromkeys(self.recording.names) if name not in used]
+
+    def check_objects(self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Check that the rows belong to one object or episode.
+
+        Args:
+            rows: The rows that were read.
+            filled: The rows in which each variable has a value.
+
+        Raises:
+            InputError: If there are several, and nobody has stated that they are one trace.
+        """
+        if self.columns.one_trace:
+            return
+        late = rows.times is not None and not rises(rows.times)
+        names = self.unread if late else [name for name in self.unread if names_objects(name)]
+        if not names:
+            return
+        found = objects_in(self._cells(rows, names), rows.times, [*filled.values()])
+        if found is None:
+            return
+        source = rows.source
+        if found.column:
+            value = shlex.quote(f"{found.column}={found.values[0]}")
+            raise InputError(
+                f"{source}: expected one trace, got {len(found.values)} values of "
+                f"'{found.column}', which no requirement reads: "
+                f"{listed(found.values)}. Give --where {value} to judge the rows of one, or "
+                "--one-trace if all rows are one trace."
+            )
+        raise InputError(
+            f"{source}: expected one trace, but times repeat or go back while other columns "
+            "change, as with several objects or episodes. Give --where COLUMN=VALUE to judge the "
+            "rows of one, or --one-trace if all rows are one trace."
+        )
+
+    def check_times(self, rows: Rows) -> None:
+        """Check that no column that nothing reads looks like times.
+
+        Raises:
+            InputError: If one does. The message proposes it with its unit, or counting samples.
+        """
+        every = [*dict.fromkeys(self.recording.names)]
+        named = [n for n in every if n in self.read and unit_of_times(n) is not None]
+        names = [*self.unread, *named]
+        cells = self._cells(rows, names)
+        for name in names:
+            if name not in cells:
+                continue
+            ways = _readings(name, cells[name], self.columns, first=name == every[0])
+            if ways is None:
+                continue
+            option = f"--time {shlex.quote(name)}"
+            times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
+            reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
+            raise InputError(
+                f"{rows.source}: expected a column of times for the time bounds, got none, but "
+                f"'{name}', which {reads}, looks like one. Give {', '.join(times)}, or --period 1 "
+                "to count samples."
+            )
+
+    def _cells(self, rows: Rows, names: Sequence[str]) -> dict[str, NDArray[np.generic]]:
+        wanted = Wanted((), cells=names, where=self.columns.where)
+        cells = self.recording.read(wanted).cells
+        return {name: values for name, values in cells.items() if len(values) == rows.count}
+
+
+def _readings(
+    name: str, values: NDArray[np.generic], columns: Columns, *, first: bool
+) -> list[str] | None:
+    """Return the options to read a column as times; None if it does not look like times."""
+    if values.dtype.kind in "mM":
+        return [""]
+    if values.dtype.kind in "OUT" and len(values) > 1:
+        try:
+            dates = times_of_texts(values.tolist(), order=columns.date_order)
+        except InputError:
+            return [" --date-order dmy", " --date-order mdy"]
+        return None if dates is None or not rises(dates) else [""]
+    if not looks_like_times(name, values, first=first):
+        return None
+    unit = unit_of_times(name)
+    if unit in UNITS:
+        return [f" --time-unit {unit}"]
+    step = float(np.median(np.diff(values.astype(np.float64))))
+    return [
+        f" --time-unit {each} (a sample every {step * UNITS[each] / UNITS['s']:.6g} s)"
+        for each in plausible_units(values)
+    ]
