@@ -222,9 +222,10 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--max-gap",
         metavar="TIME",
-        help="how long a value holds until the next record of its column, such as 10s, 500ms or "
-        "2h: where two are farther apart, nothing is known between them (default: any time, and a "
-        "gap of more than 10 usual steps is said)",
+        help="how long a value holds until the next record of its column, or with --dense and in "
+        "bags until the end of the recording, such as 10s, 500ms or 2h: where two are farther "
+        "apart, nothing is known between them (default: any time, and a gap of more than 10 usual "
+        "steps is said)",
     )
     group.add_argument(
         "--default",

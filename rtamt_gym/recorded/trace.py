@@ -325,7 +325,7 @@ def read_trace(
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     numbers = needed_columns(recording, there, columns, if_events)
-    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
+    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing unknown", if_events)))
     gaps = () if columns.missing == "raise" else numbers
     wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
     rows = read_rows(recording, wanted_times(wanted, time, columns))
@@ -416,7 +416,7 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
             if empty[name][0] and name not in columns.starts:
                 raise InputError(
                     f"{trace.where(0)}, column '{name}': expected a number to hold, got an empty "
-                    "cell; give --missing drop"
+                    "cell; give --missing unknown"
                 )
             last = np.maximum.accumulate(np.where(empty[name], 0, np.arange(trace.samples)))
             first = columns.starts.get(name, np.nan)

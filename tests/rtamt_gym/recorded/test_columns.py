@@ -293,7 +293,7 @@ def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> 
     text = "x,y\n1,1\nnan,2\n3,3\n"
     assert refused(text) == (
         "t.csv, line 3, column 'x': expected a number, got 'nan'; "
-        "give --missing hold or --missing drop; give --dense"
+        "give --missing hold or --missing unknown; give --dense"
     )
     found, _ = events("time,x\n0,1\n1,nan\n2,3\n", Columns(missing=missing)).signals["x"]
     assert found.tolist() == [0.0, 2.0]
@@ -304,7 +304,7 @@ def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> 
 def test_nothing_is_held_before_the_first_value() -> None:
     assert refused("x\n,\n".replace(",", '""') + "2\n", Columns(missing="hold")) == (
         "t.csv, line 2, column 'x': expected a number to hold, got an empty cell; "
-        "give --missing drop"
+        "give --missing unknown"
     )
     assert refused('x\n""\n', Columns(missing="drop")) == (
         "t.csv: expected a row without an empty cell, got none"
