@@ -14,6 +14,7 @@ __all__ = [
     "NANOSECONDS",
     "Objects",
     "has_plain_time_name",
+    "hinted_unit",
     "looks_like_times",
     "name_words",
     "names_objects",
@@ -103,6 +104,10 @@ _QUANTITIES = _set(
     "winkel drehzahl geschwindigkeit"
 )
 """Words of names of quantities that may rise evenly, and are not times."""
+
+
+_ABSCISSAS = {("x", "value"), ("x", "axis"), ("xaxis",), ("abscissa",), ("abszisse",)}
+"""Names of the horizontal axis, as LabVIEW and ControlDesk write them."""
 
 
 class _Name(NamedTuple):
@@ -208,6 +213,22 @@ def _unit_of_words(words: Sequence[str]) -> str | None:
     return _UNIT_OF[behind[1]] if behind else _unit_of_joined(joined)
 
 
+def hinted_unit(column: str) -> str | None:
+    """Return the unit that a name states, even if it may not be one of times; None if none.
+
+    Example:
+        >>> hinted_unit("clock_us"), hinted_unit("recv [ms]"), hinted_unit("clk")
+        ('us', 'ms', None)
+    """
+    unit = unit_of_times(column)
+    if unit in NANOSECONDS:
+        return unit
+    words, inside = _read_name(column)
+    if inside is not None:
+        return _UNIT_OF.get(inside.lower())
+    return _UNIT_OF.get(words[-1]) if len(words) > 1 else None
+
+
 def _unit_of_joined(joined: str) -> str | None:
     if joined in _TIME_UNITS:
         return _TIME_UNITS[joined]
@@ -231,8 +252,8 @@ _FEW = 4
 def plausible_units(values: NDArray[Any]) -> list[str]:
     """Return the units in which times would have a plausible usual step, the likeliest first.
 
-    A step is plausible from 50 µs to 100 s. Times are since a start, or dates since 1970; units
-    that make them dates of this century exclude others.
+    A step is plausible from 50 µs to 100 s; fractions below 1 are fractions of seconds. Times are
+    since a start, or dates since 1970; units that make them dates of this century exclude others.
 
     Args:
         values: Two times or more, as numbers.
@@ -251,6 +272,8 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
     for unit in ("s", "ms", "us", "ns"):
         scale = NANOSECONDS[unit] / 1e9
         if not _FINEST <= step * scale <= _COARSEST or (parts and unit in ("us", "ns")):
+            continue
+        if parts and step < 1 and unit == "ms":
             continue
         if _FIRST_DATE <= most * scale <= _LAST_DATE:
             dates.append(unit)
@@ -287,7 +310,7 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     if not (steps > 0).all() or (steps == 1).all():
         return False
     name = _read_name(column)
-    if name.words == ("x", "value"):  # LabVIEW's
+    if name.words in _ABSCISSAS:
         return True
     unit = None if name.unit is None else _UNIT_OF.get(name.unit.lower())
     hinted = bool(_HINTS & {*name.words}) or unit is not None

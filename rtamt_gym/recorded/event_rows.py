@@ -23,7 +23,7 @@ from rtamt_gym.recorded.names import (
     recorded_variables,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.roles import Table
+from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
@@ -74,7 +74,7 @@ def read_events(
         return _read_long(recording, variables, columns, time or TimeColumn(TIME), table=table)
     if time is None and table:
         wanted = replace(wanted_times(Wanted(()), None, columns), cells=recording.names[:1])
-        Table(recording, columns, read, None).check_times(recording.read(wanted))
+        RowTable(recording, columns, read, None).check_times(recording.read(wanted))
     time = time or TimeColumn(TIME)
     check_names(recording, time.columns)
     check_near(recording.source, recording.names, variables, columns)
@@ -85,7 +85,7 @@ def read_events(
     rows = read_rows(recording, wanted_times(wanted, time, columns))
     if table:
         filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
-        Table(recording, columns, read, time).check_objects(rows, filled)
+        RowTable(recording, columns, read, time).check_objects(rows, filled)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
@@ -204,7 +204,7 @@ def _read_long(
     named = np.array(rows.texts[VARIABLE])
     if table:
         filled = {name: named == columns.column(name) for name in variables}
-        Table(recording, columns, (VARIABLE, VALUE), time).check_objects(rows, filled)
+        RowTable(recording, columns, (VARIABLE, VALUE), time).check_objects(rows, filled)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     known = list(dict.fromkeys(rows.texts[VARIABLE]))

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, Specification, unit_of_times
-from rtamt.columns import looks_like_times, names_objects, objects_in, plausible_units
+from rtamt.columns import hinted_unit, looks_like_times, names_objects, objects_in, plausible_units
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TimeColumn, rises
 
-__all__ = ["Table", "has_time_bounds"]
+__all__ = ["RowTable", "has_time_bounds"]
 
 
 def has_time_bounds(spec: Specification) -> bool:
@@ -35,7 +35,7 @@ def has_time_bounds(spec: Specification) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class RowTable:
     """A table of rows, and what is read from it.
 
     Attributes:
@@ -136,8 +136,8 @@ def _readings(
         return None if dates is None or not rises(dates) else [""]
     if not looks_like_times(name, values, first=first):
         return None
-    unit = unit_of_times(name)
-    if unit in UNITS:
+    unit = hinted_unit(name)
+    if unit is not None:
         return [f" --time-unit {unit}"]
     step = float(np.median(np.diff(values.astype(np.float64))))
     return [

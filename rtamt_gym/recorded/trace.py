@@ -19,7 +19,7 @@ from rtamt_gym.recorded.grid import HOLE, Grid, Resampled, resampled
 from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.roles import Table
+from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
@@ -329,7 +329,7 @@ def read_trace(
     gaps = () if columns.missing == "raise" else numbers
     wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
     rows = read_rows(recording, wanted_times(wanted, time, columns))
-    rules = Table(recording, columns, read, time)
+    rules = RowTable(recording, columns, read, time)
     if table:
         rules.check_objects(rows, {n: ~np.isnan(each) for n, each in rows.numbers.items()})
     if table and timed and time is None and period is None:

@@ -109,10 +109,11 @@ RISING = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.101, 0.099, 0.1, 0.1])
         ("recv_ms", 20 * np.arange(5), False, True),
         ("X_Value", RISING, True, True),  # LabVIEW
         ("x", RISING, True, False),
-        ("Abszisse", RISING, True, True),
-        ("Abszisse", RISING, False, False),
-        ("Abszisse", RISING + 1.7e9, False, True),
-        ("Abszisse", 20 * np.arange(5), True, True),
+        ("xAxis", RISING, False, True),  # ControlDesk
+        ("Abtastung", RISING, True, True),
+        ("Abtastung", RISING, False, False),
+        ("Abtastung", RISING + 1.7e9, False, True),
+        ("Abtastung", 20 * np.arange(5), True, True),
         ("odometer", RISING, True, False),
         ("Kilometerstand", RISING, True, False),
         ("ramp", RISING, True, False),

@@ -404,3 +404,10 @@ def test_all_commands_read_tables_alike(capsys: Output, command: str) -> None:
     assert main([*command_of, *options]) == 2
     assert "--where vehicle_id=0" in capsys.readouterr().err
     assert main([*command_of, *options, "--where", "vehicle_id=0"]) in (0, 3)
+
+
+def test_a_result_keeps_the_rows_that_were_selected(capsys: Output) -> None:
+    where = ["--where", "vehicle_id=1", "--json"]
+    assert main(["monitor", "always(speed > 5)", write("fcd.csv", FCD), *where]) == 1
+    columns = json.loads(capsys.readouterr().out)["reading"]["columns"]
+    assert columns == {"where": {"vehicle_id": "1"}}
