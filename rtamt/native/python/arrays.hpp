@@ -17,19 +17,7 @@ namespace nb = nanobind;
 // array of misaligned elements, which no processor need be able to read, is copied.
 class ArrayView {
 public:
-    ArrayView(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
-        if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
-        if (reinterpret_cast<std::uintptr_t>(view_.buf) % alignof(double) != 0 &&
-            view_.itemsize == sizeof(double)) {
-            PyBuffer_Release(&view_);
-            array_ = array_.attr("copy")();
-            if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
-        }
-        if (view_.ndim != 1 || static_cast<std::size_t>(view_.shape[0]) != n) {
-            PyBuffer_Release(&view_);
-            throw nb::value_error("expected 1-D columns of n values");
-        }
-    }
+    ArrayView(nb::object array, std::size_t n, int flags);
     ArrayView(ArrayView&& other) noexcept : array_(std::move(other.array_)), view_(other.view_) {
         other.view_.obj = nullptr;  // so that PyBuffer_Release does nothing
     }
@@ -88,32 +76,12 @@ class Arrays {
 public:
     // For so many variables and so many observed registers.
     Arrays(std::size_t variables, std::size_t observed, const nb::sequence& columns,
-           std::size_t n) {
-        const auto numpy = nb::module_::import_("numpy");
-        for (nb::handle column : columns) {
-            in_.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
-            sources_.push_back(in_.back().data<double>());
-        }
-        if (in_.size() != variables)
-            throw nb::value_error("expected a column for every variable");
-        for (std::size_t i = 0; i < observed; ++i) {
-            out_.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
-            targets_.push_back(out_.back().data<double>());
-        }
-    }
+           std::size_t n);
 
     const double* const* sources() const { return sources_.data(); }
     double* const* targets() const { return targets_.data(); }
-    std::vector<double> sample(std::size_t i) const {
-        std::vector<double> values;
-        for (const double* source : sources_) values.push_back(source[i]);
-        return values;
-    }
-    nb::list made() const {
-        nb::list arrays;
-        for (const ArrayView& view : out_) arrays.append(view.array());
-        return arrays;
-    }
+    std::vector<double> sample(std::size_t i) const;
+    nb::list made() const;
 
 private:
     std::vector<ArrayView> in_;
@@ -122,10 +90,6 @@ private:
     std::vector<double*> targets_;
 };
 
-inline nb::list list_of(const double* values, std::size_t n) {
-    nb::list list;
-    for (std::size_t i = 0; i < n; ++i) list.append(values[i]);
-    return list;
-}
+nb::list list_of(const double* values, std::size_t n);
 
 }  // namespace rtamt

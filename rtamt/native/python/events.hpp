@@ -37,93 +37,29 @@ public:
         return forms;
     }
 
-    bool read(PyObject* events, const Clock& clock, dense::Pending& out) const {
-        if (PyList_CheckExact(events)) return pairs(events, clock, out);
-        if (Py_TYPE(events) == events_) return columns(events, clock, out);
-        Py_ssize_t n = 0;
-        const double* rows = numpy_.rows(events, 2, n);
-        if (rows == nullptr) return PyTuple_CheckExact(events) && pairs(events, clock, out);
-        resize(out, n);
-        for (Py_ssize_t i = 0; i < n; ++i) out.values[i] = rows[2 * i + 1];
-        return clock.count(rows, 2, out.times.size(), out.times.data());
-    }
+    bool read(PyObject* events, const Clock& clock, dense::Pending& out) const;
 
     // Doubles that are times and values; false if they are others.
     bool doubles(nb::handle times, nb::handle values, const double*& t, const double*& v,
-                 std::size_t& n) const {
-        Py_ssize_t size = 0;
-        Py_ssize_t same = 0;
-        t = numpy_.column(times.ptr(), size);
-        v = numpy_.column(values.ptr(), same);
-        n = static_cast<std::size_t>(size);
-        return t != nullptr && v != nullptr && size == same;
-    }
+                 std::size_t& n) const;
 
 private:
-    static void resize(dense::Pending& out, Py_ssize_t n) {
-        out.times.resize(static_cast<std::size_t>(n));
-        out.values.resize(static_cast<std::size_t>(n));
-    }
-
     // A list or tuple of lists or tuples.
-    bool pairs(PyObject* events, const Clock& clock, dense::Pending& out) const {
-        const Py_ssize_t n = PySequence_Fast_GET_SIZE(events);
-        PyObject** items = PySequence_Fast_ITEMS(events);
-        resize(out, n);
-        for (Py_ssize_t i = 0; i < n; ++i) {
-            PyObject* item = items[i];
-            if ((!PyTuple_CheckExact(item) && !PyList_CheckExact(item)) ||
-                PySequence_Fast_GET_SIZE(item) != 2)
-                return false;
-            PyObject** pair = PySequence_Fast_ITEMS(item);
-            double time;
-            if (!numpy_.number(pair[0], time) || !numpy_.number(pair[1], out.values[i]))
-                return false;
-            // The double of a large integer may be another number.
-            if (!PyFloat_CheckExact(pair[0]) && !(std::abs(time) < 0x1p53)) return false;
-            if (!clock.count(time, out.times[i])) return false;
-        }
-        return true;
-    }
-
-    bool columns(PyObject* events, const Clock& clock, dense::Pending& out) const {
-        const auto given = nb::steal(PyObject_GetAttr(events, given_));
-        if (!given.is_valid()) nb::raise_python_error();
-        const double* times;
-        const double* values;
-        std::size_t n;
-        if (!doubles(given[0], given[1], times, values, n)) return false;
-        out.times.resize(n);
-        out.values.assign(values, values + n);
-        return clock.count(times, 1, n, out.times.data());
-    }
+    bool pairs(PyObject* events, const Clock& clock, dense::Pending& out) const;
+    bool columns(PyObject* events, const Clock& clock, dense::Pending& out) const;
 
     PyTypeObject* events_ = permanent_type("rtamt.inputs.events", "Events");
     PyObject* given_ = PyUnicode_InternFromString("given");
     const Numpy& numpy_ = Numpy::instance();
 };
 
-inline Clock clock_of(const std::tuple<double, Time, Time>& clock) {
-    const auto [scale, ticks, units] = clock;
-    if (!(ticks >= 0 && units > 0)) throw nb::value_error("expected a clock that counts");
-    return Clock(scale, ticks, units);
-}
+Clock clock_of(const std::tuple<double, Time, Time>& clock);
 
 // A time for the reader: a tick, or -inf or inf.
-inline nb::object tick_of(Time time) {
-    if (time == dense::kBefore) return nb::float_(-kInfinity);
-    if (time == dense::kAfter) return nb::float_(kInfinity);
-    return nb::int_(time);
-}
+nb::object tick_of(Time time);
 
-inline nb::object dated(Dating dating) {
-    if (dating == Dating::none) return nb::none();
-    return nb::bool_(dating == Dating::dates);
-}
-inline Dating dating_of(nb::handle dated) {
-    if (dated.is_none()) return Dating::none;
-    return nb::cast<bool>(dated) ? Dating::dates : Dating::numbers;
-}
+nb::object dated(Dating dating);
+Dating dating_of(nb::handle dated);
 
 // The time of a tick as a caller sees it.
 template <class M>
@@ -135,12 +71,7 @@ nb::object time_of(const EventObject<M>& object, Time tick) {
     return object.reader.attr("time")(tick_of(tick), dated(object.machine.dating()));
 }
 
-inline nb::list times_of(const dense::Sampler& sampler, Time (dense::Sampler::*time)(std::size_t) const) {
-    nb::list times;
-    for (std::size_t v = 0; v < sampler.variables(); ++v)
-        times.append(tick_of((sampler.*time)(v)));
-    return times;
-}
+nb::list times_of(const dense::Sampler& sampler, Time (dense::Sampler::*time)(std::size_t) const);
 
 template <class M>
 [[noreturn]] void refuse_nan(const EventObject<M>& object, Dating dating) {
@@ -186,10 +117,7 @@ inline bool any(const std::vector<dense::Pending>& pending) {
 // The events of a pair of arrays, with times in ticks.
 class EventViews {
 public:
-    explicit EventViews(nb::handle pair)
-        : size_(nb::len(nb::object(pair[0]))),
-          times_(pair[0], size_, PyBUF_ND),
-          values_(pair[1], size_, PyBUF_ND) {}
+    explicit EventViews(nb::handle pair);
 
     dense::Events events() const {
         return {times_.data<Time>(), values_.data<double>(), size_};
@@ -251,37 +179,9 @@ template <class M>
 class CountedEvents {
 public:
     // Counts times that are doubles; false if there are others, or what is no signal.
-    bool count(const nb::sequence& given, const Clock& clock) {
-        for (nb::handle pair : given) {
-            const double* times;
-            const double* values;
-            std::size_t n;
-            if (!Forms::instance().doubles(pair[0], pair[1], times, values, n)) return false;
-            counted_.push_back(std::make_unique_for_overwrite<Time[]>(n));
-            Time* ticks = counted_.back().get();
-            Time last = dense::kBefore;
-            for (std::size_t i = 0; i < n; i += kBlock) {
-                const std::size_t size = std::min(kBlock, n - i);
-                if (!clock.count(times + i, 1, size, ticks + i) ||
-                    !dense::Sampler::fit(last, {ticks + i, values + i, size}))
-                    return false;
-                last = ticks[i + size - 1];
-            }
-            events.push_back({ticks, values, n});
-        }
-        return true;
-    }
+    bool count(const nb::sequence& given, const Clock& clock);
     // Takes what the reader has counted.
-    void take(nb::handle columns) {
-        events.clear();
-        for (nb::handle column : columns) {
-            views_.emplace_back(column);
-            events.push_back(views_.back().events());
-        }
-        for (const dense::Events& each : events)
-            if (!dense::Sampler::fit(dense::kBefore, each))
-                throw std::runtime_error("the reader gave events that do not fit");
-    }
+    void take(nb::handle columns);
 
     std::size_t longest() const {
         std::size_t most = 0;
@@ -292,8 +192,6 @@ public:
     std::vector<dense::Events> events;
 
 private:
-    static constexpr std::size_t kBlock = 1024;
-
     std::vector<std::unique_ptr<Time[]>> counted_;
     std::vector<EventViews> views_;
 };

@@ -171,20 +171,7 @@ public:
     }
 
 private:
-    Numpy() {
-        const auto numpy = nb::module_::import_("numpy");
-        const auto size = nb::cast<std::size_t>(numpy.attr("ndarray").attr("__basicsize__"));
-        if (size < sizeof(Fields)) return;
-        const auto twice = nb::slice(nb::none(), nb::none(), nb::int_(-2));
-        const nb::object row = numpy.attr("arange")(6.0)[twice];
-        const nb::object thin = row.attr("astype")("float32");
-        const auto is_5_3_1 = [&](const nb::object& array) {
-            double values[3];
-            return row_of(array.ptr(), 3, values) && values[0] == 5.0 && values[1] == 3.0 &&
-                   values[2] == 1.0 && !row_of(array.ptr(), 2, values);
-        };
-        known_ = is_5_3_1(row) && is_5_3_1(thin);
-    }
+    Numpy();
 
     struct Fields {  // PyArrayObject_fields
         PyObject_HEAD
