@@ -24,6 +24,7 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.roles import RowTable
+from rtamt_gym.recorded.same_time import one_record
 from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
@@ -53,7 +54,8 @@ def read_events(
 
     Raises:
         InputError: If a column or a variable is missing, a value is not a number, or the times of
-            a variable do not increase.
+            a variable go back, or different values of a variable have one time and nobody has
+            chosen one.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -90,6 +92,7 @@ def read_events(
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     axis.check_order(rows.where)
+    notes = [*rows.notes]
     signals, empty = {}, []
     for name in there:
         column = columns.column(name)
@@ -101,10 +104,13 @@ def read_events(
             given |= rows.invalid.get(column, np.True_)
         if not given.any() and name not in columns.starts:
             raise InputError(f"{recording.source}: expected events of '{name}', got none")
-        signals[name] = (times, values) if given.all() else (times[given], values[given])
+        at, values = (times, values) if given.all() else (times[given], values[given])
+        kept, note = one_record(at, values, columns.same_time, f"{rows.source}, column '{column}'")
+        notes += filter(None, [note])
+        signals[name] = (at, values) if len(kept) == len(at) else (at[kept], values[kept])
     if empty:
-        said = f"empty cells are no events: the value before holds ({', '.join(empty)})"
-        rows = replace(rows, notes=[*rows.notes, said])
+        notes.append(f"empty cells are no events: the value before holds ({', '.join(empty)})")
+    rows = replace(rows, notes=notes)
     return _events(rows, signals, variables, columns, axis)
 
 
@@ -208,7 +214,7 @@ def _read_long(
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
-    signals = {}
+    signals, notes = {}, [*rows.notes]
     check_recorded(recording.source, known, variables, columns)
     check_near(recording.source, known, variables, columns)
     for name in recorded_variables(known, variables, columns):
@@ -220,7 +226,11 @@ def _read_long(
             )
         (given,) = np.nonzero(named == called)
         axis.check_order(rows.where, given, f" of '{called}'")
-        signals[name] = times[given], rows.numbers[VALUE][given]
+        at, values = times[given], rows.numbers[VALUE][given]
+        kept, note = one_record(at, values, columns.same_time, f"{rows.source}, '{called}'")
+        notes += filter(None, [note])
+        signals[name] = at[kept], values[kept]
+    rows = replace(rows, notes=notes)
     return _events(rows, signals, variables, columns, axis)
 
 

@@ -196,10 +196,12 @@ def check_names(recording: Recording, needed: Sequence[str]) -> None:
             raise _missing(recording, name, "--dense", hint)
         if names.count(name) > 1:
             others = [each for each in names if each.endswith(f".{name}")]
-            hint = f"; choose one with --signal, such as {name}={others[0]}" if others else ""
-            raise InputError(
-                f"{recording.source}: expected one column '{name}', got {names.count(name)}{hint}"
-            )
+            if others:
+                raise InputError(
+                    f"{recording.source}: expected one column '{name}', got {names.count(name)}; "
+                    f"choose one with --signal, such as {name}={others[0]}"
+                )
+            raise InputError(f"{recording.source}, line 1: expected one column '{name}', got two")
 
 
 def _check_header(recording: Recording, needed: Sequence[str]) -> None:

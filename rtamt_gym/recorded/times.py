@@ -19,7 +19,8 @@ from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, TimePart
-from rtamt_gym.tables import counted, number
+from rtamt_gym.recorded.same_time import same_as_before
+from rtamt_gym.tables import number
 
 __all__ = [
     "TIME",
@@ -334,7 +335,7 @@ class TimeAxis:
         rows: NDArray[np.intp] | None = None,
         what: str = "",
     ) -> None:
-        """Check that each time is after the one before.
+        """Check that no time is before the one ahead of it; times may repeat.
 
         Args:
             where: Returns the place of a row, for messages.
@@ -342,33 +343,25 @@ class TimeAxis:
             what: Whose times they are, such as `` of 'x'``.
 
         Raises:
-            InputError: If times repeat or go back.
+            InputError: If times go back.
         """
         rows = np.arange(len(self.since)) if rows is None else rows
+        since = self.since[rows]
         with np.errstate(over="ignore"):
-            steps = np.diff(self.since[rows])
-        if (steps > 0).all():
+            back = (np.diff(since) < 0) & ~same_as_before(since)
+        if not back.any():
             return
-        at = int((steps <= 0).argmax())
+        at = int(back.argmax())
         place = f"{where(int(rows[at + 1]))}: expected times{what} that increase"
         late, before = self.text(int(rows[at + 1])), self.text(int(rows[at]))
-        if newest_first(self.since[rows]):
+        if newest_first(since):
             raise InputError(
                 f"{place}, got the newest first, {before} before {late}. Sort the rows by "
                 f"'{self.column}', the oldest first."
             )
-        if (steps < 0).any():
-            at = int((steps < 0).argmax())
-            place = f"{where(int(rows[at + 1]))}: expected times{what} that increase"
-            late, before = self.text(int(rows[at + 1])), self.text(int(rows[at]))
-            raise InputError(
-                f"{place}, got {late} after {before}. Sort the rows by '{self.column}', or cut the "
-                "file where a recording starts again."
-            )
-        count = int((steps == 0).sum())
         raise InputError(
-            f"{place}, got time {late} twice ({counted(count, 'row')} of {len(rows)} with the time "
-            "of the row before). Keep one row of each time, or name another column with --time."
+            f"{place}, got {late} after {before}. Sort the rows by '{self.column}', or cut the "
+            "file where a recording starts again."
         )
 
     @property

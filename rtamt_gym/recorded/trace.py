@@ -20,6 +20,7 @@ from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.roles import RowTable
+from rtamt_gym.recorded.same_time import one_record, same_as_before
 from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
@@ -360,8 +361,36 @@ def read_trace(
         notes,
         defaults=defaults,
     )
+    if period is None:
+        trace = _one_row_a_time(trace, columns)
     trace = _measured(trace, columns, None if period is None else float(period))
     return _on_grid(_filled(trace, columns), columns, absent=defaults)
+
+
+def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
+    """The trace with one row for each time: equal values at one time are one value.
+
+    Raises:
+        InputError: If different values of a variable have one time and nobody has chosen one.
+    """
+    if trace.times is None:
+        return trace
+    same = same_as_before(trace.times.since)
+    if not same.any() or (np.diff(trace.times.since)[~same] < 0).any():
+        return trace  # the second is refused later
+    first = np.append(True, ~same)
+    group, seconds, notes = np.cumsum(first) - 1, trace.times.seconds, [*trace.notes]
+    merged = {}
+    for name, values in trace.columns.items():
+        (given,) = np.nonzero(~np.isnan(values))
+        what = f"{trace.source}, column '{columns.column(name)}'"
+        kept, note = one_record(
+            trace.times.since[given], values[given], columns.same_time, what, seconds[given]
+        )
+        notes += filter(None, [note])
+        merged[name] = np.full(int(first.sum()), np.nan)
+        merged[name][group[given[kept]]] = values[given[kept]]
+    return replace(_taken(trace, np.nonzero(first)[0]), columns=merged, notes=notes)
 
 
 def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:

@@ -58,7 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
                 "time, variable, value; give --dense to take rows as events at any time"
             ),
         ),
-        ("x,x\n1,2\n", "stdin: expected one column 'x', got 2"),
+        ("x,x\n1,2\n", "stdin, line 1: expected one column 'x', got two"),
         ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
         ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),
         (
@@ -79,11 +79,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ),
         ),
         (
-            "time,x\n1,1\n1,1\n",
+            "time,x\n1,1\n1,2\n",
             (
-                "stdin, line 3: expected times that increase, got time 1 twice (1 row of 2 with "
-                "the time of the row before). Keep one row of each time, or name another "
-                "column with --time."
+                "stdin, column 'x': expected one value at 1 s, got 1 and 2; choose with "
+                "--same-time first or --same-time last"
             ),
         ),
         (

@@ -28,17 +28,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (
             "time,x\n0,1\n0,2\n",
             (
-                "stdin, line 3: expected times that increase, got time 0 twice (1 row of 2 with "
-                "the time of the row before). Keep one row of each time, or name another column "
-                "with --time."
+                "stdin, column 'x': expected one value at 0 s, got 1 and 2; choose with "
+                "--same-time first or --same-time last"
             ),
         ),
         (
             "time,variable,value\n0,x,1\n\n0.5,y,1\n0.25,x,1\n0.25,x,2\n",
             (
-                "stdin, line 6: expected times of 'x' that increase, got time 0.25 twice (1 row of "
-                "3 with the time of the row before). Keep one row of each time, or name another "
-                "column with --time."
+                "stdin, 'x': expected one value at 0.25 s, got 1 and 2; choose with --same-time "
+                "first or --same-time last"
             ),
         ),
         (

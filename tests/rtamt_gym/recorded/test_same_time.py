@@ -159,3 +159,59 @@ def test_one_record_keeps_the_chosen_one(rows: Rows, choice: str | None) -> None
     place = -1 if choice == "last" else 0
     assert [str(v) for v in values[kept]] == [group[place] for group in groups.values()]
     assert bool(note) == any(len({*group}) > 1 for group in groups.values())
+
+
+def _csv(rows: Rows) -> str:
+    return "time,v\n" + "".join(f"{time},{value}\n" for time, value in rows)
+
+
+def _long(rows: Rows) -> str:
+    return "time,variable,value\n" + "".join(f"{time},v,{value}\n" for time, value in rows)
+
+
+def _lines(rows: Rows) -> str:
+    return "".join(f'{{"time": {time}, "v": {value}}}\n' for time, value in rows)
+
+
+TABLES = [
+    (".csv", _csv, []),
+    (".csv", _csv, ["--dense"]),
+    (".csv", _long, ["--dense"]),
+    (".jsonl", _lines, []),
+    (".jsonl", _lines, ["--dense"]),
+]
+
+
+@pytest.mark.parametrize(("suffix", "text", "dense"), TABLES)
+def test_tables_need_a_choice_where_values_differ(
+    suffix: str, text: Callable[[Rows], str], dense: list[str], tmp_path: Path, capsys: Output
+) -> None:
+    path = tmp_path / f"t{suffix}"
+    path.write_text(text(DOUBLE))
+    words = ["monitor", "always(v >= 0)", str(path), *dense]
+    assert main(words) == 2
+    assert "expected one value at 1 s, got -3 and 2; choose with --same-time first or" in (
+        capsys.readouterr().err
+    )
+    for choice, code in (("first", 1), ("last", 0)):
+        assert main([*words, "--same-time", choice]) == code
+        assert f"the {choice} of 2 different records at 1 s counts" in (
+            " ".join(capsys.readouterr().out.split())
+        )
+    path.write_text(text([(0, 1), (1, 2), (1, 2), (2, 1)]))
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "different records" not in out
+    assert dense or "3 samples, one every 1 s" in out
+    path.write_text(text([(0, 1), (2, 1), (1, -1), (3, 1)]))
+    assert main([*words, "--same-time", "last"]) == 2
+    assert "expected times" in capsys.readouterr().err
+
+
+def test_cells_of_one_time_in_several_rows_are_one_sample(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("time,a,b\n0,1,\n0,,1\n1,2,\n1,,-2\n2,3,\n2,,3\n")
+    words = ["monitor", "always(a > 0 and b > 0)", str(path)]
+    assert main([*words, "--missing", "hold"]) == 1
+    assert "3 samples, one every 1 s" in capsys.readouterr().out
+    assert main([*words, "--dense"]) == 1
