@@ -33,7 +33,8 @@ def positive(program: Program) -> Program:
         outputs={},
         sources=tuple(program.sources[r] for r in writer.origins),
     )
-    return raw.reordered(terms_first, raw.terms).pruned()
+    whole = raw.reordered(terms_first, raw.terms)
+    return whole.restricted(whole.result, whole.outputs, terms=True)
 
 
 class _Writer:
