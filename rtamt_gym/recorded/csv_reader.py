@@ -9,7 +9,6 @@ error names its line. Cells stay text until a cell that is read decides the deci
 from __future__ import annotations
 
 import codecs
-import csv
 import gzip
 import io
 import itertools
@@ -20,6 +19,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
+from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO, TextIO, cast
 
@@ -405,9 +405,10 @@ class CsvRecording:
 
     def _cells_of(self, block: Sequence[tuple[int, list[str]]]) -> Mapping[str, Sequence[str]]:
         """Return the cells of some rows by column."""
-        columns = list(zip(*(row for _, row in block), strict=False))
+        rows = [*map(itemgetter(1), block)]
+        columns = list(zip(*rows, strict=False))
         beyond = columns[len(self.names) :]
-        if {len(row) for _, row in block} != {self._width} or "".join(map("".join, beyond)).strip():
+        if {*map(len, rows)} != {self._width} or "".join(map("".join, beyond)).strip():
             raise next(self._width_errors(block))
         return dict(zip(self.names, columns, strict=False))
 
@@ -427,14 +428,7 @@ class CsvRecording:
     ) -> Iterator[tuple[int, list[str]]]:
         """Yield the line of the names and the rows below it, with their line numbers."""
         lines = itertools.chain([names_line(top[at])], top[at + 1 :], below)
-        last = before = skipped + at
-        try:
-            for line, row in rows_of(lines, self.separator):
-                last = before + line
-                yield last, row
-        except csv.Error as error:
-            said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
-            raise InputError(f"{self.source}, line {last + 1}: {said}") from None
+        return rows_of(lines, self.separator, skipped + at, self.source)
 
 
 def _skip_note(before: int, lines: int) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
+from rtamt import InputError
 from rtamt_gym.recorded.cells import TRUTH, is_number
 from rtamt_gym.recorded.dates import read_dates
 
@@ -89,18 +90,32 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
     return table.layout
 
 
-def rows_of(lines: Iterable[str], separator: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not empty, with the number of their last line, from 1.
+def rows_of(
+    lines: Iterable[str], separator: str, before: int = 0, source: str = "text"
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows that are not empty, with the number of their last line.
+
+    Args:
+        lines: The lines.
+        separator: The separator of the cells.
+        before: The number of lines above them.
+        source: The name of the file, for messages.
 
     Raises:
-        csv.Error: If a line cannot be divided into cells.
+        InputError: If a line cannot be divided into cells.
     """
     if separator == " ":
         lines = (line.strip() for line in lines)
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    for row in reader:
-        if row:
-            yield reader.line_num, row
+    last = before
+    try:
+        for row in reader:
+            if row:
+                last = before + reader.line_num
+                yield last, row
+    except csv.Error as error:
+        said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
+        raise InputError(f"{source}, line {last + 1}: {said}") from None
 
 
 def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) -> bool:
@@ -133,7 +148,7 @@ class _Table:
         if separator is None:
             separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))
         rows = []
-        with suppress(csv.Error):  # the reader reports it
+        with suppress(InputError):  # the reader reports it
             for _, row in rows_of([head, *lines[at + 1 :]], separator):
                 rows.append(row)
         names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]

@@ -218,7 +218,7 @@ def test_words_for_nothing_are_empty_cells(
     text = f"time,x\n0,1.5\n1,{word}\n2,3\n"
     assert reading(tmp_path, monkeypatch, text) == (
         f", line 3, column 'x': expected a number, got {word.lstrip()!r}; give --missing hold or "
-        "--missing drop"
+        "--missing unknown"
     )
     assert reading(tmp_path, monkeypatch, text, Columns(missing="hold")) == (
         [1.5, 1.5, 3],
