@@ -22,7 +22,7 @@ from rtamt.errors import (
     brief,
     is_one_of,
 )
-from rtamt.language.interval import UNITS, Interval, decimal_text, exact
+from rtamt.language.interval import UNITS, Interval, decimal_text, exact, is_decimal
 from rtamt.language.table import Bounds
 
 __all__ = [
@@ -269,12 +269,19 @@ def _misfit(
         f"bound {text} is not a multiple of the period "
         f"{seconds_text(step * UNITS[unit])} s ({float(steps):g} steps)",
         Message(
-            f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
+            f"use {_writable(low, unit)} or {_writable(high, unit)}, "
             # Not another period=: where the data has a different one, bounds are silently wrong.
             f"take samples {seconds_text(finer * UNITS[unit])} s apart",
             _ROUND,
         ),
     )
+
+
+def _writable(time: Fraction, unit: str) -> str:
+    """Return a time with its unit; in seconds if no decimal number of minutes or hours is exact."""
+    if not is_decimal(time) and is_decimal(time * UNITS[unit]):
+        time, unit = time * UNITS[unit], "s"
+    return f"{seconds_text(time)} {unit}"
 
 
 def _nearest_below(steps: Fraction) -> int:

@@ -305,3 +305,36 @@ def test_missing_file_error(tmp_path: Path) -> None:
     assert str(pickle.loads(pickle.dumps(at.value))) == str(at.value)
     with pytest.raises(FileNotFoundError):
         rtamt.load("nowhere/at/all.stl")
+
+
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("always[0:5min](x > 0)", "always[0:5min](x > 0)"),
+        ("always[0.5:2 h](x > 0)", "always[0.5:2h](x > 0)"),
+        ("always[1h:2h](min(x, y) > 0)", "always[1:2h](min(x, y) > 0)"),
+        # Ten seconds are no decimal number of minutes, so both bounds get the unit of the begin.
+        ("always[10s:1min](x > 0)", "always[10:60s](x > 0)"),
+        ("always[1min:2h](x > 0)", "always[1:120min](x > 0)"),
+        ("always[1min:90s](x > 0)", "always[60:90s](x > 0)"),
+        # Without a number directly before it, the name is a constant.
+        ("const float h = 3; always[0:h](x > 0)", "always[0:3](x > 0)"),
+        ("const float h = 3; always[0:h h](x > 0)", "always[0:3h](x > 0)"),
+        ("const float min = 3; always[min:5min](x > 0)", "always[3:5min](x > 0)"),
+        ("always[0:1h](h > min)", "always[0:1h](h > min)"),
+    ],
+)
+def test_minutes_and_hours(text: str, printed: str) -> None:
+    formula = rtamt.parse(text).formula
+    assert str(formula) == printed
+    assert rtamt.parse(printed).formula is formula
+
+
+def test_bounds_in_minutes_are_exact() -> None:
+    trace = {"x": [1.0] * 7 + [-1.0]}
+    whole, beyond = (
+        rtamt.evaluate(f"always[0:{end}](x > 0)", trace, period=10)[0] for end in ("1min", "1.5min")
+    )
+    assert (whole, beyond) == (1.0, -1.0)
+    with pytest.raises(rtamt.ParseError, match="use 10 s or 20 s, take samples 5 s apart"):
+        rtamt.evaluate("always[0:0.25min](x > 0)", trace, period=10)

@@ -70,9 +70,9 @@ EXPECTED = {
         ],
     ),
     "implication": (
-        "always(a > 1 -> eventually[0:2](b))",
+        "always((a > 1) -> eventually[0:2](b))",
         [
-            "a > 1 -> not (a > 1)",
+            "(a > 1) -> not (a > 1)",
             "-> -> <->",
             "eventually[0:2](b) -> not (eventually[0:2](b))",
         ],
