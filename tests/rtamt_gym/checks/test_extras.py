@@ -42,6 +42,7 @@ OF_TRACES = {"Mined", "Reading", "Record", "RequirementResult", "mine"}
 OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("without", "lacks"),
     [
@@ -197,6 +198,7 @@ def test_the_released_library_over_this_one_is_told(monkeypatch: pytest.MonkeyPa
     )
 
 
+@pytest.mark.slow
 def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:
     code = (
         "import gymnasium as gym, rtamt_envs\n"
@@ -209,6 +211,7 @@ def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:
     )
 
 
+@pytest.mark.slow
 def test_environments_are_monitored_without_mujoco() -> None:
     code = (
         "import gymnasium as gym\nfrom rtamt_gym import *\n"

@@ -54,6 +54,7 @@ def test_an_argument_of_python_alone_is_no_option(name: str) -> None:
     assert not any(name in options_of(command) for command in COMMANDS)
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_advice_names_options_that_the_command_has(command: str, capsys: Output) -> None:
     assert main([command, "--help"]) == 0
@@ -78,6 +79,7 @@ def test_advice_names_options_that_the_command_has(command: str, capsys: Output)
         assert re.search(rf"(?<![\w-]){option}(?![\w-])", helped)
 
 
+@pytest.mark.slow
 @given(st.text(), st.sampled_from(NAMES))
 def test_text_that_looks_like_an_argument_stays_as_it_was_given(text: str, name: str) -> None:
     error = InputError(f"got {name}={text}")

@@ -279,6 +279,7 @@ def test_bad_input_is_refused_in_one_message_and_exit_code_2(
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_monitor_needs_no_extra() -> None:
     ran = run_without(
@@ -287,6 +288,7 @@ def test_monitor_needs_no_extra() -> None:
     assert (ran.returncode, ran.stderr) == (1, "")
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("module", "extra", "arguments"),

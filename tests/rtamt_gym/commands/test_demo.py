@@ -42,6 +42,7 @@ def test_a_deadline_is_missed_when_it_passes_and_not_before(pendulum: list[Run])
     assert (away.steps - left) * away.period == 5
 
 
+@pytest.mark.slow
 def test_the_highway_violates_what_its_driver_neglects(highway: list[Run]) -> None:
     assert verdicts(highway) == {
         "careful": {"distance": "SATISFIED", "closes": "SATISFIED"},

@@ -246,6 +246,7 @@ def test_a_long_space_is_cut_and_counted(n: int, capsys: Output) -> None:
     assert [row[0] for row in rows if "obs" in row[0]] == [f"obs[{i}]" for i in range(n)]
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize(
     "arguments",
     [

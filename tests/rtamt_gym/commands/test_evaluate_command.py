@@ -54,6 +54,7 @@ def test_an_evaluation_is_told_and_saved(capsys: Output) -> None:
     assert Evaluation.load("random.json") == expected
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize(
     ("policy", "rules", "code", "decision"),
     [
@@ -81,6 +82,7 @@ def test_one_requirement_that_falls_short_decides_over_those_that_are_open(capsy
     assert out[-2:] == ["never: falls short of 0.8", "may: undecided after 5"]
 
 
+@pytest.mark.slow
 def test_a_scenario_is_evaluated_under_its_own_requirements_and_policy(capsys: Output) -> None:
     out = told(
         capsys, 0, "evaluate", "rtamt/ChasingCars-v0", "--policy", "zero", "--spec", "CC1",

@@ -110,6 +110,7 @@ def test_an_error_of_an_environment_is_code_2_below_its_traceback(capsys: Output
     assert len(last) < 300
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("text", "trace", "code"),
     [

@@ -84,6 +84,7 @@ def test_a_column_is_called_as_it_is_shown(
     assert harmless(capsys.readouterr().out)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("good", [True, False])
 def test_a_file_may_have_any_name(
     *, good: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
@@ -115,6 +116,7 @@ def test_a_file_may_have_any_name(
         capsys.readouterr()
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("stem", [EVIL, "::error::x"], ids=["controls", "command"])
 @pytest.mark.parametrize(
     ("before", "behind"),
@@ -200,6 +202,7 @@ def test_a_page_of_a_file_of_a_stranger_has_no_control_characters(
     assert "\\u001b" not in data[: data.index("</script>")]
 
 
+@pytest.mark.slow
 def test_outputs_are_written_though_nobody_reads_what_is_printed(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("x\n" + "1\n" * 9, encoding="utf-8")
     specs = [f"long_name_{i} = always(x < {i})" for i in range(300)]

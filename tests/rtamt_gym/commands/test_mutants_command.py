@@ -78,6 +78,7 @@ def differ(one: str, other: str, trace: dict[str, list[float]], end: str = "cut"
     return {verdict(one, trace, end), verdict(other, trace, end)} == {"SATISFIED", "VIOLATED"}
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("spec", SPECS)
 def test_noticed_is_what_a_loop_of_judge_notices(tmp_path: Path, capsys: Output, spec: str) -> None:
     paths = traces_in(tmp_path, 6, seed=len(spec))
@@ -92,6 +93,7 @@ def test_noticed_is_what_a_loop_of_judge_notices(tmp_path: Path, capsys: Output,
     assert found["share"] == found["noticed"] / (found["made"] - found["same"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["cut", "complete"])
 @pytest.mark.parametrize("spec", SPECS)
 def test_what_is_the_same_is_told_apart_by_no_trace_of_a_grid(
@@ -122,6 +124,7 @@ def test_what_is_the_same_is_told_apart_by_no_trace_of_a_grid(
         assert "and x < 2" in [m["before"] for m in found["list"] if m["says"] == "same"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", SPECS)
 def test_traces_that_are_written_notice_what_was_missed(
     tmp_path: Path, capsys: Output, spec: str
@@ -194,6 +197,7 @@ def test_a_trace_that_cannot_be_judged_fails_as_ever(trace: str, capsys: Output)
     assert "no column 'gnt'" in told.err
 
 
+@pytest.mark.slow
 def test_lines_have_80_columns_and_say_the_change_and_its_place(trace: str, capsys: Output) -> None:
     long = ANSWERED.replace("gnt >= 3", "gnt >= 3 and abs(gnt + req - 12) < 100 and req < 1000")
     main(["monitor", "--mutants", "--mutation", "part", long, trace])
@@ -344,6 +348,7 @@ def test_the_page_says_what_is_noticed_and_what_is_missed(
     ]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("least", "head"),
     [
@@ -412,6 +417,7 @@ def _but_the_trace_that_tells_apart(found: Any) -> Any:  # noqa: ANN401 - JSON
     return found
 
 
+@pytest.mark.slow
 def test_processes_notice_what_one_process_notices(tmp_path: Path, capsys: Output) -> None:
     paths = traces_in(tmp_path, 5, seed=7)
     timed = [*paths]

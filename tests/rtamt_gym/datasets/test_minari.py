@@ -62,6 +62,7 @@ def dataset_of(raw: list[Raw], name: str = "cart/random-v0", **options: Any) -> 
         )
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("samples", [1, 60, 1 << 18])
 @pytest.mark.parametrize("data_format", ["hdf5", "arrow"])
 def test_a_new_dataset_has_what_the_monitors_said_online(

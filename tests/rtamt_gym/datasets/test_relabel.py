@@ -97,6 +97,7 @@ def sampling(env: gym.Env[Any, Any]) -> Callable[[Any], Any]:
     return lambda _: env.action_space.sample()
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.env_id[-12:])
 @pytest.mark.parametrize("mode", ["add", "potential"])
 def test_environments_are_relabelled_as_they_were_shaped(case: Any, mode: Mode) -> None:  # noqa: ANN401

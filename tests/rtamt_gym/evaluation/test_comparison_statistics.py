@@ -82,6 +82,7 @@ def test_mcnemar_sums_all_splits_that_are_no_likelier(only_a: int, only_b: int) 
     assert mcnemar(only_a, only_b) == pytest.approx(float(Fraction(tail, 2**total)))
 
 
+@pytest.mark.slow
 def test_where_mcnemar_shows_a_difference_the_interval_leaves_out_zero() -> None:
     for only_a, only_b, others in itertools.product(range(25), range(25), (0, 1, 10, 500)):
         if mcnemar(only_a, only_b) < 0.05:

@@ -123,6 +123,7 @@ def test_a_stop_at_all_verdicts_leaves_every_rate_as_it_is() -> None:
     assert any(early.requirements[name].undecided for name in whole.requirements)
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -> None:
     expected = evaluation()
     for options in (
@@ -200,6 +201,7 @@ def test_an_episode_that_an_error_ends_counts_as_not_satisfied() -> None:
             assert all(seed != 7 for seed, _ in result.worst)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("options", [{"until_width": 0.5}, {"target": 0.9, "margin": 0.3}])
 def test_sequential_stopping_gives_the_shortest_prefix_that_has_the_answer(options: Any) -> None:  # noqa: ANN401
     whole = evaluation(episodes=60)

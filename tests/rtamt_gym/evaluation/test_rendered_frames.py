@@ -282,6 +282,7 @@ def test_the_command_line_keeps_pictures_where_it_asks_for_them(
     assert Evaluation.load("kept.json").frames == {}
 
 
+@pytest.mark.slow
 def test_a_hundred_episodes_with_pictures_stay_below_six_megabytes() -> None:
     class Noisy(Shown):
         def render(self) -> Any:  # noqa: ANN401

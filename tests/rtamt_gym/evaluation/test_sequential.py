@@ -132,6 +132,7 @@ def exact_ends(count: int, total: int) -> tuple[float, float]:
     return low, beta.ppf(0.975, count + 1, total - count) if count < total else 1.0
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("kind", "ends", "average", "least"),
     [("exact", exact_ends, 0.968, 0.942), ("wilson", wilson_ends, 0.954, 0.928)],

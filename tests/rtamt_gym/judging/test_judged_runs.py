@@ -251,6 +251,7 @@ def test_an_episode_after_an_error_is_as_without_it() -> None:
     assert trials[2] == runner.simulate({}, 2).trial(trials[2].case)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("several", [False, True])
 def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # noqa: FBT001
     specs = {"near": "always(abs(x) < 9)"} | ({"still": "always(v > -99)"} if several else {})

@@ -284,6 +284,7 @@ def told_apart(text: str) -> bool:
     return False
 
 
+@pytest.mark.slow(keep=8)
 @pytest.mark.parametrize("text", ENOUGH)
 def test_verdicts_to_come_depend_on_what_is_shown(text: str) -> None:
     assert not told_apart(text)

@@ -27,6 +27,7 @@ def share_that_stops(rate: float, alpha: float) -> float:
     return stopped / TRAININGS
 
 
+@pytest.mark.slow
 def test_all_tests_of_a_training_together_err_at_most_as_often_as_alpha_says() -> None:
     assert share_that_stops(0.7, 0.2) <= 0.2
     # With each of them at the level alpha most trainings would stop.

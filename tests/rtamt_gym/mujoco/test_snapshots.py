@@ -39,6 +39,7 @@ def played(monitor: StepMonitor, controls: np.ndarray[Any, Any]) -> list[Any]:
     return shown
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
 @pytest.mark.parametrize("view", ["episode", "step"])
 @pytest.mark.parametrize("forward", [False, True])

@@ -283,6 +283,7 @@ def test_a_bag_that_may_not_be_read_is_an_error_of_the_system(
     assert capsys.readouterr().err == "rtamt: error: cannot open run.mcap: Permission denied\n"
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag"])
 def test_a_bag_with_a_wrong_byte_is_read_or_refused_but_nothing_else(
     extension: str, tmp_path: Path

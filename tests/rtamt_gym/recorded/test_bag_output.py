@@ -73,6 +73,7 @@ def messages(path: Path) -> dict[str, list[tuple[int, Any]]]:
     return found
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
 def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
     extension: str, spec: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -133,6 +134,7 @@ def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
     )
 
 
+@pytest.mark.slow
 def test_a_copy_is_written_though_nobody_reads_what_is_printed(spec: Path, tmp_path: Path) -> None:
     bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
     command = ["monitor", str(spec), str(bag), "--period", "100ms", "--write-mcap", str(copy)]

@@ -182,6 +182,7 @@ def test_bad_input_is_refused_in_one_message_and_exit_code_2(
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     "arguments",

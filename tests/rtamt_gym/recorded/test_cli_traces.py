@@ -193,6 +193,7 @@ def test_out_writes_the_robustness_of_every_formula_at_every_sample(
     assert rows(folder / "r.csv") == [["sample", "robustness"], ["0", "-inf"], ["1", "-inf"]]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("options", [["even.csv"], ["--dense", "wide.csv"]])
 def test_plot_draws_signals_and_robustness(
     options: list[str], capsys: Output, folder: Path
@@ -354,6 +355,7 @@ def calls(arguments: list[str]) -> int:
     return count
 
 
+@pytest.mark.slow
 def test_each_further_line_of_a_file_costs_the_same_few_calls(
     capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -390,6 +392,7 @@ def on_a_terminal(prelude: str, arguments: str = "calm.stl even.csv") -> str:
     return shown.decode()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
     shown = on_a_terminal("import tqdm")
@@ -398,6 +401,7 @@ def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
     assert on_a_terminal("sys.modules['tqdm'] = None") == "end"
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_a_bar_counts_traces_and_none_stands_inside_it(workers: str, folder: Path) -> None:
     (folder / "more.csv").write_text((folder / "even.csv").read_text())

@@ -94,6 +94,7 @@ def read(path: Path) -> dict[str, list[float]]:
         return {name: values.tolist() for name, values in rows.numbers.items()}
 
 
+@pytest.mark.slow
 def test_one_process_reads_many_files_and_another_one_after_a_crash(
     strange: Callable[[str], Path],
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_reader_that_hangs_is_ended(
         read(strange("hang"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("strange")
 def test_the_process_looks_for_modules_where_this_one_does_and_nowhere_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -156,6 +158,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     return {p.suffix: p.read_bytes() for p in folder.glob("w.*")}
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet", ".feather", ".mf4"])
 def test_a_damaged_file_is_read_or_refused_with_its_name(suffix: str, tmp_path: Path) -> None:
     raw = whole_files(tmp_path)[suffix]
@@ -186,6 +189,7 @@ def crashing_mat(path: Path) -> None:
     path.write_bytes(bytes(raw))
 
 
+@pytest.mark.slow
 def test_a_damaged_file_of_matlab_costs_its_own_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
@@ -252,6 +256,7 @@ def test_a_line_without_an_end_is_refused(
     assert "no column 'x'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_error_over_many_columns_lists_the_nearest(tmp_path: Path, capsys: Output) -> None:
     path = tmp_path / "wide.csv"
     names = [f"c{i:06d}" for i in range(300_000)] + ["Speed"]
@@ -265,6 +270,7 @@ def test_an_error_over_many_columns_lists_the_nearest(tmp_path: Path, capsys: Ou
     assert len(capsys.readouterr().err) < 500
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_the_one_that_has_started_it(tmp_path: Path) -> None:
     savemat(tmp_path / "t.mat", {"x": np.arange(3.0)})
     code = (

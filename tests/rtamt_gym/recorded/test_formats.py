@@ -437,6 +437,7 @@ def test_the_library_reads_what_needs_no_help(
         assert read(path, ["speed"]).columns["speed"].tolist() == TABLE["speed"].tolist()
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".csv", ".parquet", ".feather", ".ndjson"])
 def test_long_files_are_read_without_the_import_of_pandas(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"long{extension}"

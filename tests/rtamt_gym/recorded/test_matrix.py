@@ -103,6 +103,7 @@ def test_one_trace_behind_the_dashes_has_the_report_of_one_trace(capsys: Output)
     assert capsys.readouterr().out == expected
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("workers", ["1", "2", "9"])
 def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     workers: str, folder: Path, capsys: Output
@@ -205,6 +206,7 @@ def oracle(formulas: dict[str, str], trace: Any, end: Any) -> dict[str, rtamt.Ju
     return {name: rtamt.judge(text, trace, 0.5, end) for name, text in formulas.items()}
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("end", ["cut", "complete", "open"])
 def test_cells_worst_and_exit_code_are_those_of_the_judgements(
     end: str, folder: Path, capsys: Output
@@ -329,6 +331,7 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
     )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("end", ["cut", "complete", "open"])
 def test_cells_of_events_are_those_of_dense_judgements(
     end: Any,  # noqa: ANN401 - a reading of the end

@@ -473,6 +473,7 @@ def test_one_trace_that_cannot_be_read_is_in_the_files_too(folder: Path, capsys:
     assert (folder / "out.xml").read_text().count("<error ") == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
 def test_what_is_written_does_not_depend_on_the_number_of_processes(
     dense: list[str], folder: Path

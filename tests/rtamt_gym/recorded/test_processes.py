@@ -36,6 +36,7 @@ def dying(path: str) -> tuple[Trial, judging.Seen]:
     return work(path)
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:

@@ -92,6 +92,7 @@ def test_the_data_of_every_chart_is_in_the_page(page: Elements) -> None:
     )
 
 
+@pytest.mark.slow
 def test_no_name_ends_the_script_that_it_stands_in() -> None:
     section = EXAMPLE.sections[0]
     name = "</script><script>alert(1)</script><!--"
@@ -101,6 +102,7 @@ def test_no_name_ends_the_script_that_it_stands_in() -> None:
     assert name in {attributes.get("data-requirement") for attributes in plain.of("article")}
 
 
+@pytest.mark.slow
 def test_a_hundred_long_episodes_stay_below_six_megabytes() -> None:
     section = EXAMPLE.sections[0]
     upright = section.requirements[0]

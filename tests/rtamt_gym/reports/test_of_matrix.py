@@ -136,6 +136,7 @@ def test_without_times_bounds_count_steps(
     assert section.requirements[0].worst[0].decided_at == Moment(1, None)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("samples", "drawn"), [(20_000, True), (20_001, False)])
 def test_of_a_very_long_trace_the_signals_are_drawn_and_no_bounds(
     samples: int,

@@ -61,6 +61,7 @@ def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_of_many_simulations_the_worst_stay() -> None:
     rng = np.random.default_rng(1)
     heights = rng.normal(size=5000)

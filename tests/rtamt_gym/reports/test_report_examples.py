@@ -66,6 +66,7 @@ def test_the_page_shows_each_example_as_it_is(
     assert text.count("<svg viewBox") == 12
 
 
+@pytest.mark.slow
 def test_the_file_of_the_command_gives_the_same_page(
     swept: Sweep,
     found: dict[str, RequirementExamples],
@@ -121,6 +122,7 @@ def test_texts_of_examples_are_escaped_and_infinities_said() -> None:
     assert "2 more examples not shown" in page
 
 
+@pytest.mark.slow
 def test_many_requirements_have_their_examples_closed() -> None:
     few = render(EXAMPLE)
     (section, *_) = EXAMPLE.sections

@@ -211,6 +211,7 @@ def test_infinities_are_ends_of_an_interval_of_a_median() -> None:
     assert median_interval([]) == (-INF, INF)
 
 
+@pytest.mark.slow
 def test_the_bootstrap_covers_a_mean_nearly_as_often_as_it_says() -> None:
     generator = np.random.default_rng(1)
     samples = generator.normal(size=(300, 30))

@@ -323,6 +323,7 @@ OUTPUTS: dict[str, Callable[..., object]] = {
 CURVES = ("last info", "last infos", "overlay", "data frame")
 
 
+@pytest.mark.slow(keep=30)
 @pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("name", OUTPUTS)

@@ -32,6 +32,7 @@ GRANTS = "rtamt/RequestGrant-v0"
 NOISE = Parameter("noise", 0.1, 1)
 
 
+@pytest.mark.slow
 def test_the_record_is_the_same_on_any_number_of_processes_in_lanes_or_not() -> None:
     options: dict[str, Any] = {"space": [NOISE], "samples": 23, "sampler": "lhs", "seed": 5}
     spec = "always(gnt < 3)"
@@ -73,6 +74,7 @@ def pendulum() -> Runner:
     return Runner(arm(), "always(q < 1)", signals={"q": "qpos[0]"}, duration=0.1)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("made", "tasks"),
     [(registered, [({}, 4), ({}, 5)]), (pendulum, [({}, None)])],
@@ -141,6 +143,7 @@ def threads(variable: float) -> Iterator[dict[str, float]]:
     yield {"level": float(os.environ[name])}
 
 
+@pytest.mark.slow
 def test_libraries_of_a_process_start_no_more_threads_than_there_are_cores_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -159,6 +162,7 @@ def test_libraries_of_a_process_start_no_more_threads_than_there_are_cores_for(
         run_chunk(setup, tasks)
 
 
+@pytest.mark.slow
 def test_a_process_that_has_waited_too_long_for_tasks_is_followed_by_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -229,6 +233,7 @@ def test_a_folder_holds_one_campaign_that_one_process_runs(tmp_path: Path) -> No
     )
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_in_its_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,8 @@ from campaign_systems import Alive, noted, program, tank_runner, tank_tasks, tro
 from rtamt_gym import Record
 from rtamt_gym.search.campaigns.campaign import run_campaign
 
+pytestmark = pytest.mark.slow
+
 FINE, EXITS, KILLED, HANGS, RAISES, ONCE = 0, 1, 2, 4, 5, 6
 
 

@@ -15,6 +15,8 @@ from rtamt_gym import Record
 from rtamt_gym.search.campaigns import folder as campaign_folder
 from rtamt_gym.search.campaigns.campaign import run_campaign
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import os, random, signal, sys
 from pathlib import Path

@@ -227,6 +227,7 @@ print(code)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["-j", "1"]])
 def test_ctrl_c_prints_and_saves_what_was_found_so_far(more: list[str], folder: Path) -> None:
     (folder / "slow_plant.py").write_text(

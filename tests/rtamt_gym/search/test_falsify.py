@@ -39,6 +39,7 @@ def test_every_optimizer_finds_a_violation_that_fills_an_eighth_of_the_space(
     assert max(levels) >= 2
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("requirement", ["AT1", "AT6a", "AT54"])
 def test_what_is_found_violates_in_a_simulation_and_on_the_recorded_trace(requirement: str) -> None:
     found = falsify(TRANSMISSION, requirement, budget=300, seed=5)

@@ -80,6 +80,7 @@ def sober(found: Falsification | None) -> Any:  # noqa: ANN401
     return (*texts, *values, found.reductions, found.simulations)
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("formula", FORMULAS.values(), ids=list(FORMULAS))
 @pytest.mark.parametrize("optimizer", ["portfolio", "cma", "dual_annealing"])
 def test_a_search_interrupted_anywhere_goes_on_as_if_it_had_not_been(
@@ -106,6 +107,7 @@ def test_a_search_interrupted_anywhere_goes_on_as_if_it_had_not_been(
         assert reduced == ran - whole.simulations
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(1, 30), max_size=5))
 def test_a_search_interrupted_again_and_again_is_the_whole(points: list[int]) -> None:
     from tempfile import TemporaryDirectory
@@ -131,6 +133,7 @@ def test_a_greater_budget_goes_on_and_a_smaller_one_takes_nothing_away(tmp_path:
     assert sober(search(formula, budget=40, folder=tmp_path)[0]) == sober(more)
 
 
+@pytest.mark.slow
 def test_processes_lanes_and_whole_runs_go_on_alike(tmp_path: Path) -> None:
     runs: list[tuple[str, dict[str, Any]]]
     runs = [("AT6a", {"n_jobs": 2}), ("AT54", {}), ("AT2", {"batch": 1})]
@@ -194,6 +197,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("killed", [True, False])
 def test_a_killed_command_goes_on(
     killed: bool,  # noqa: FBT001 - drawn

@@ -29,6 +29,7 @@ def sober(found: Falsification) -> Any:  # noqa: ANN401
     return (str(found), found.found, found.row, found.record, dict(found.scales), found.simulations)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("system", "requirement", "options"),
     [
@@ -61,6 +62,7 @@ def endless(inflow: float) -> Iterator[Mapping[str, float]]:
         rest(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "options", "error"),
     [
@@ -84,6 +86,7 @@ def test_a_simulation_that_ends_its_process_or_hangs_has_that_in_its_row(
     assert not campaign_process._all
 
 
+@pytest.mark.slow
 def test_an_optimizer_that_raises_leaves_no_process() -> None:
     def broken(evaluate: Any, dimension: int, rng: Any) -> None:  # noqa: ANN401
         evaluate(rng.random((4, dimension)))

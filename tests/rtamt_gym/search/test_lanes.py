@@ -50,6 +50,7 @@ def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
     return drawn()
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40))
 @given(data=st.data())
 def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:

@@ -84,6 +84,7 @@ def mined(kind: Kind, traces: list[Signals], low: float, high: float, step: floa
     return mine(kind.text, traces, {"p": (low, high)}, tolerance=step, end="complete")
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
 @given(traces=campaigns(), low=st.sampled_from([-20.0, -20.25, -8.5]))
 @settings(max_examples=examples(10), deadline=None)
@@ -108,6 +109,7 @@ def test_the_value_is_that_of_a_scan_of_all_values(
     assert all(witness.trace is traces[witness.index] for witness in result.witnesses)
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
 @given(traces=campaigns())
 @settings(max_examples=examples(4), deadline=None)
@@ -134,6 +136,7 @@ def test_a_strict_bound_is_the_next_float_after_the_greatest_sample() -> None:
     assert strict.value == np.nextafter(x.max(), math.inf)
 
 
+@pytest.mark.slow
 @given(traces=campaigns(), period=st.sampled_from([None, 0.5, "20ms"]), level=st.integers(-3, 3))
 @settings(max_examples=examples(25), deadline=None)
 def test_a_bound_of_time_is_the_first_sample_that_reaches_the_level(
@@ -203,6 +206,7 @@ def test_the_witness_and_the_explanation_are_those_of_rtamt() -> None:
     assert cause.value == max(trace["x"][2:31].max() for trace in traces)
 
 
+@pytest.mark.slow
 def test_a_trace_is_bisected_only_if_it_moves_the_value() -> None:
     traces = [{"x": [float(i)]} for i in range(50)]
     # 17 values of each, then 14 halvings of one, and both neighbours of all.

@@ -268,6 +268,7 @@ def test_a_sweep_that_is_saved_is_loaded_as_it_was(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path} holds a record and no sweep; read it with Record.load"
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", ["grid", "points"])
 def test_pictures_are_written(tmp_path: Path, kind: str) -> None:
     sampler: Any = "grid" if kind == "grid" else "random"

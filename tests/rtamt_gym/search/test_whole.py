@@ -48,6 +48,7 @@ def test_windows_over_combinations_of_windows_are_judged_at_the_end(
             assert not judged_whole(runner.requirements, runner)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("system", "names", "count"),
     [(TRANSMISSION, ["AT52", "AT54"], 16), (CARS, ["CC5"], 50)],

@@ -230,6 +230,7 @@ def test_a_signal_is_read_once_for_a_sample() -> None:
     assert run.signals["n"].tolist() == list(range(1, 12))
 
 
+@pytest.mark.slow
 def test_a_branch_is_saved_loaded_drawn_and_replayed_under_other_specifications(
     tmp_path: Path,
 ) -> None:

@@ -209,6 +209,7 @@ def test_a_crash_inside_a_crash_is_the_run_of_the_outer_one() -> None:
     assert crashed.value.__notes__ == ["error.run holds 5 samples, up to sample 4"]
 
 
+@pytest.mark.slow
 def test_the_run_of_an_error_is_saved_loaded_replayed_and_drawn(tmp_path: Path) -> None:
     with pytest.raises(CrashError) as crashed:
         simulate(crashing([{"x": 1.0}, {"x": 2.5}], CrashError), LOW, period=0.1)

@@ -51,6 +51,7 @@ def test_the_whole_run_becomes_what_is_known_at_the_stop(
         assert course.final == whole.final
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("level", [math.inf, 500.0, 2000.0])
 def test_lanes_know_what_runs_alone_know(level: float) -> None:
     env = gym.make("rtamt/AutomaticTransmission-v0")

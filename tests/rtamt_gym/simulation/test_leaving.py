@@ -28,6 +28,7 @@ def test_a_simulation_that_leaves_is_an_error_with_its_samples() -> None:
     assert told.value.run.steps == 0  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("n_jobs", [None, 1])
 def test_a_search_counts_it_as_failed_and_goes_on(n_jobs: int | None) -> None:
     with pytest.warns(FailedSimulationWarning):
@@ -44,6 +45,7 @@ def test_a_search_counts_it_as_failed_and_goes_on(n_jobs: int | None) -> None:
     }
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("where", LEAVING)
 @pytest.mark.parametrize("options", [{}, {"n_jobs": 1}, {"n_envs": 2}, {"vector": True}])
 def test_an_episode_that_leaves_is_not_satisfied(where: str, options: dict[str, Any]) -> None:
@@ -150,6 +152,7 @@ IMPORTED = (
 )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.usefixtures("leaving_module")
 @pytest.mark.parametrize("more", [[], ["-j", "1"]])
 def test_a_module_that_leaves_while_it_is_imported_exits_2(more: list[str], capsys: Output) -> None:
@@ -164,6 +167,7 @@ def test_a_module_that_leaves_while_it_is_imported_exits_2(more: list[str], caps
     assert capsys.readouterr().err == IMPORTED
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("leaving_module")
 def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
     found = falsify(leaves_while_running, "always(y < 0.2)", [Parameter("x", 0, 0.4)], period=1)

@@ -114,6 +114,7 @@ def arrays(of: Any) -> dict[str, bytes]:  # noqa: ANN401 - MuJoCo is not typed
     return {name: array.tobytes() for name, array in held if isinstance(array, np.ndarray)}
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40))
 @given(st.fixed_dictionaries({}, optional=ENTRIES))
 def test_a_model_runs_as_the_case_says_and_stays_as_it_was(case: dict[str, Any]) -> None:
@@ -129,6 +130,7 @@ def test_a_model_runs_as_the_case_says_and_stays_as_it_was(case: dict[str, Any])
     assert after == before
 
 
+@pytest.mark.slow
 @given(st.floats(0.005, 0.04))
 def test_a_timestep_may_be_any_number(timestep: float) -> None:
     run = simulate(cart(), LOW, SIGNALS, case={"opt.timestep": timestep}, duration=0.2, stop="end")

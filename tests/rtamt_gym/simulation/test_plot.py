@@ -112,6 +112,7 @@ def test_a_constant_at_zero_and_a_lone_sample_have_a_frame() -> None:
     assert ax.get_xlim() == (0.0, 1.0)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("name", "begin"), [("e.png", b"\x89PNG"), ("e.svg", b"<?xml")])
 def test_the_name_says_the_format(tmp_path: Path, name: str, begin: bytes) -> None:
     save(draw([run()]), tmp_path / name)
@@ -126,6 +127,7 @@ def test_a_name_that_says_no_format_is_refused() -> None:
     )
 
 
+@pytest.mark.slow
 def test_no_window_system_is_asked_for() -> None:
     code = "import sys, rtamt_gym.simulation.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

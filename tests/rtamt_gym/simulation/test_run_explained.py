@@ -172,6 +172,7 @@ def test_the_index_of_a_frame_is_the_number_of_the_sample_in_its_episode() -> No
     assert np.array_equal(frame["time"], made.times)
 
 
+@pytest.mark.slow
 def test_without_pandas_the_extra_is_named_and_nothing_else_needs_it() -> None:
     code = (
         "import sys; sys.modules['pandas'] = None\n"

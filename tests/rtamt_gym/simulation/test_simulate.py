@@ -108,6 +108,7 @@ def test_the_view_of_every_step_equals_evaluation_without_its_latency(
     assert run.replay()[name][:known].tolist() == course.robustness[latency:].tolist()
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.env_id)
 @pytest.mark.parametrize("view", ["episode", "step"])
 def test_a_run_of_an_environment_is_what_the_wrapper_sees(case: Case, view: View) -> None:

@@ -28,6 +28,7 @@ def random_actions(env: gym.Env[Any, Any], seed: int) -> Callable[[object], Any]
     return lambda _obs: space.sample()
 
 
+@pytest.mark.slow(keep=1)
 @cases
 def test_a_run_has_the_samples_of_the_wrapper(
     env_id: str, frames: int, period: float, read: str
@@ -85,6 +86,7 @@ class Twice(gym.Wrapper[Any, Any, Any, Any]):
         return self.env.step(action)
 
 
+@pytest.mark.slow(keep=1)
 @cases
 def test_a_monitor_in_the_environment_follows_beside_the_run(
     env_id: str, frames: int, period: float, read: str

@@ -95,6 +95,7 @@ def write(folder: Path) -> None:
     (folder / "trace.csv").write_text("\n".join(["time,gear,x", *lines]))
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
 @pytest.mark.parametrize(
     ("text", "code", "said"),

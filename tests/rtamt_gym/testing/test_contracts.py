@@ -20,6 +20,7 @@ from rtamt_gym.simulation.systems import SampleSource, System
 from rtamt_gym.testing import check_optimizer, check_system, check_trace_format
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
 def test_every_optimizer_keeps_the_contract(optimizer: str) -> None:
     check_optimizer(optimizer, budget=60)

@@ -126,6 +126,7 @@ def test_other_constants_give_what_a_new_wrapper_gives(
     assert mismatch(records, list(env.stl_episodes)[-len(records) or len(env.stl_episodes) :]) == ""
 
 
+@pytest.mark.slow(keep=1)
 @modes
 @given(drawn=changing((None, "violation", "latched")))
 def test_other_constants_of_vectors_give_what_new_ones_give(
@@ -175,6 +176,7 @@ def make_constant_pole(**constants: float) -> gym.Env[Any, Any]:
     return StlReward(env, mode="add", observe="state")
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("way", ["reset", "set_attr"])
 def test_processes_say_what_one_process_says(mode: AutoresetMode, way: str) -> None:
@@ -202,6 +204,7 @@ def test_processes_say_what_one_process_says(mode: AutoresetMode, way: str) -> N
         )
 
 
+@pytest.mark.slow
 def test_each_environment_of_processes_has_its_own() -> None:
     envs = AsyncVectorEnv([make_constant_pole] * 3)
     try:
@@ -215,6 +218,7 @@ def test_each_environment_of_processes_has_its_own() -> None:
         envs.close()
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("observe", [None, "state", "obligations"])
 @pytest.mark.parametrize("mode", ["add", "progress", "terminal", "potential"])
 def test_rewards_and_observations_follow(observe: Any, mode: Any) -> None:  # noqa: ANN401

@@ -145,6 +145,7 @@ def drawn(seed: int) -> list[list[float]]:
     return [rng.normal(rng.normal(), 1.0, rng.integers(2, 9)).round(1).tolist() for _ in range(7)]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("mode", ["add", "potential", "terminal", "hierarchical"])
 def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
     said = 0
@@ -163,6 +164,7 @@ def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
     assert 2 <= said <= 11
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("mode", ["add", "terminal"])
 def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMode) -> None:

@@ -66,6 +66,7 @@ def test_a_copied_or_pickled_monitor_goes_on_alike(case: Case, before: int) -> N
         assert mismatch(expected, rest(twin)) == ""
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 @given(cases(COSTS, LANES), st.integers(0, 9))
 @settings(max_examples=examples(30))

@@ -94,6 +94,7 @@ def of_lane(infos: dict[str, Any], lane: int) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow(keep=1)
 @modes
 @given(some_cases)
 def test_infos_ends_and_records_of_every_lane_are_those_of_one_environment(
@@ -117,6 +118,7 @@ def costs(case: Case) -> bool:
     return chargeable(case.specs, case.options.view)
 
 
+@pytest.mark.slow(keep=1)
 @modes
 @given(some_cases)
 @settings(max_examples=examples(40))

@@ -52,6 +52,7 @@ def lead(envs: Envs, steps: int) -> list[tuple[Any, ...]]:
     return shown
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @given(shaped_cases, shapes, st.sampled_from((None, "state")))
 @settings(max_examples=examples(40))

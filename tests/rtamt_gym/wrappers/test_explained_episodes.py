@@ -36,6 +36,7 @@ def recorded(case: Case, seed: int, **options: Any) -> Any:  # noqa: ANN401 - of
 QUICK = [case for case in CASES if "fast" not in case.env_id]
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.env_id.split(":")[-1])
 def test_an_episode_is_explained_as_the_run_of_its_samples(case: Case) -> None:
     env: Any = case.monitored(history=True)
@@ -48,6 +49,7 @@ def test_an_episode_is_explained_as_the_run_of_its_samples(case: Case) -> None:
         assert max(map(len, str(env.explain()).splitlines())) <= 80
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize(
     ("env_id", "selector"),
     [("HalfCheetah-v5", "qvel[1]"), ("highway_env:highway-fast-v0", "vehicle.speed")],

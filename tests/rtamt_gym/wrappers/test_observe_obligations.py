@@ -162,6 +162,7 @@ def series_env(values: list[float], end: str) -> Env:
     return Replay(values, end)
 
 
+@pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
 @pytest.mark.parametrize("reward", [False, True])

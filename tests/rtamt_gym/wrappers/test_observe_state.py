@@ -74,6 +74,7 @@ def test_five_numbers_of_every_specification_are_appended(end: str, clip: float)
             assert obs.tolist() == [*own, *shown]
 
 
+@pytest.mark.slow(keep=2)
 @cases
 def test_the_state_is_that_which_the_reward_shows(case: Case) -> None:
     env = observing(case)
@@ -85,12 +86,14 @@ def test_the_state_is_that_which_the_reward_shows(case: Case) -> None:
     assert equal([step[1:] for step in shown], [step[1:] for step in own])
 
 
+@pytest.mark.slow(keep=2)
 @cases
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
 def test_gymnasium_finds_no_fault(case: Case) -> None:
     check_env(observing(case), skip_render_check=True)
 
 
+@pytest.mark.slow(keep=2)
 @cases
 def test_the_environment_is_made_again_from_its_specification_and_from_json(case: Case) -> None:
     env = observing(case)
@@ -104,6 +107,7 @@ def test_the_environment_is_made_again_from_its_specification_and_from_json(case
         again.close()
 
 
+@pytest.mark.slow(keep=2)
 @cases
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_in_mid_episode_continues_as_the_original(
@@ -115,6 +119,7 @@ def test_a_copy_in_mid_episode_continues_as_the_original(
     assert equal(continued(copy, 11, 6), continued(env, 11, 6))
 
 
+@pytest.mark.slow(keep=2)
 @cases
 def test_a_reset_shows_what_the_first_one_did(case: Case) -> None:
     env = observing(case)
@@ -149,6 +154,7 @@ def make_placed(values: list[float], end: str) -> Env:
     return Placed(Replay(values, end))
 
 
+@pytest.mark.slow(keep=8)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
 @pytest.mark.parametrize("ending", ["complete", "failure"])

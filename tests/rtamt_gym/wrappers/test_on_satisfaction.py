@@ -123,6 +123,7 @@ def series_env(values: list[float], end: str) -> Env:
     return Replay(values, end)
 
 
+@pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("how", ["terminate", "truncate"])
 @pytest.mark.parametrize("on_violation", ["report", "terminate", "truncate"])
 @pytest.mark.parametrize("reward", [False, True])

@@ -41,6 +41,7 @@ def frames(env: gym.Env[Any, Any]) -> list[Picture]:
     return shown
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("case", CASES[:1] + CASES[-2:-1], ids=lambda case: case.env_id)
 def test_an_episode_is_the_same_with_an_overlay(case: Any) -> None:  # noqa: ANN401
     def monitored() -> gym.Env[Any, Any]:
@@ -81,6 +82,7 @@ def test_the_picture_of_the_environment_is_not_drawn_on() -> None:
     assert not canvas.any()
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("place", ["below", "over"])
 @pytest.mark.parametrize("pop", [True, False])
 @pytest.mark.parametrize("clean", [True, False])

@@ -42,6 +42,7 @@ def options(mode: str, **others: Any) -> dict[str, Any]:  # noqa: ANN401
     return {**found, **({"priorities": PRIORITIES} if mode == "hierarchical" else {})}
 
 
+@pytest.mark.slow(keep=2)
 @settings(deadline=None)
 @pytest.mark.parametrize("mode", MODES)
 @given(

@@ -87,6 +87,7 @@ def test_a_wrapper_says_what_the_monitors_of_its_specifications_say(
                 assert shown["robustness"] == twin.robustness
 
 
+@pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("semantics", SEMANTICS)
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 @pytest.mark.parametrize("view", ["episode", "step"])

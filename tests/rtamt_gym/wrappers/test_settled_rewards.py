@@ -128,6 +128,7 @@ def series_env(values: list[float], end: str) -> gym.Env[Any, Any]:
     return Replay(values, end)
 
 
+@pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
 @pytest.mark.parametrize("mode", SHAPES)

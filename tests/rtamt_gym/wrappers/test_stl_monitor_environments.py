@@ -19,6 +19,7 @@ from rtamt_gym import StlMonitor
 cases = pytest.mark.parametrize("case", CASES, ids=lambda case: case.env_id.split(":")[-1])
 
 
+@pytest.mark.slow(keep=4)
 @cases
 @pytest.mark.parametrize("view", ["episode", "step"])
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
@@ -30,6 +31,7 @@ def test_gymnasium_finds_no_fault(case: Case, view: str) -> None:
     check_env(case.monitored(view=view), skip_render_check=True)
 
 
+@pytest.mark.slow(keep=3)
 @cases
 def test_monitoring_changes_nothing_but_the_info(case: Case) -> None:
     bare = rollout(case.bare())
@@ -42,6 +44,7 @@ def test_monitoring_changes_nothing_but_the_info(case: Case) -> None:
         assert type(info["stl_violated"]) is bool
 
 
+@pytest.mark.slow(keep=3)
 @cases
 def test_the_environment_is_made_again_from_its_specification_and_from_json(case: Case) -> None:
     env = case.monitored(on_violation="truncate", details=True, cost="first")
@@ -54,6 +57,7 @@ def test_the_environment_is_made_again_from_its_specification_and_from_json(case
         again.close()
 
 
+@pytest.mark.slow(keep=4)
 @cases
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_in_mid_episode_continues_as_the_original(

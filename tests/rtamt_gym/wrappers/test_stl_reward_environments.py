@@ -46,6 +46,7 @@ def observing(case: Case) -> Env:
     return StlReward(env, mode="potential", observe="state")
 
 
+@pytest.mark.slow(keep=3)
 @cases
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
 @pytest.mark.filterwarnings("ignore:clip=1 flattens what observe='state' appends:UserWarning")
@@ -54,6 +55,7 @@ def test_gymnasium_finds_no_fault(case: Case) -> None:
     check_env(observing(case), skip_render_check=True)
 
 
+@pytest.mark.slow(keep=3)
 @cases
 def test_only_reward_and_info_change(case: Case) -> None:
     monitored = rollout(case.monitored(cost="depth"))
@@ -68,6 +70,7 @@ def test_only_reward_and_info_change(case: Case) -> None:
         assert type(paid) is type(more["reward"]) is np.float64
 
 
+@pytest.mark.slow(keep=3)
 @cases
 def test_the_environment_is_made_again_from_its_specification_and_from_json(case: Case) -> None:
     for env in (shaped(case, cost="first"), observing(case)):
