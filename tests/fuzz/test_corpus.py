@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from fuzz_targets import TARGETS
 from fuzz_units import FOLDER, TEXTS, programs
-from paths import ROOT
+from paths import ROOT, exclusive
 
 from rtamt.export.program_file import program_text
 
@@ -41,15 +41,19 @@ def replayers() -> Path:
     search = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
     environment = os.environ | {"PATH": search}
     source = str(HERE / "native")
-    for command in (
-        ["cmake", "-S", source, "-B", str(BUILD), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug"],
-        ["cmake", "--build", str(BUILD)],
-    ):
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+    with exclusive(BUILD):
+        for command in (
+            ["cmake", "-S", source, "-B", str(BUILD), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug"],
+            ["cmake", "--build", str(BUILD)],
+        ):
+            done = subprocess.run(
+                command, env=environment, capture_output=True, text=True, check=False
+            )
+            assert done.returncode == 0, done.stdout + done.stderr
     return BUILD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["program_file", "unit_calls"])
 def test_inputs_of_native_targets_break_nothing(replayers: Path, name: str) -> None:
     inputs = sorted((HERE / "corpus" / name).iterdir())
@@ -58,6 +62,7 @@ def test_inputs_of_native_targets_break_nothing(replayers: Path, name: str) -> N
     assert inputs
 
 
+@pytest.mark.slow
 def test_every_failing_allocation_of_a_unit_is_an_error_of_fmi(replayers: Path) -> None:
     done = subprocess.run([replayers / "allocations"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

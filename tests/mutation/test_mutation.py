@@ -16,6 +16,8 @@ import run
 from changes import Mutant
 from paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 MODULE = """\
 import functools
 LIMIT = 2

@@ -21,7 +21,9 @@ MOVED = {"search"}
 RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials" and page.stem != "taliro"]
 """`test_tutorials.py` plays the tutorials, each in a folder; `tests/optimizers` plays another."""
 SESSIONS = [
-    session for page in RUN_HERE for session in blocks(page.read_text(encoding="utf-8"), "console")
+    pytest.param(session, marks=[pytest.mark.slow] if at else [])  # the quick suite plays the first
+    for page in RUN_HERE
+    for at, session in enumerate(blocks(page.read_text(encoding="utf-8"), "console"))
 ]
 
 

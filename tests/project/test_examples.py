@@ -29,6 +29,8 @@ ARGUMENTS = {
     "patterns": [],
     "walking_response": ["--episodes", "3"],
 }
+QUICK = {"operators", "patterns"}
+"""Examples without a simulator."""
 PICTURES = {"paper_figures": ["paper_flights", "paper_map", "paper_servers"]}
 """What is drawn into a folder; the other examples draw one picture of their own name."""
 
@@ -72,7 +74,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Runner:
     return cache(lambda example: _run(example, folder))
 
 
-@pytest.mark.parametrize("example", ARGUMENTS)
+@pytest.mark.parametrize(
+    "example",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ARGUMENTS],
+)
 def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
     example: str, run: Runner
 ) -> None:
@@ -151,6 +156,7 @@ def test_operators_hold_where_their_meaning_says(run: Runner) -> None:
         assert said[formula] == "".join("-+"[each] for each in holds)
 
 
+@pytest.mark.slow
 def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(run: Runner) -> None:
     rows = run("parking").rows("start")
     assert len(rows) == 5
@@ -160,6 +166,7 @@ def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(run: R
         assert float(lower) > 0 if verdict == "SATISFIED" else float(upper) < 0
 
 
+@pytest.mark.slow
 def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_and_crashes(
     run: Runner,
 ) -> None:
@@ -173,6 +180,7 @@ def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_a
     assert any(broken < crash for broken, crash in crashes)
 
 
+@pytest.mark.slow
 def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_response(
     run: Runner,
 ) -> None:
@@ -184,6 +192,7 @@ def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_resp
         assert float(fault) < float(seconds) < float(fault) + 0.8 + 0.5
 
 
+@pytest.mark.slow
 def test_a_fall_is_stopped_before_the_floor_and_sub_steps_see_the_harder_blow(run: Runner) -> None:
     rows = run("falling_humanoid").rows("start")
     assert len(rows) == 4
@@ -193,6 +202,7 @@ def test_a_fall_is_stopped_before_the_floor_and_sub_steps_see_the_harder_blow(ru
     assert any(float(row[5]) < 0.8 * float(row[7]) for row in rows)
 
 
+@pytest.mark.slow
 def test_looking_ahead_keeps_the_cart_in_the_corridor_and_feedback_alone_does_not(
     run: Runner,
 ) -> None:
@@ -201,6 +211,7 @@ def test_looking_ahead_keeps_the_cart_in_the_corridor_and_feedback_alone_does_no
     assert float(alone[-1]) < 0.0 < float(ahead[-1])
 
 
+@pytest.mark.slow
 def test_the_figures_of_the_paper_have_its_numbers(run: Runner) -> None:
     flights = run("paper_figures").rows("flight")[:3]
     assert [row[0] for row in flights] == ["expected", "H1", "0.8"]

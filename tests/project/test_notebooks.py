@@ -18,6 +18,7 @@ def told(output: Output) -> object:
     return {kind: kind == "image/png" or shown for kind, shown in output["data"].items()}
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_shows_what_its_cells_give(path: Path) -> None:
     shown = 0

@@ -15,6 +15,8 @@ from paths import ROOT
 import rtamt
 from rtamt_gym.checks.extras import ALONE, EXTRAS
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -21,6 +21,7 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
     return Reader(tmp_path, monkeypatch)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", PLAYED)
 def test_a_tutorial_shows_what_happens(name: str, reader: Reader, tmp_path: Path) -> None:
     checker = doctest.OutputChecker()
@@ -56,6 +57,7 @@ def run_lines(text: str) -> list[str]:
     return lines[1:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STARTERS)
 def test_the_job_of_a_starter_is_green(name: str, reader: Reader, tmp_path: Path) -> None:
     write_starter(name, tmp_path)
@@ -67,6 +69,7 @@ def test_the_job_of_a_starter_is_green(name: str, reader: Reader, tmp_path: Path
     assert (tmp_path / "outcomes.xml").read_text(encoding="utf-8").count("<testcase") > 0
 
 
+@pytest.mark.slow
 def test_the_action_is_red_where_a_recording_violates(reader: Reader, tmp_path: Path) -> None:
     write_starter("recordings", tmp_path)
     text = (EXAMPLES / "ci" / "action.yml").read_text(encoding="utf-8")
@@ -89,6 +92,7 @@ def test_the_action_is_red_where_a_recording_violates(reader: Reader, tmp_path: 
     assert reader.code == 1
 
 
+@pytest.mark.slow
 def test_the_hooks_pass_a_good_commit_and_refuse_a_bad_one(reader: Reader, tmp_path: Path) -> None:
     write_starter("recordings", tmp_path)
     text = (EXAMPLES / "ci" / "pre-commit-config.yaml").read_text(encoding="utf-8")

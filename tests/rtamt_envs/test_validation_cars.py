@@ -4,9 +4,12 @@ import functools
 import math
 
 import numpy as np
+import pytest
 from models import chasing, requirements
 from models.judged import evaluated, monitored, observed
 from numpy.typing import NDArray
+
+pytestmark = pytest.mark.slow
 
 Floats = NDArray[np.float64]
 TIMES = np.linspace(0.0, 100.0, 2001)

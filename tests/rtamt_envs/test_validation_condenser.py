@@ -3,9 +3,12 @@
 import functools
 
 import numpy as np
+import pytest
 from models import condenser, requirements
 from models.judged import evaluated, monitored, observed
 from numpy.typing import NDArray
+
+pytestmark = pytest.mark.slow
 
 Floats = NDArray[np.float64]
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 import rtamt
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 FREQUENCIES, AMPLITUDES = (0.2, 0.4, 0.6, 0.8), (1.0, 1.25, 1.5, 1.75)
 WAVES = np.array([elevator.square(f, a, 1000) for f in FREQUENCIES for a in AMPLITUDES])

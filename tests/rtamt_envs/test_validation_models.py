@@ -8,6 +8,8 @@ from models import chasing, condenser, elevator, requirements, transmission, uni
 from numpy.typing import NDArray
 from scipy.integrate import RK45, solve_ivp
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 
 

@@ -4,12 +4,15 @@ import itertools
 import math
 
 import numpy as np
+import pytest
 from models import requirements, unicycle
 from models.judged import evaluated, observed
 from numpy.typing import NDArray
 from rtamt_envs import scenario_of
 from rtamt_envs.mobile_robot import OBSTACLES
 from scipy.integrate import solve_ivp
+
+pytestmark = pytest.mark.slow
 
 Floats = NDArray[np.float64]
 

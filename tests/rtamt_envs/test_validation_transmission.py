@@ -10,6 +10,8 @@ from models import requirements, transmission
 from models.judged import evaluated, monitored, observed
 from numpy.typing import NDArray
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 CASES, STEPS = 9, 3500
 

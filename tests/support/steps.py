@@ -15,7 +15,7 @@ from types import FrameType, ModuleType
 from typing import TYPE_CHECKING
 
 import nanobind  # type: ignore[import-untyped]
-from paths import ROOT
+from paths import ROOT, exclusive
 
 if TYPE_CHECKING:
     from _typeshed import TraceFunction
@@ -29,7 +29,11 @@ FLAGS = "-O0 -fsanitize-coverage=trace-pc -DNB_DOMAIN=steps"
 
 def counting_machines() -> ModuleType:
     """The native module, compiled so that it counts its steps; the first build takes longest."""
-    BUILD.mkdir(parents=True, exist_ok=True)
+    with exclusive(BUILD):
+        return _build()
+
+
+def _build() -> ModuleType:
     for linked in BUILD.glob("_native.*"):
         linked.unlink()  # the counter inside may be an old one
     counter = BUILD / "steps.o"

@@ -45,6 +45,7 @@ def test_answers_are_those_of_all_traces(text: str) -> None:
             assert answer.samples == 0
 
 
+@pytest.mark.slow
 @given(one=texts, other=texts)
 def test_what_is_equal_or_implied_is_so_on_all_traces(one: str, other: str) -> None:
     found = rtamt.check({"one": one, "other": other})
@@ -224,6 +225,7 @@ def test_a_witness_says_its_values_again_if_they_repeat() -> None:
     assert ExampleTrace({"x": (1.0,)}, 1, 0).unrolled("x") == [1.0]
 
 
+@pytest.mark.slow
 def test_requirements_that_agree_only_while_nothing_is_asked() -> None:
     found = rtamt.check(
         {"up": "always(m == 1 implies x > 1)", "down": "always(m == 1 implies x < 0)"}

@@ -89,6 +89,7 @@ def test_what_nobody_knows_is_unknown() -> None:
     assert str(found) == "unknown: it is not linear (mul)"
 
 
+@pytest.mark.slow
 def test_assumptions_and_the_ranges_of_both_hold() -> None:
     assert rtamt.equivalent("always(x < 3)", "always(x < 4)", assume="always(x < 2)").says == "yes"
     declared = "float x in [0, 2]; always(x < 3)"

@@ -43,6 +43,7 @@ def test_answers_are_those_of_the_traces_that_keep_the_rate(
             )
 
 
+@pytest.mark.slow
 def test_a_no_names_the_rate_on_which_it_rests() -> None:
     text = "always[0:9](x < 1 implies next(x > 5))"
     found = rtamt.check(text, "100ms", rates={"x": (-2, 2)}).requirements["spec"]

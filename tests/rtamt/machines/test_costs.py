@@ -16,6 +16,8 @@ import rtamt
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.protocols import End
 
+pytestmark = pytest.mark.slow
+
 Backend = Literal["native", "python"]
 Columns = list[NDArray[np.float64]]
 

@@ -73,6 +73,7 @@ def test_left_sides_are_judged_by_standard_semantics(
 # Dense time. -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(200))
 @given(formula=dense_requirements(), whole=signals())
 def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Backend) -> None:
@@ -84,6 +85,7 @@ def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Bac
         assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(40))
 @given(formula=dense_requirements(), whole=signals(), data=st.data())
 def test_dense_left_sides_are_judged_by_standard_semantics(
@@ -101,6 +103,7 @@ def test_dense_left_sides_are_judged_by_standard_semantics(
 # What it is for. ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(backend="python")
 def test_golden(backend: Backend) -> None:
     for case in golden("evidence.json"):
         formula = parse(case["formula"]).formula

@@ -111,6 +111,7 @@ def endless_over_late(rng: random.Random) -> Formula:
     return rng.choice((*outer, inner.once(0, 1), third.until(inner, 0, 2)))
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(80))
 @given(seed=st.integers(0, 2**32))
 def test_so_it_is_of_futures_without_an_end_over_what_settles_late(
@@ -233,6 +234,7 @@ def test_two_invariants_are_one_formula(backend: Backend) -> None:
     assert (monitor.verdict, monitor.decided_at, monitor.settled) == (Verdict.VIOLATED, 3, 4)
 
 
+@pytest.mark.slow(backend="python")
 def test_memory_is_that_of_the_windows(backend: Backend) -> None:
     text = (
         "always(x > 0 implies eventually[0:2](y > 0)) and always(x > 0 implies eventually(y > 1))"

@@ -72,6 +72,7 @@ def test_it_is_what_the_definition_says(formula: Formula, whole: Signals, backen
     agrees(formula, whole, backend)
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(80))
 @given(
     formula=formulas(depth=1, endless=True, dense=True),
@@ -84,6 +85,7 @@ def test_endless_operators_inside_others_and_zeros(
     agrees(nested(formula), whole, backend)
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(60))
 @given(case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True), whole=signals())
 def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
@@ -96,6 +98,7 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
         assert identical(values(found), definition.ended(spec.formula, end)), end
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(60))
 @given(formula=formulas(depth=2, dense=True), whole=signals(INTEGERS), after=signals(INTEGERS))
 def test_no_continuation_contradicts_what_was_decided(
@@ -282,6 +285,7 @@ def test_a_single_instant_counts(
     assert (found.verdict is S) == (robustness > 0)
 
 
+@pytest.mark.slow(backend="python")
 def test_golden_instants(backend: Backend) -> None:
     for case in golden_cases.cases("dense_instant.json"):
         found = judge_dense(case["formula"], case["signals"], "complete", backend=backend)

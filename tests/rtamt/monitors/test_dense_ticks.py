@@ -114,6 +114,7 @@ doubles = st.one_of(
 ticks = st.sampled_from(("1ns", "100ns", "1us", "7us", "30ms", Fraction(1, 3), 1, 10))
 
 
+@pytest.mark.slow(backend="python")
 @given(times=st.lists(doubles, min_size=1, max_size=8), resolution=ticks, data=st.data())
 def test_a_time_is_the_tick_nearest_to_its_shortest_decimal_text(
     times: list[float], resolution: str | int | Fraction, data: st.DataObject, backend: Backend

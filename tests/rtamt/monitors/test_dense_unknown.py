@@ -177,6 +177,7 @@ def test_chunks_copies_and_back_ends_do_not_matter(
         assert monitor.verdict is found.verdict
 
 
+@pytest.mark.slow(backend="python")
 @settings(max_examples=examples(25))
 @given(
     formula=formulas(depth=2, endless=True, dense=True), whole=signals(), end=st.sampled_from(ENDS)

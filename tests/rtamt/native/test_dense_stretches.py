@@ -94,6 +94,7 @@ def bits(steps: Breakpoints) -> list[tuple[float, float, float]]:
     return [(time, value, math.copysign(1, value)) for time, value in steps]
 
 
+@pytest.mark.slow(keep=10)
 @pytest.mark.parametrize("seed", range(60))
 def test_a_monitor(seed: int) -> None:
     rng = random.Random(seed)
@@ -146,6 +147,7 @@ def agree(
         assert (found.vacuous, found.untested) == (expected.vacuous, expected.untested)
 
 
+@pytest.mark.slow(keep=10)
 @pytest.mark.parametrize("seed", range(120))
 def test_an_episode_and_what_its_verdict_stands_on(seed: int) -> None:
     rng = random.Random(seed)
@@ -167,6 +169,7 @@ NESTED = (
 )
 
 
+@pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("text", NESTED)
 def test_an_episode_of_windows_that_settle_late(text: str, seed: int) -> None:
@@ -184,6 +187,7 @@ output float64 z
 """
 
 
+@pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("semantics", ["output-robustness", "input-vacuity", "output-vacuity"])
 @pytest.mark.parametrize("seed", range(12))
 def test_an_episode_of_neutral_predicates_after_its_decision(
@@ -209,6 +213,7 @@ ENDLESS = (
 )
 
 
+@pytest.mark.slow(keep=20)
 @pytest.mark.parametrize("seed", range(150))
 def test_what_a_verdict_stands_on(seed: int) -> None:
     rng = random.Random(seed)
@@ -267,6 +272,7 @@ STAIRS = (
 )
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("way", [-1, 1])
 @pytest.mark.parametrize("text", STAIRS)
 def test_an_episode_of_values_that_fall_or_rise(text: str, way: int) -> None:

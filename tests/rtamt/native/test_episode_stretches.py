@@ -128,18 +128,21 @@ def compare(rng: random.Random, text: str) -> None:
     assert offered(native) == offered(python), (text, end)
 
 
+@pytest.mark.slow(keep=60)
 @pytest.mark.parametrize("seed", range(200))
 def test_of_every_operator(seed: int) -> None:
     rng = random.Random(seed)
     compare(rng, f"{rng.choice(ROOTS)} {formula(rng, 3)}")
 
 
+@pytest.mark.slow(keep=40)
 @pytest.mark.parametrize("seed", range(200))
 def test_of_responses(seed: int) -> None:
     rng = random.Random(seed)
     compare(rng, response(rng))
 
 
+@pytest.mark.slow(keep=30)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("text", JOINED)
 def test_of_joined_parts(text: str, seed: int) -> None:

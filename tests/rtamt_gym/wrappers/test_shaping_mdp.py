@@ -138,6 +138,7 @@ def test_a_potential_leaves_the_optimal_policy_as_it_is(arguments: dict[str, Any
             assert lifted == pytest.approx(values, abs=1e-9)
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("mode", ["add", "replace", "terminal", "hierarchical"])
 def test_every_other_mode_changes_it(mode: Mode) -> None:
     graph = explore(ledge(mode))
