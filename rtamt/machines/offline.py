@@ -23,15 +23,7 @@ from rtamt.program.instructions import Window
 from rtamt.program.passes import Folded, folded_apart
 from rtamt.program.program import Program
 
-__all__ = [
-    "MakeMachine",
-    "Passes",
-    "check_unread",
-    "result_alone",
-    "run_offline",
-    "run_outputs",
-    "without_nan",
-]
+__all__ = ["MakeMachine", "Passes", "result_alone", "run_offline", "run_outputs", "without_nan"]
 
 Array = NDArray[np.float64]
 
@@ -105,22 +97,8 @@ def run_offline(
         columns: For every variable its n values, nan among them as the reader allows.
         n: Length of the trace, 1 or more.
     """
-    check_unread(program, reader, machine, columns, n)
     passes = Passes(result_alone(program), reader, machine, n)
     return without_nan(reader, columns, lambda known: passes.run(known, n)[""])
-
-
-def check_unread(
-    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
-) -> None:
-    """Refuse terms that the result does not read where they are nan, as monitors do.
-
-    `run_offline` describes the arguments.
-    """
-    unread = _unread(program)
-    if unread is not None:
-        made = machine(unread, SampleReader(unread, reader.nan), tuple(unread.outputs.values()))
-        without_nan(reader, columns, lambda known: made.evaluate(known, n))
 
 
 def without_nan(
@@ -148,11 +126,6 @@ def run_outputs(
 
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
-def _unread(program: Program) -> Program | None:
-    return program.unread
-
-
-@functools.lru_cache(maxsize=512)
 def result_alone(program: Program) -> Program:
     """The program whose only output is the result, under an empty name."""
     return program.restricted(program.result, {"": program.result})

@@ -28,7 +28,7 @@ from rtamt.language.printing import number_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.offline import check_unread, run_outputs
+from rtamt.machines.offline import run_outputs
 from rtamt.monitors.circumstances import Share, ShareRole, beside
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation_text import as_text
@@ -262,8 +262,6 @@ def explain(
     reader = SampleReader(program, nan)
     columns, length = whole_trace(reader, data, n, period)
     at = _place(sample, length)
-    *_, stated = compiled(explain, specification, period, options, online=False)
-    check_unread(stated, reader, BACKENDS[backend].discrete_machine, columns, length)
     # What the result does not need decides nothing, and may have no value.
     idle, unknown = idle_registers(program), np.full(length, math.nan)
     outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in idle}

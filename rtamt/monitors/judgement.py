@@ -12,7 +12,6 @@ from rtamt.inputs.between import identical
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.foresight import Foresight
-from rtamt.machines.offline import check_unread
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.monitors.asked import Asked, Evidence, SampledQuestion, evidence_of, reads_hidden
@@ -299,11 +298,6 @@ def judge(
     reader = SampleReader(program, nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
     made = BACKENDS[backend]
-    if greatest is least:
-        check_unread(program, reader, made.discrete_machine, least, length)
-    elif (unread := program.unread) is not None:
-        observed = tuple(unread.outputs.values())
-        made.term_ranges(unread, SampleReader(unread), observed, least, greatest, length)
     foresight = Foresight.of(
         program, reader, made.discrete_machine, made.term_ranges, (least, greatest), length
     )

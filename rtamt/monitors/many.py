@@ -12,7 +12,7 @@ from rtamt.errors import InputError, InputTypeError, RtamtError, brief, no_such
 from rtamt.inputs.arrays import Floats, array_of_numbers
 from rtamt.inputs.samples import SampleReader, TraceColumns, wrong_shape
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.offline import Passes, check_unread, result_alone
+from rtamt.machines.offline import Passes, result_alone
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
 
@@ -75,7 +75,6 @@ def evaluate_many(
         try:
             if not all(checked):
                 row, _ = reader.block(dict(zip(reader.variables, row, strict=True)), 0, ())
-            check_unread(program, reader, machine, row, n)
             robustness[trace, :n] = passes.run(row, n)[""]
         except RtamtError as error:
             raise type(error)(f"trace {trace}: ", error) from None

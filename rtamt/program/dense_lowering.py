@@ -105,9 +105,9 @@ class DenseProgram:
         return math.inf if ticks is None else self.time(ticks)
 
     def result_alone(self) -> DenseProgram:
-        """The program without the formulas that the result does not read."""
+        """The program without what only other named formulas need."""
         result = self.program.result
-        return replace(self, program=self.program.restricted(result, {}, terms=True))
+        return replace(self, program=self.program.restricted(result, {}))
 
 
 class DenseBuilder(ProgramBuilder):

@@ -130,7 +130,7 @@ def _cached(
     compile_dense(specification, resolution, interface=interface)  # raises what it refuses
     program = _RegionBuilder(specification, resolution, interface).program()
     if not named:
-        program = program.restricted(program.result, {}, terms=True)
+        program = program.restricted(program.result, {})
     return RegionProgram(program, resolution, _reach(program))
 
 

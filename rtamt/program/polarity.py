@@ -33,8 +33,7 @@ def positive(program: Program) -> Program:
         outputs={},
         sources=tuple(program.sources[r] for r in writer.origins),
     )
-    whole = raw.reordered(terms_first, raw.terms)
-    return whole.restricted(whole.result, whole.outputs, terms=True)
+    return raw.reordered(terms_first, raw.terms).pruned()
 
 
 class _Writer:

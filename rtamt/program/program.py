@@ -230,27 +230,11 @@ class Program:
         """The program without registers that neither the result nor an output needs."""
         return self.restricted(self.result, self.outputs)
 
-    def restricted(
-        self, result: int, outputs: Mapping[str, int], *, terms: bool = False
-    ) -> Program:
-        """The part of the program that computes this result and these outputs.
-
-        Args:
-            result: The register of the result.
-            outputs: The registers of the outputs.
-            terms: Whether to keep the terms that nothing reads, which are refused if they are nan.
-        """
-        kept = sorted(self.needed(result, *outputs.values()) | {*range(self.terms * terms)})
+    def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
+        """The part of the program that computes this result and these outputs."""
+        kept = sorted(self.needed(result, *outputs.values()))
         part = replace(self, result=result, outputs=outputs)
         return part.reordered(kept, sum(r < self.terms for r in kept))
-
-    @property
-    def unread(self) -> Program | None:
-        """The program of the terms that the result does not read; None if it reads all."""
-        unread = sorted({*range(self.terms)} - self.needed(self.result))
-        if not unread:
-            return None
-        return self.restricted(unread[-1], {f"term {r}": r for r in unread})
 
     def read_first(self) -> frozenset[str]:
         """The variables whose value at sample 0 the result hangs on, in some trace."""
