@@ -230,7 +230,7 @@ class MissingFileError(InputError, FileNotFoundError):
         near = f"; did you mean '{close}.stl'?" if close else ""
         super().__init__(f"cannot open {fspath(path)}: No such file or directory{near}")
         self.filename = fspath(path)
-        self.errno = ENOENT
+        self.errno, self.strerror = ENOENT, f"No such file or directory{near}"
 
     def __str__(self) -> str:
         return str(self.args[0])  # that of OSError is made of its attributes

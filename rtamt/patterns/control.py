@@ -115,7 +115,7 @@ def rise_time(x: TermLike, low: AmountLike, high: AmountLike, within: Exact) -> 
         >>> print(formula)
         always(rise(x >= 0.1) implies eventually[0:2](x >= 0.9))
         >>> rtamt.in_words(formula)
-        'whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s'
+        'whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s; where the first sample counts as changed'
     """
     value, least, most = term(x, "x"), amount(low, "low"), amount(high, "high")
     if isinstance(least.leaf, float) and isinstance(most.leaf, float) and least.leaf >= most.leaf:

@@ -101,7 +101,7 @@ def floats_in(
         >>> floats_in(["1", "", "N/A"], gaps=True, nan=True), floats_in(["1", "N/A"], gaps=True)
         (array([ 1., nan, nan]), None)
         >>> floats_in(["True", "1,250", "1 000.5"])
-        array([1.000e+00, 1.250e+03, 1.000e+03])
+        array([1.0000e+00, 1.2500e+03, 1.0005e+03])
     """
     together = "".join(cells)
     read = None

@@ -30,7 +30,8 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
     before, after = times[:-1], times[1:]
     if times.dtype.kind != "f":
         return np.asarray(before == after, np.bool_)
-    ulp = np.spacing(np.maximum(np.abs(before), np.abs(after)))
+    largest = np.maximum(np.abs(before), np.abs(after))
+    ulp = np.where(largest < np.finfo(np.float64).tiny, 0.0, np.spacing(largest))
     return np.asarray(np.abs(after - before) <= ulp, np.bool_)
 
 

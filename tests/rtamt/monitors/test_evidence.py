@@ -183,7 +183,7 @@ def test_errors(backend: Backend) -> None:
         its.evidence({"req": [1.0], "gnt": [1.0]}, "closed")  # type: ignore[arg-type]
     with pytest.raises(InputTypeError, match=r"expected an rtamt\.Verdict, got 1"):
         its.evidence({"req": [1.0], "gnt": [1.0]}, "cut", 1)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="none of 'gnt'"):
+    with pytest.raises(InputError, match="No signal 'gnt'"):
         DenseImplications(RESPONSE, backend=backend).evidence({"req": [(0, 1), (1, 1)]})
     with pytest.raises(TypeError, match="unexpected keyword argument 'ends'"):
         Implications(RESPONSE, ends="cut")  # type: ignore[call-arg]

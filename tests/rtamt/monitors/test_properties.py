@@ -56,6 +56,7 @@ def interrupted(draw: st.DrawFn, *, endless: bool = False) -> tuple[Formula, Tra
 # The registry: a new operator is tested by being registered. -------------------------------------
 
 
+@pytest.mark.slow  # needs all its examples
 def test_strategies_draw_every_operator() -> None:
     drawn: set[str] = set()
 

@@ -127,7 +127,7 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
         ),
         (
             ["none.stl", "-o", "m.fmu", "--period", "1"],
-            "cannot open none.stl: No such file or directory",
+            "cannot open none.stl: No such file or directory; did you mean 'one.stl'?",
         ),
         (
             ["lower = x > 0; always(lower)", "-o", "m.fmu", "--period", "1"],

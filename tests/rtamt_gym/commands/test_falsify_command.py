@@ -181,7 +181,8 @@ MISTAKES = {
     ("named_systems:wave", "a > 1", "--vary", "drive=0:1,points=2"): (
         "signal 'drive' has no duration; give --duration 30, in seconds"
     ),
-    (SYSTEM, "--bugdet", "2"): "unrecognized arguments: --bugdet 2; see rtamt falsify --help",
+    (SYSTEM, "--bugdet", "2"): "unrecognized arguments: --bugdet 2; "
+    "did you mean '--budget'?; see rtamt falsify --help",
 }
 
 
