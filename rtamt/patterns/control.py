@@ -114,8 +114,9 @@ def rise_time(x: TermLike, low: AmountLike, high: AmountLike, within: Exact) -> 
         >>> formula = rise_time("x", 0.1, 0.9, within=2)
         >>> print(formula)
         always(rise(x >= 0.1) implies eventually[0:2](x >= 0.9))
-        >>> rtamt.in_words(formula)
-        'whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s; where the first sample counts as changed'
+        >>> print(rtamt.in_words(formula))
+        whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s;
+        where the first sample counts as changed
     """
     value, least, most = term(x, "x"), amount(low, "low"), amount(high, "high")
     if isinstance(least.leaf, float) and isinstance(most.leaf, float) and least.leaf >= most.leaf:

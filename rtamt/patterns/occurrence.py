@@ -82,8 +82,9 @@ def minimum_duration(p: ConditionLike, duration: Exact) -> Formula:
         >>> formula = minimum_duration("heater > 0", 2)
         >>> print(formula)
         always(rise(heater > 0) implies always[0:2](heater > 0))
-        >>> rtamt.in_words(formula)
-        'whenever heater becomes above 0, heater stays above 0 for the next 2 s; where the first sample counts as changed'
+        >>> print(rtamt.in_words(formula))
+        whenever heater becomes above 0, heater stays above 0 for the next 2 s;
+        where the first sample counts as changed
     """
     held, window = condition(p, "p"), lasting(duration, "duration")
     return held.rise().implies(timed("always", window, held)).always()

@@ -152,8 +152,10 @@ def test_options_may_stand_between_specifications_and_the_trace(capsys: Output) 
         said.append(capsys.readouterr().out)
     assert len(set(said)) == 1
     assert main(["monitor", *specs, "even.csv", "--step"]) == 2
-    error = "rtamt: error: unrecognized arguments: --step; did you mean '--stale'?; see rtamt monitor --help\n"
-    assert capsys.readouterr().err == error
+    assert capsys.readouterr().err == (
+        "rtamt: error: unrecognized arguments: --step; did you mean '--stale'?; "
+        "see rtamt monitor --help\n"
+    )
 
 
 @pytest.mark.usefixtures("folder")

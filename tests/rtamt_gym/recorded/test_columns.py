@@ -144,7 +144,7 @@ def test_an_unknown_unit_is_refused() -> None:
 
 def test_two_columns_of_times_of_one_name_are_refused() -> None:
     text = "time,x,time\n0,1,5\n1,2,7\n"
-    message = "t.csv: expected one column 'time', got 2"
+    message = "t.csv, line 1: expected one column 'time', got two"
     assert refused(text) == message
     with pytest.raises(rtamt.InputError) as caught:
         events(text)
