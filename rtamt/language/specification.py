@@ -248,8 +248,9 @@ class Specification:
         """The used plain variables that have a range, with their least and greatest value.
 
         A declaration says it, ``input float x in [0, 120]``, or the type does: ``bool``, ``uint8``
-        and so on. `check` takes it for granted; monitors judge any value. Where the variable is a
-        message, it is the number in the field ``data``.
+        and so on. `check` takes it for granted; monitors judge any value, and ``rtamt monitor``
+        compares recordings with it. Where the variable is a message, it is the number in the field
+        ``data``.
 
         Example:
             >>> from rtamt import parse

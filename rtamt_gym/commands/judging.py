@@ -21,6 +21,7 @@ from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
+from rtamt_gym.recorded.plausibility import outside_ranges
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.asked import (
@@ -45,12 +46,15 @@ __all__ = [
     "judge_file",
     "judge_files",
     "matrix_of",
+    "out_of_range",
     "read_file",
     "row_of",
     "too_short",
     "unmet_of",
 ]
 
+_NAMED = 3
+"""Traces that a summary names."""
 
 _T = TypeVar("_T")
 
@@ -303,7 +307,11 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
             f"{number(float(asked.min_duration))} s (--min-duration)"
         )
         row = replace(row, notes=(*row.notes, short))
-    return row
+    outside = {}
+    for name, spec in asked.specs.items():
+        if name in judged.judgements and (texts := outside_ranges(spec, judged.trace)):
+            outside[name] = "; ".join(texts.values())
+    return replace(row, outside=outside)
 
 
 def _late_starts(judgements: Mapping[str, TraceJudgement], *, several: bool) -> list[str]:
@@ -357,14 +365,25 @@ def unmet_of(
         words["never answered"] = list(unanswered)
     parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
     parts += [each.text for each in too_short(asked, matrix.rows)]
+    parts += [each.text for each in out_of_range(asked, matrix.rows)]
     return Unmet(
         unasked,
         seldom,
         unanswered,
         short,
+        {row.name: row.outside for row in matrix.rows if asked.strict_ranges},
         undecided=undecided,
         summary="; ".join(parts),
     )
+
+
+def out_of_range(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
+    """Return the text on traces with values outside their declared ranges, if that is to fail."""
+    names = [row.name for row in rows if row.outside]
+    if not (asked.strict_ranges and names):
+        return []
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return [Hollow(f"outside declared ranges: {', '.join(names[:_NAMED])}{more}", fails=True)]
 
 
 def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:

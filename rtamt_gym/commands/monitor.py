@@ -24,6 +24,7 @@ from rtamt_gym.commands.stages import add_stage, with_stages
 from rtamt_gym.commands.traces import (
     TracesAsked,
     add_min_duration,
+    add_strict_ranges,
     read_arguments,
     refuse_unknown,
 )
@@ -66,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stage(parser)
     add_require_triggered(parser, "trace")
     add_min_duration(parser)
+    add_strict_ranges(parser)
     parser.add_argument(
         "--min-traces",
         type=positive,
@@ -172,6 +174,7 @@ def run(options: argparse.Namespace) -> int:
         judge_file,
         judge_files,
         matrix_of,
+        out_of_range,
         row_of,
         too_short,
         unmet_of,
@@ -203,6 +206,7 @@ def run(options: argparse.Namespace) -> int:
     matrix = matrix_of(asked, rows)
     required = Required.of(options)
     hollow = unasked(matrix, "trace", required) + too_short(asked, rows)
+    hollow += out_of_range(asked, rows)
     hollow += map(Hollow, (*identified_texts(asked.specs), *asked.ignored))
     scores = {} if watch is None else watch.scores(matrix)
     hollow += hollow_scores(options, scores)

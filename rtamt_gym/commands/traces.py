@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from glob import glob
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -46,6 +47,7 @@ __all__ = [
     "TracesAsked",
     "add_arguments",
     "add_min_duration",
+    "add_strict_ranges",
     "read_arguments",
     "read_trace_of",
     "refuse_unknown",
@@ -63,6 +65,7 @@ class TracesAsked:
         min_duration: How long each trace is to last, in seconds; None: any time.
         constants: The values of constants that the command line sets, by name.
         ignored: A text for each folder with files that are not traces.
+        strict_ranges: Whether the command fails for values outside their declared ranges.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -71,6 +74,7 @@ class TracesAsked:
     min_duration: Fraction | None = None
     constants: Mapping[str, str] = field(default_factory=dict)
     ignored: Sequence[str] = ()
+    strict_ranges: bool = False
 
     def having(self, specs: Mapping[str, rtamt.Specification]) -> TracesAsked:
         """Return the same with some of the requirements and the ``--signal`` of their variables."""
@@ -260,6 +264,16 @@ def add_min_duration(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_strict_ranges(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--strict-ranges``."""
+    parser.add_argument(
+        "--strict-ranges",
+        action="store_true",
+        help="exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]', "
+        "and nothing is violated (default: a note reports it)",
+    )
+
+
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
     """Reads the requirements and how traces are judged, and finds the traces.
 
@@ -316,7 +330,9 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         check_topics(requirements)
     least = getattr(options, "min_duration", None)
     duration = None if least is None else read_seconds("--min-duration", least)
-    return TracesAsked(requirements, reading, columns, duration, constants, ignored), found
+    strict = getattr(options, "strict_ranges", False)
+    asked = TracesAsked(requirements, reading, columns, duration, constants, ignored, strict)
+    return asked, found
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
@@ -379,6 +395,7 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
         OSError: If there is no such file.
     """
     from rtamt_gym.recorded.judge import extent_of
+    from rtamt_gym.recorded.plausibility import constant_note, outside_ranges
     from rtamt_gym.recorded.ruled import read_ruled
 
     trace, period = read_ruled(path, asked.specs, asked.reading, asked.columns)
@@ -387,7 +404,9 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
             f"{trace.source}: expected a column of times, by which --min-duration measures, got "
             "none; give --time COLUMN or --period"
         )
-    return trace, period
+    outside = [outside_ranges(spec, trace).values() for spec in asked.specs.values()]
+    notes = dict.fromkeys([*trace.notes, *chain.from_iterable(outside), constant_note(trace)])
+    return replace(trace, notes=[note for note in notes if note]), period
 
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:

@@ -122,6 +122,8 @@ class Trial:
         reported: Whether an environment calls the episode that it has ended a success itself, in
             ``is_success`` of the last info; None where it says nothing. In the column
             ``is_success`` it is 1 or 0.
+        outside: For each requirement that reads values outside declared ranges, a text; it is not
+            saved, because the notes hold it.
     """
 
     case: Case
@@ -138,6 +140,7 @@ class Trial:
     failures: Mapping[str, Failure] = field(default_factory=dict)
     extent: Extent | None = None
     reported: bool | None = None
+    outside: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of_trace(

@@ -20,6 +20,7 @@ class Unmet:
         seldom: For each requirement that too few traces trigger, a text.
         unanswered: For each requirement of which no verdict hung on an answer, that in words.
         short: For each trace that is shorter than it is to be, that in words.
+        outside: For each trace with values outside declared ranges, a text by requirement.
         undecided: Whether an undecided verdict counts as a failure.
         summary: All of it in a few words, for a heading; empty if there is nothing.
     """
@@ -28,6 +29,7 @@ class Unmet:
     seldom: Mapping[str, str] = field(default_factory=dict)
     unanswered: Mapping[str, str] = field(default_factory=dict)
     short: Mapping[str, str] = field(default_factory=dict)
+    outside: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     undecided: bool = False
     summary: str = ""
 
@@ -46,6 +48,7 @@ class Unmet:
             "triggered too seldom": "" if cell.occasions else self.seldom.get(requirement),
             "never answered": self.unanswered.get(requirement),
             "too short": self.short.get(trace),
+            "out of range": self.outside.get(trace, {}).get(requirement),
         }
         said = {kind: text for kind, text in found.items() if text}
         return (next(iter(said)), "; ".join(said.values())) if said else None

@@ -138,7 +138,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
         ),
         (
             "monitor always(note>0) odd.parquet",
-            "odd.parquet, column 'note': expected numbers, got string",
+            "odd.parquet, row 1, column 'note': expected a number, got 'a'",
         ),
         (
             "monitor --dense always(z>0) odd.parquet",

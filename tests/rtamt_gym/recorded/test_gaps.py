@@ -274,7 +274,8 @@ def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> Non
     assert kept["reading"]["min_duration"] == "10"
     assert kept["trials"][0]["extent"]["length"] == 2.0
     assert kept["trials"][0]["notes"] == [
-        "it lasts 2 s, which is shorter than 10 s (--min-duration)"
+        "constant over the whole trace: x (1)",
+        "it lasts 2 s, which is shorter than 10 s (--min-duration)",
     ]
     assert kept["shorter"] == ["b.csv"]
     assert main(["monitor", "always(x > 2)", *words[1:], "b.csv"]) == 1
@@ -416,6 +417,7 @@ def test_a_hole_is_said_and_the_verdict_goes_by_what_is_known(capsys: Output) ->
         "  19.9 s long, longest gap 11.1 s\n"
         "note: values are unknown where nothing was recorded for more than 1 s (a hole of\n"
         "  11.1 s after 4.9 s)\n"
+        "note: constant over the whole trace: x (5)\n"
         "note: no robustness over time: values of x are not known\n"
     )
     assert main(["monitor", "always[0:3](x > 4)", "run.csv", "--max-gap", "1s"]) == 0
