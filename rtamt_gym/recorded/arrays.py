@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,14 @@ from rtamt.errors import shown
 from rtamt_gym.recorded.dates import RawTimes, times_of_texts
 from rtamt_gym.recorded.recording import Floats, RowNumbers, Rows, Wanted
 from rtamt_gym.recorded.selection import RowFilter, cell_texts
+from rtamt_gym.recorded.text_numbers import numbers_in_texts
 from rtamt_gym.recorded.times import join_times
 
 __all__ = ["ArrayRecording", "check_gaps", "columns_in", "times_of"]
+
+
+_TEXTS = "UT"
+"""The kinds of arrays of text."""
 
 
 class ArrayRecording:
@@ -25,6 +31,7 @@ class ArrayRecording:
         source: Name of the file, for messages.
         arrays: The columns, whose lengths are compared where they are read.
         invalid: The cells of columns that are nan though there is a record; the reader says so.
+        decimal: The decimal mark of numbers that are text; None to recognise it.
     """
 
     def __init__(
@@ -32,12 +39,13 @@ class ArrayRecording:
         source: str,
         arrays: Mapping[str, NDArray[Any]],
         invalid: Mapping[str, NDArray[np.bool_]] | None = None,
+        decimal: str | None = None,
     ) -> None:
         self.source = shown(source)
         arrays = {shown(name): array for name, array in arrays.items()}
         self.names: Sequence[str] = list(arrays)
         self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
-        self._arrays = arrays
+        self._arrays, self._decimal = arrays, decimal
         self._invalid = {shown(name): wrong for name, wrong in (invalid or {}).items()}
 
     def read(self, wanted: Wanted) -> Rows:
@@ -53,6 +61,7 @@ class ArrayRecording:
         count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
         cells = {name: self._arrays[name] for name in wanted.cells}
         invalid, where = self._invalid, RowNumbers(self.source)
+        chosen_rows: Sequence[int] | None = None
         if wanted.where:
             kept = chosen.mask({name: cell_texts(columns[name]) for name in wanted.where})
             chosen.check()
@@ -61,16 +70,19 @@ class ArrayRecording:
             invalid = {name: wrong[kept] for name, wrong in invalid.items()}
             (rows,) = np.nonzero(kept)
             count, where = len(rows), RowNumbers(self.source, rows)
+            chosen_rows = rows.tolist()
 
-        numbers = {name: self._numbers(name, columns[name]) for name in wanted.numbers}
+        written, times, notes = self._numbers_in_texts(wanted, names, where, chosen_rows)
+        numbers = {n: self._numbers(n, columns[n]) for n in wanted.numbers if n not in written}
         for name, values in numbers.items():
             if not (name in invalid and invalid[name].any()):  # that has its own error
                 check_gaps(values, wanted, name, where)
         texts = {name: [str(text) for text in columns[name]] for name in wanted.texts}
-        times, unit = None, ""
-        if wanted.time is not None:
+        unit = ""
+        if wanted.time is not None and times is None:
             part = None if wanted.part is None else columns[wanted.part.column]
             times, unit = times_of(columns[wanted.time], wanted, self.source, where, part)
+        numbers = {name: (numbers | written)[name] for name in wanted.numbers}
         return Rows(
             numbers,
             texts,
@@ -78,10 +90,31 @@ class ArrayRecording:
             where,
             self.source,
             times,
+            notes,
             unit=unit,
             invalid=invalid,
             cells=cells,
         )
+
+    def _numbers_in_texts(
+        self,
+        wanted: Wanted,
+        names: Sequence[str],
+        where: Callable[[int], str],
+        rows: Sequence[int] | None,
+    ) -> tuple[dict[str, Floats], RawTimes | None, list[str]]:
+        """Return the numbers and times that are text; the evidence is in all columns of text."""
+        if all(self._arrays[name].dtype.kind not in _TEXTS for name in names):
+            return {}, None, []
+        count = len(self._arrays[names[0]])
+        texts = {
+            name: [*map(str, array.tolist())]
+            for name, array in self._arrays.items()
+            if array.dtype.kind in _TEXTS and len(array) == count
+        }
+        if wanted.part is not None:
+            wanted = replace(wanted, time=None)  # dates and times of day, or parts of seconds
+        return numbers_in_texts(texts, wanted, self._decimal, self.source, where, rows)
 
     def _numbers(self, name: str, values: NDArray[Any]) -> Floats:
         if values.dtype.kind not in "biuf":
@@ -168,6 +201,8 @@ def columns_in(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield from columns_in(value, f"{dotted}.")
             continue
         array = np.asarray(value)
+        if array.dtype.kind == "O" and all(isinstance(cell, str) for cell in array.flat):
+            array = array.astype(str)
         if array.dtype.names:
             fields = {field: array[field] for field in array.dtype.names}
             yield from columns_in(fields, f"{dotted}.")

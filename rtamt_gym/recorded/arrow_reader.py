@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,13 @@ from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.foreign import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, RowNumbers, Rows, Wanted
 from rtamt_gym.recorded.selection import RowFilter, cell_texts
+from rtamt_gym.recorded.text_numbers import numbers_in_texts
 
 __all__ = ["ArrowRecording", "open_file"]
 
 
 @contextmanager
-def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Opens a file of the format that its extension says.
 
     Raises:
@@ -55,23 +57,32 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
                     with refusing(path, "a whole Parquet file"):
                         batch = next(file.iter_batches(1, columns=lists))
                     lengths = _lengths(_flat(pa.Table.from_batches([batch])))
-                yield ArrowRecording(fields, load, path, "s" if own else "", lengths)
+                yield ArrowRecording(
+                    fields, load, path, "s" if own else "", lengths, columns.decimal
+                )
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
                 # Arrow trusts what the file says of its own buffers, and would read beyond them.
                 table.validate(full=True)
-            yield of_table(table, path)
+            yield of_table(table, path, columns.decimal)
         case _:
             with refusing(path, "one JSON object in each line"):
                 table = pa.json.read_json(path)
-            yield of_table(table, path)
+            yield of_table(table, path, columns.decimal)
 
 
-def of_table(table: pa.Table, source: str) -> ArrowRecording:
+def of_table(table: pa.Table, source: str, decimal: str | None = None) -> ArrowRecording:
     """The columns of a table in memory."""
     flat = _flat(table)
-    return ArrowRecording(list(flat.schema), flat.select, source, lists=_lengths(flat))
+    return ArrowRecording(list(flat.schema), flat.select, source, "", _lengths(flat), decimal)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    """Return whether a type is one of texts, also where they are stored by number."""
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
 def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
@@ -127,6 +138,7 @@ class ArrowRecording:
         source: Name of the file, for messages.
         unit: The unit of the times, if the file says it: a saved `Run` has seconds.
         lists: The number of elements of columns of lists.
+        decimal: The decimal mark of numbers that are text; None to recognise it.
     """
 
     def __init__(
@@ -136,6 +148,7 @@ class ArrowRecording:
         source: str,
         unit: str = "",
         lists: Mapping[str, int] | None = None,
+        decimal: str | None = None,
     ) -> None:
         self.source = shown(source)
         lists = lists or {}
@@ -161,7 +174,8 @@ class ArrowRecording:
         self.days = [shown(field.name) for field in fields if pa.types.is_date(field.type)]
         """The columns of dates without a time of day."""
         self._scalars = {shown(field.name) for field in fields if _is_scalar(field.type)}
-        self._load, self._unit = load, unit
+        self._load, self._unit, self._decimal = load, unit, decimal
+        self._texts_of = [field.name for field in fields if _is_text(field.type)]
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; nan counts as an empty cell."""
@@ -172,19 +186,23 @@ class ArrowRecording:
         named += [*([] if time is None else [time]), *([] if part is None else [part.column])]
         table = self._table(list(dict.fromkeys(named)) or list(self.names[:1]))
         where = RowNumbers(self.source)
+        chosen_rows: Sequence[int] | None = None
         if wanted.where:
             kept = chosen.mask({n: cell_texts(cells_of(table[n])) for n in wanted.where})
             chosen.check()
             (rows,) = np.nonzero(kept)
             table = table.take(pa.array(rows))
-            where = RowNumbers(self.source, rows)
-        numbers = {name: self._numbers(table[name], name) for name in wanted.numbers}
+            where, chosen_rows = RowNumbers(self.source, rows), rows.tolist()
+        written, times, notes = self._numbers_in_texts(wanted, table, where, chosen_rows)
+        numbers = {
+            name: self._numbers(table[name], name) for name in wanted.numbers if name not in written
+        }
         for name, values in numbers.items():
             absent = table[name].is_null().to_pylist() if table[name].null_count else ()
             check_gaps(values, wanted, name, where, absent)
         texts = {name: self._texts(table[name], name, where) for name in wanted.texts}
-        times, unit = None, self._unit
-        if time is not None:
+        unit = self._unit
+        if time is not None and times is None:
             column = table[time]
             if column.null_count:
                 row = column.is_valid().to_pylist().index(False)
@@ -193,8 +211,9 @@ class ArrowRecording:
             times, joined = self._times(column, wanted, where, second)
             unit = joined or unit
         cells = {name: cells_of(table[name]) for name in plain}
+        numbers = {name: (numbers | written)[name] for name in wanted.numbers}
         return Rows(
-            numbers, texts, table.num_rows, where, self.source, times, unit=unit, cells=cells
+            numbers, texts, table.num_rows, where, self.source, times, notes, unit, cells=cells
         )
 
     def _table(self, names: Sequence[str]) -> pa.Table:
@@ -220,6 +239,26 @@ class ArrowRecording:
                 f"{self._lengths[own]}, as in the first row, got {lengths[row].as_py()}"
             )
         return pc.list_element(column, index)
+
+    def _numbers_in_texts(
+        self,
+        wanted: Wanted,
+        table: pa.Table,
+        where: Callable[[int], str],
+        rows: Sequence[int] | None,
+    ) -> tuple[dict[str, Floats], RawTimes | None, list[str]]:
+        """Return the numbers and times that are text; the evidence is in all columns of text."""
+        read = [*wanted.numbers, *([] if wanted.time is None else [wanted.time])]
+        if not any(_is_text(table[name].type) for name in read):
+            return {}, None, []
+        if wanted.part is not None:
+            wanted = replace(wanted, time=None)  # dates and times of day, or parts of seconds
+        all_texts = _flat(self._load(self._texts_of))
+        columns = {
+            shown(name): [cell or "" for cell in all_texts[name].cast(pa.string()).to_pylist()]
+            for name in self._texts_of
+        }
+        return numbers_in_texts(columns, wanted, self._decimal, self.source, where, rows)
 
     def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
         if not is_number(column.type):

@@ -26,10 +26,10 @@ from typing import BinaryIO, TextIO, cast
 from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import NumberColumns, cells_in, is_number, times_in
+from rtamt_gym.recorded.cells import NumberColumns, cells_in, times_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import RawTimes, read_dates
-from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, notes_on
+from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, convert, notes_on
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.selection import RowFilter
@@ -305,6 +305,9 @@ class CsvRecording:
         def where_of_all(row: int) -> str:
             return f"{self.source}, line {every[row]}"
 
+        def plain(text: str) -> str:
+            return _plain(text, self.source)
+
         read = dict.fromkeys([*wanted.numbers, *time])
         marks = FileMarks(self.names, read, self._columns.decimal, self.source, where_of_all)
         numbers = NumberColumns(wanted)
@@ -314,20 +317,20 @@ class CsvRecording:
             for name, column in columns.items():
                 column.extend(cells[name])
             if marks.known:
-                self._convert(numbers, marks, where)
-        decimal = self._convert(numbers, marks, where)
+                convert(numbers, marks, where, plain)
+        decimal = convert(numbers, marks, where, plain)
         times, unit = self._times(columns, decimal, wanted, where) if lines else (None, "")
         if time:
             numbers.look_for_groups(columns[time[0]], decimal)
         notes = [*self._notes, *marks.notes(decimal, numbers.grouped)]
         texts = {name: [*map(str.strip, columns[name])] for name in wanted.texts}
-        plain = {n: [_plain(text, self.source) for text in column] for n, column in texts.items()}
-        if plain != texts and _LATIN not in notes:
+        decoded = {name: [*map(plain, column)] for name, column in texts.items()}
+        if decoded != texts and _LATIN not in notes:
             notes.append(_LATIN)
         cells_as_read = {name: cells_in(columns[name], decimal) for name in wanted.cells}
         return Rows(
             numbers.arrays,
-            plain,
+            decoded,
             len(lines),
             where,
             self.source,
@@ -386,22 +389,6 @@ class CsvRecording:
         seconds = times_in(texts[time], decimal, place)
         parts = times_in(texts[part.column], decimal, where)
         return join_times(seconds, parts, part.unit, where), "ns"
-
-    def _convert(
-        self, numbers: NumberColumns, marks: FileMarks, where: Callable[[int], str]
-    ) -> str:
-        """Convert cells to numbers; returns the decimal mark."""
-        decimal = marks.decimal()
-        wrong = numbers.convert(decimal)
-        if wrong is not None:
-            row, name, cell, advice = wrong
-            if self._columns.decimal is not None and any(is_number(cell.strip(), m) for m in ".,"):
-                advice = "; leave out --decimal to recognise the decimal mark from the whole file"
-            got = _plain(cell, self.source)
-            raise InputError(
-                f"{where(row)}, column '{name}': expected a number, got {got!r}{advice}"
-            )
-        return decimal
 
     def _cells_of(self, block: Sequence[tuple[int, list[str]]]) -> Mapping[str, Sequence[str]]:
         """Return the cells of some rows by column."""

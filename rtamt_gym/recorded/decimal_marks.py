@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from rtamt import InputError
-from rtamt_gym.recorded.cells import NOT_KNOWN, floats_in, is_number
+from rtamt_gym.recorded.cells import NOT_KNOWN, NumberColumns, floats_in, is_number
 
-__all__ = ["ColumnMarks", "FileMarks", "notes_on"]
+__all__ = ["ColumnMarks", "FileMarks", "convert", "notes_on"]
 
 _OTHER: Final = {".": ",", ",": "."}
 
@@ -165,7 +165,7 @@ class FileMarks:
         where: Callable[[int], str],
     ) -> None:
         self._columns = {name: ColumnMarks() for name in (names if option is None else read)}
-        self._read, self._option = read, option
+        self._read, self.option = read, option
         self._source, self._where = source, where
 
     def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
@@ -176,7 +176,7 @@ class FileMarks:
     @property
     def known(self) -> bool:
         """Whether the option, or a column that is read, decides whatever follows."""
-        return self._option is not None or any(self._columns[name].evidence for name in self._read)
+        return self.option is not None or any(self._columns[name].evidence for name in self._read)
 
     def decimal(self) -> str:
         """Return the decimal mark, ``.`` or ``,``.
@@ -185,8 +185,8 @@ class FileMarks:
             InputError: If there is evidence for both marks, or if a column that is read can be
                 read in two ways.
         """
-        if self._option is not None:
-            return self._option
+        if self.option is not None:
+            return self.option
         own = {name: self._columns[name] for name in self._read}
         found = _evidence(own)
         if len(found) == 2:
@@ -219,9 +219,38 @@ class FileMarks:
         found = {
             name: marks.open[decimal].text
             for name, marks in self._columns.items()
-            if self._option is not None and marks.all_groups(decimal)
+            if self.option is not None and marks.all_groups(decimal)
         }
-        return notes_on(self._option, decimal, grouped, found)
+        return notes_on(self.option, decimal, grouped, found)
+
+
+def convert(
+    numbers: NumberColumns,
+    marks: FileMarks,
+    where: Callable[[int], str],
+    plain: Callable[[str], str] = str,
+) -> str:
+    """Convert cells to numbers, and return the decimal mark of the file.
+
+    Args:
+        numbers: The cells that were not converted before.
+        marks: The evidence up to these cells.
+        where: Returns file and place of a row of these cells.
+        plain: Returns a cell as it is shown.
+
+    Raises:
+        InputError: As `FileMarks.decimal`, or if a cell is not a number.
+    """
+    decimal = marks.decimal()
+    wrong = numbers.convert(decimal)
+    if wrong is not None:
+        row, name, cell, advice = wrong
+        if marks.option is not None and any(is_number(cell.strip(), mark) for mark in _OTHER):
+            advice = "; leave out --decimal to recognise the decimal mark from the whole file"
+        raise InputError(
+            f"{where(row)}, column '{name}': expected a number, got {plain(cell)!r}{advice}"
+        )
+    return decimal
 
 
 def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, MarkedCell]]:

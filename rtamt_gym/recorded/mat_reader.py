@@ -20,7 +20,7 @@ __all__ = ["open_file"]
 
 
 @contextmanager
-def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Opens a file of MATLAB; a field of a structure is a column with a dotted name.
 
     Raises:
@@ -36,5 +36,5 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
                 "save it with save(..., '-v7')"
             ) from None
         own = {name: value for name, value in data.items() if not name.startswith("__")}
-        columns = dict(columns_in(own))
-    yield ArrayRecording(path, columns)
+        arrays = dict(columns_in(own))
+    yield ArrayRecording(path, arrays, decimal=columns.decimal)

@@ -22,7 +22,7 @@ _WHAT: Final = "an archive of numpy.savez, whose arrays are numbers"
 
 
 @contextmanager
-def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Opens an archive of arrays.
 
     Raises:
@@ -36,4 +36,4 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
             raise InputError(f"{shown(path)}: expected {_WHAT}")
         with archive:
             arrays = dict(columns_in({name: archive[name] for name in archive.files}))
-    yield ArrayRecording(path, arrays)
+    yield ArrayRecording(path, arrays, decimal=columns.decimal)

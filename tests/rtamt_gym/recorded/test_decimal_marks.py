@@ -1,9 +1,16 @@
 """Decimal marks, words for numbers, and layouts of text: one reading, or none."""
 
+import json
 import math
+from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat
 
 import rtamt
 from rtamt_gym.recorded import csv_reader
@@ -317,3 +324,52 @@ def test_lines_are_skipped_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyP
     text = "Operator,Bob\nunits,SI\ntime,x\n0,1\n1,2\n"
     assert "no column 'x'" in reading(tmp_path, monkeypatch, text)
     assert reading(tmp_path, monkeypatch, text, Columns(skip=2)) == ([1, 2], [])
+
+
+# Numbers that are text in other formats. ---------------------------------------------------------
+
+
+def written(path: Path, columns: dict[str, list[str]]) -> None:
+    """Write columns of text in the format of the name."""
+    if path.suffix == ".ndjson":
+        rows = zip(*columns.values(), strict=True)
+        path.write_text("\n".join(json.dumps(dict(zip(columns, r, strict=True))) for r in rows))
+    elif path.suffix == ".npz":
+        np.savez(path, allow_pickle=False, **{n: np.array(c) for n, c in columns.items()})
+    elif path.suffix == ".mat":
+        savemat(path, {name: np.array(cells, object) for name, cells in columns.items()})
+    elif path.suffix == ".parquet":
+        pq.write_table(pa.table(columns), path)
+    else:
+        table = pa.table({name: pa.array(c).dictionary_encode() for name, c in columns.items()})
+        pa.feather.write_feather(table, str(path))
+
+
+@pytest.mark.parametrize("extension", [".ndjson", ".parquet", ".feather", ".npz", ".mat"])
+def test_texts_in_other_formats_have_the_same_readings(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"t{extension}"
+
+    def result(columns: Columns | None = None, **cells: str) -> tuple[list[float], list[str]] | str:
+        written(path, {name: text.split(" ") for name, text in cells.items()})
+        try:
+            with open_recording(str(path), columns) as recording:
+                trace = read_trace(recording, ["x"], columns)
+        except rtamt.InputError as error:
+            return str(error)
+        assert trace.times is None or trace.period() == Fraction(1, 2)
+        return trace.columns["x"].tolist(), [*trace.notes]
+
+    assert result(x="1.5 -2", time="0 0.5") == ([1.5, -2], [])
+    assert result(x="1,5 True", time="0 0,5") == ([1.5, 1], [COMMA])
+    assert result(x="1.000 2.000", y="3,5 4") == ([1000, 2000], [COMMA, groups("1.000", "1000")])
+    assert f"t{extension}, row 1, column 'x': {TWO}" in result(x="1,250 2,900")
+    assert result(Columns(decimal="."), x="1,250 2,900") == (
+        [1250, 2900],
+        [groups("1,250", "1250")],
+    )
+    assert result(Columns(missing="hold"), x="1.5 N/A") == (
+        [1.5, 1.5],
+        ["empty cells hold the value before (x: 1)"],
+    )
+    assert result(x="1.5 N/A").endswith("got 'N/A'; give --missing hold or --missing drop")
+    assert result(x="1.5 ERR").endswith("row 2, column 'x': expected a number, got 'ERR'")
