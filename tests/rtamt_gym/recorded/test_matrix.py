@@ -55,6 +55,8 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
         "worst requirement: near, violated in 2 of 4 traces, least -0.5 in runs/b.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
         "asked: answered in 3 of 4 traces\n"
+        "note on runs/b.csv: constant over the whole trace: req (0), gnt (0)\n"
+        "note on runs/c.csv and 1 more: constant over the whole trace: gnt (0)\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
@@ -128,6 +130,8 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
         "worst requirement: near, violated in 4 of 6 traces, least -1 in runs/aa.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
         "asked: answered in 3 of 4 traces\n"
+        "note on runs/b.csv: constant over the whole trace: req (0), gnt (0)\n"
+        "note on runs/c.csv and 1 more: constant over the whole trace: gnt (0)\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
@@ -328,6 +332,7 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
         "\n"
         "runs/d.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
         "  1.5 s long, longest gap 0.5 s\n"
+        "note: constant over the whole trace: gnt (0)\n"
     )
 
 

@@ -49,6 +49,7 @@ robustness -1 at 0 s, decided by gap > 2 at 0.5 s
   0 s     -1  near = always(gap > 2)
 0.5 s     -1  gap > 2
 0.5 s      1  gap"""
+CONSTANT = "constant over the whole trace: req (0), gnt (0)"
 DESCRIBED = "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s, 1 s long, longest gap 0.5 s"
 WHY_OPEN = "eventually[0:1](gnt >= 3) at 0.5 s: not recorded: 1 s to 1.5 s"
 WAY_OUT = "if the trace is all there is, --end complete says VIOLATED"
@@ -230,6 +231,8 @@ def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Outp
 worst requirement: near, violated in 1 of 3 traces, least -1 in near.csv{"  "}
 worst trace: near.csv, 1 of 2 requirements violated, least -1 of near{"  "}
 asked: answered in 2 of 3 traces{"  "}
+note on near.csv: constant over the whole trace: req (0), gnt (0){"  "}
+note on open.csv: constant over the whole trace: gnt (0){"  "}
 
 | trace | verdict | near | answered | asked |
 |---|---|---:|---:|---:|
@@ -351,6 +354,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     assert near == {
         "name": "near.csv",
         "described": DESCRIBED,
+        "notes": [CONSTANT],
         "extent": {
             "samples": 3,
             "period": "1/2",
@@ -424,7 +428,7 @@ def test_the_keys_of_version_1_stand_beside_those_of_version_2(capsys: Output) -
             "trace": "near.csv",
             "verdict": "VIOLATED",
             "described": DESCRIBED,
-            "notes": [],
+            "notes": [CONSTANT],
             "requirements": {
                 "near": {
                     "verdict": "VIOLATED",
