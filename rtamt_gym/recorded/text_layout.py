@@ -78,11 +78,11 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
         if not _COMMENT.match(lines[at]) or _names_of(lines, at, below, separator):
             break
         first = below
-    table = _Table.below(lines, first, separator)
+    table = _Candidate.below(lines, first, separator)
     if table.fits and (table.rows or first == full[-1]):  # a quote may take all rows in
         return table.layout
     for at in full[full.index(first) :]:
-        other = _Table.below(lines, at, separator)
+        other = _Candidate.below(lines, at, separator)
         if other.certain:
             return other.layout
         if len(other.layout.names) > 1 and _is_value(other.layout.names[0]):
@@ -122,16 +122,16 @@ def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) 
     """Return whether a comment holds the names of the columns of the line below it."""
     if _COMMENT.match(lines[below]):
         return False
-    table = _Table.below(lines, at, separator)
+    table = _Candidate.below(lines, at, separator)
     if not table.rows or len(table.rows[0]) != table.layout.width:
         return False
     if any(map(_is_value, table.rows[0])):
         return True
-    return table.layout.width > 1 and not _Table.below(lines, below, separator).certain
+    return table.layout.width > 1 and not _Candidate.below(lines, below, separator).certain
 
 
 @dataclass(frozen=True, slots=True)
-class _Table:
+class _Candidate:
     """A line taken for the names, and the rows below it.
 
     Attributes:
@@ -143,7 +143,7 @@ class _Table:
     rows: list[list[str]]
 
     @classmethod
-    def below(cls, lines: Sequence[str], at: int, separator: str | None) -> _Table:
+    def below(cls, lines: Sequence[str], at: int, separator: str | None) -> _Candidate:
         head = names_line(lines[at])
         if separator is None:
             separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))

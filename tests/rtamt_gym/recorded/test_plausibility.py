@@ -44,14 +44,11 @@ def test_values_outside_declared_ranges_are_counted(dense: list[str], capsys: Ou
 def test_types_are_ranges_and_unknown_values_are_not_compared(capsys: Output) -> None:
     Path("t.csv").write_text('gear\n0\n""\n300\n-1\n')
     words = ["uint8 gear; always(gear > -9)", "t.csv", "--missing", "unknown"]
-    assert (
-        notes([*words, "--strict-ranges"], 3, capsys)[1:]
-        == [
-            "2 of 4 values of gear are outside the declared range [0, 255], the first is 300 in "
-            "t.csv, line 4",
-            "no column is one of times, so that bounds count samples",
-        ][:1]
+    expected = (
+        "2 of 4 values of gear are outside the declared range [0, 255], the first is 300 in "
+        "t.csv, line 4"
     )
+    assert notes([*words, "--strict-ranges"], 3, capsys)[1] == expected
 
 
 def test_strict_ranges_fail_in_every_output(capsys: Output) -> None:
