@@ -220,8 +220,9 @@ class CsvRecording:
                 row of units has a unit of the times that is not known.
         """
         if wanted.time is not None and self.names.count(wanted.time) > 1:
-            count = self.names.count(wanted.time)
-            raise InputError(f"{self.source}: expected one column '{wanted.time}', got {count}")
+            raise InputError(
+                f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
+            )
         if self._was_read:
             return self._read_again(wanted)
         self._was_read = True

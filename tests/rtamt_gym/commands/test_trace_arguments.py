@@ -278,7 +278,7 @@ def test_specifications_may_stand_in_folders_and_patterns_too(folder: Path, caps
 
 def test_a_table_says_that_bounds_count_samples(folder: Path, capsys: Output) -> None:
     for name in ("x.csv", "y.csv"):
-        (folder / name).write_text("gap\n5\n5\n5\n")
+        (folder / name).write_text("gap\n5\n6\n5\n")
     note = "note on x.csv and 1 more: no column is one of times, so that bounds count samples"
     assert main(["monitor", "always[0:2](gap > 4)", "--", "x.csv", "y.csv"]) == 0
     assert note in " ".join(capsys.readouterr().out.split())

@@ -149,7 +149,7 @@ def test_a_bag_that_lacks_a_topic_is_judged_by_the_other_requirements(
 
 
 def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsys: Output) -> None:
-    said = [twist(START + i * 10**8, 0.5) for i in range(20)]
+    said = [twist(START + i * 10**8, 0.5 + i / 100) for i in range(20)]
     said.append(Said(START + 10**10, "/name", "std_msgs/String", {}))
     path = str(write_bag(folder / "quiet.bag", said))
     assert main(["monitor", "spec.stl", "--period", "0.1", "--only", "slow", path]) == 0

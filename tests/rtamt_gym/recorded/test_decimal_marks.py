@@ -371,5 +371,5 @@ def test_texts_in_other_formats_have_the_same_readings(extension: str, tmp_path:
         [1.5, 1.5],
         ["empty cells hold the value before (x: 1)"],
     )
-    assert result(x="1.5 N/A").endswith("got 'N/A'; give --missing hold or --missing drop")
+    assert result(x="1.5 N/A").endswith("got 'N/A'; give --missing hold or --missing unknown")
     assert result(x="1.5 ERR").endswith("row 2, column 'x': expected a number, got 'ERR'")

@@ -295,7 +295,7 @@ def test_an_array_alone_is_no_archive(tmp_path: Path) -> None:
             {"time": np.arange(3.0), "speed": np.arange(2.0)},
             ": expected columns of one length, got speed: 2, time: 3",
         ),
-        ({"speed": np.array(["a", "b"])}, ", column 'speed': expected numbers, got <U1"),
+        ({"speed": np.array(["a", "b"])}, ", row 1, column 'speed': expected a number, got 'a'"),
         (
             {"time": np.array(["a", "b"]), "speed": np.arange(2.0)},
             ", column 'time': expected numbers or dates, got <U1",
