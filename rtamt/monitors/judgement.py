@@ -116,10 +116,8 @@ class Judgement:
                 if none does.
         """
         verdict = _verdict(*bounds[1:])
-        late = (
-            *(_Once(untested), _Once(decided_at)),
-            *(_Once(lambda: evidence(verdict)), _Once(early_end)),
-        )
+        evident = _Once(lambda: evidence(verdict))
+        late = _Once(untested), _Once(decided_at), evident, _Once(early_end)
         return Judgement(*bounds, verdict, end, formula, complete, unknown, *late)
 
     @property
