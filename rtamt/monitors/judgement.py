@@ -116,9 +116,18 @@ class Judgement:
                 if none does.
         """
         verdict = _verdict(*bounds[1:])
-        evident = _Once(lambda: evidence(verdict))
-        late = _Once(untested), _Once(decided_at), evident, _Once(early_end)
-        return Judgement(*bounds, verdict, end, formula, complete, unknown, *late)
+        return Judgement(
+            *bounds,
+            verdict,
+            end,
+            formula,
+            complete,
+            unknown,
+            _Once(untested),
+            _Once(decided_at),
+            _Once(lambda: evidence(verdict)),
+            _Once(early_end),
+        )
 
     @property
     def open_for(self) -> str:
