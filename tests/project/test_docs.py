@@ -20,6 +20,8 @@ MOVED = {"search"}
 """Pages that only say where they are now."""
 RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials" and page.stem != "taliro"]
 """`test_tutorials.py` plays the tutorials, each in a folder; `tests/optimizers` plays another."""
+LONG = {"evaluation", "falsification", "sweeps"}
+"""Pages whose examples take seconds: the quick suite runs the first."""
 SESSIONS = [
     pytest.param(session, marks=[pytest.mark.slow] if at else [])  # the quick suite plays the first
     for page in RUN_HERE
@@ -27,7 +29,24 @@ SESSIONS = [
 ]
 
 
-@pytest.mark.parametrize("page", RUN_HERE, ids=lambda page: page.stem)
+@pytest.mark.parametrize("name", sorted(LONG))
+def test_the_first_example_of_a_long_page(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    test = doctest.DocTestParser().get_doctest(text, {}, name, name, 0)
+    shown = next(at for at, example in enumerate(test.examples) if example.want)
+    test.examples = test.examples[: shown + 1]
+    assert doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test).failed == 0
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.slow] if page.stem in LONG else [])
+        for page in RUN_HERE
+    ],
+    ids=lambda page: page.stem,
+)
 def test_the_python_of_a_page_shows_what_it_says(
     page: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

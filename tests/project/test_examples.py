@@ -233,6 +233,7 @@ def test_the_figures_of_the_paper_have_its_numbers(run: Runner) -> None:
     assert min(map(min, heights)) < 0 < max(map(max, heights))
 
 
+@pytest.mark.slow
 def test_the_table_of_times_has_a_row_for_every_bound(run: Runner) -> None:
     rows = run("paper_figures").rows("bound")
     assert [row[0] for row in rows] == ["[0:100]", "[0:1000]", "[0:10000]", "[0:100000]"]

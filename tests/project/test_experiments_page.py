@@ -21,6 +21,7 @@ def tables(head: str = "variant") -> list[list[list[str]]]:
     return [[[cell.strip() for cell in row] for row in [table[0], *table[2:]]] for table in rows]
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("at", "name"), list(enumerate(SCRIPTS)))
 def test_a_table_of_the_page_is_what_the_file_of_results_says(at: int, name: str) -> None:
     module, training = script(name), script("training")
@@ -68,6 +69,7 @@ def test_the_first_table_repeats_those_of_the_study() -> None:
             assert shown == (f"{row['mean %'].split()[0]} ({row['runs']})" if row else "no run")
 
 
+@pytest.mark.slow
 def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
     study = script("study")
     rows = study.rows_of(EXAMPLES / "results" / "study.jsonl")

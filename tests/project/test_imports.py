@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -132,8 +133,13 @@ def room(module: str, package: str) -> str:
     return module.removeprefix(package).removeprefix(".").split(".")[0] or "__init__"
 
 
-def imported(path: Path) -> Iterator[tuple[str, str | None]]:
-    """Every import in a file, wherever it stands: module, and name if one is taken from it."""
+@cache
+def imported(path: Path) -> list[tuple[str, str | None]]:
+    """Return every import in a file: the module, and the name if one is taken from it."""
+    return list(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[tuple[str, str | None]]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from ((alias.name, None) for alias in node.names)

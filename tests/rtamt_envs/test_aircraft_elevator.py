@@ -142,6 +142,7 @@ def test_pairs_of_faults_isolate_a_side_only_where_both_its_actuators_fail() -> 
             assert not violated & {"alone_left", "alone_right", "isolates_left"}
 
 
+@pytest.mark.slow
 def test_faults_give_the_same_numbers_without_numba() -> None:
     program = (
         "import sys, gymnasium as gym, numpy as np, rtamt_envs\n"

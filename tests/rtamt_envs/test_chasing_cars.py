@@ -193,6 +193,7 @@ def test_euler_steps_violate_what_holds() -> None:
     assert np.abs(finer - exact[:, :10])[..., 1:].max() > 2.0
 
 
+@pytest.mark.slow
 def test_all_modes_give_the_same_numbers_without_numba() -> None:
     program = (
         "import numpy as np\n"

@@ -225,6 +225,7 @@ def test_numbers_are_the_same_without_numba() -> None:
         assert courses(name) == interpreted[name], name
 
 
+@pytest.mark.slow(keep=2)
 @each_scenario
 def test_a_picture_shows_the_episode(name: str) -> None:
     env = made(name, render_mode="rgb_array")

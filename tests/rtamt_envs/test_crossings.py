@@ -51,6 +51,7 @@ def test_a_touch_counts_and_what_misses_by_a_little_does_not(at: float) -> None:
     assert first([at * at + below, -2 * at, 1.0]) == 2.0
 
 
+@pytest.mark.slow
 def test_crossings_are_the_same_without_numba() -> None:
     program = (
         "import numpy as np\n"

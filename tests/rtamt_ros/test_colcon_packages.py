@@ -95,6 +95,7 @@ def configured(folder: Path, there: Collection[str]) -> subprocess.CompletedProc
     )
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("absent", NEEDED)
 def test_without_ros_2_the_messages_say_what_they_need_and_how_to_build_the_rest(
     absent: str, tmp_path: Path

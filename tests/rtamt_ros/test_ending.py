@@ -90,6 +90,7 @@ sys.exit(run_module(sys.argv[1], sys.argv[3:]))
 """
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("event", [1, 3, 30, 100, 300])
 @pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.robot"])
 def test_ctrl_c_before_there_is_a_node_says_nothing(module: str, event: int) -> None:

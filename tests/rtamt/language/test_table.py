@@ -124,6 +124,7 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
         rtamt.DenseMonitor("later(x > 1)")
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
     ("row", "spelled"),
     [

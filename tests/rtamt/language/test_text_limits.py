@@ -48,6 +48,7 @@ def test_a_text_of_a_megabyte_is_refused_unread(piece: str) -> None:
     assert peak < 2**20
 
 
+@pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("piece", PIECES)
 def test_the_cost_of_a_text_rises_with_its_length(piece: str) -> None:
     count, costs = StepCounter(), []

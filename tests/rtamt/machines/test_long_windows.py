@@ -120,6 +120,7 @@ EPISODES = [
 ]
 
 
+@pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("text", EPISODES)
 def test_long_episodes_agree_with_their_definition_now_and_then(
     text: str, backend: Backend

@@ -209,6 +209,7 @@ def test_a_window_outside_the_trace_is_said() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_of_many_the_text_shows_some() -> None:
     names = [f"x{i}" for i in range(3000)]
     formula = rtamt.disjunction(variable(name) > 0 for name in names)

@@ -195,6 +195,7 @@ def of_steps(rng: random.Random, depth: int, *, first: bool = True) -> str:
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
+@pytest.mark.slow(keep=30)
 @pytest.mark.parametrize("seed", range(150))
 def test_on_uniform_samples_robustness_is_that_of_samples(seed: int, backend: Backend) -> None:
     rng = random.Random(seed)

@@ -244,6 +244,7 @@ def test_reset_forgets_everything(
 # Memory. -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize(
     "text",
     [

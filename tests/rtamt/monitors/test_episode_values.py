@@ -97,6 +97,7 @@ def test_attributes_cannot_be_set_or_deleted(name: str, backend: Backend) -> Non
     agrees_with_its_machine(monitor)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("history", [False, True])
 def test_an_update_kept_alone_outlives_its_monitor_which_needs_no_collector(
     backend: Backend, *, history: bool
@@ -115,6 +116,7 @@ def test_an_update_kept_alone_outlives_its_monitor_which_needs_no_collector(
     assert all(other.verdict is Verdict.UNDECIDED for other in others)
 
 
+@pytest.mark.slow(keep=1)
 def test_a_monitor_in_a_cycle_is_collected(backend: Backend) -> None:
     class Cyclic(EpisodeMonitor):
         me: object

@@ -105,6 +105,7 @@ class Said:
         return low, low if first == last else self.place(last, after=False) - each.open_end
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("name", ["since", "until", "unless"])
 @settings(max_examples=examples(250))
 @given(seed=st.integers(0, 2**32))

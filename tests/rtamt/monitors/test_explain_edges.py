@@ -29,6 +29,7 @@ def test_the_zero_that_decides_is_the_one_with_the_sign_of_the_whole() -> None:
     assert [(s.text, s.sample) for s in explanation.steps][-1] == ("b == 0", 1)
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("junction", ["and", "or"])
 def test_a_formula_of_many_operands_is_explained(junction: str) -> None:
     count = 2 * sys.getrecursionlimit()

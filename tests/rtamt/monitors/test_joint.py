@@ -228,6 +228,7 @@ def reader(cell: Cell, view: memoryview) -> Callable[..., float]:
     return lambda *_: float(view[0]) + 0.0 * len(vars(cell))
 
 
+@pytest.mark.slow
 def test_a_cycle_through_what_is_read_is_collected_and_the_array_is_read_on() -> None:
     array: Any = np.array([1.0, 2.0])
     beneath = weakref.ref(array)

@@ -149,6 +149,7 @@ def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> N
     agrees(formula, trace, backend)
 
 
+@pytest.mark.slow(backend="python")
 def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rtamt.machines.signals._BLOCK", 1000)
     n = 4_000

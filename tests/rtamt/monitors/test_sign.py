@@ -7,6 +7,7 @@ import math
 from typing import Literal
 
 import numpy as np
+import pytest
 from bits import bits, identical
 from boolean_oracle import holds as true_at
 from episode_monitors import feed
@@ -161,6 +162,7 @@ def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
         assert abs(step.value) == abs(explanation.robustness)
 
 
+@pytest.mark.slow(backend="python")
 def test_every_golden_formula_holds_where_another_program_says(backend: Backend) -> None:
     golden = [case for case in cases("verdict.json") if "holds" in case]
     assert len(golden) == 400

@@ -123,6 +123,7 @@ LONG = (
 )
 
 
+@pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("k", [1, 2, 7, 16])
 @pytest.mark.parametrize("text", LONG)
 def test_long_episodes_of_lanes_that_fall_out_of_step(text: str, k: int, backend: Backend) -> None:

@@ -407,6 +407,7 @@ def test_values_that_do_not_fit_the_lanes_are_refused(
     assert info == {}
 
 
+@pytest.mark.slow(backend="python")
 def test_a_book_in_a_cycle_is_collected(backend: Backend) -> None:
     book = book_of(["always(x > 0)"], 2, backend)
     book.feed(np.ones((2, 2)), columns_of(book))

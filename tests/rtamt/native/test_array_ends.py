@@ -71,6 +71,7 @@ def trace(n: int) -> dict[str, Array]:
     return {"x": random.normal(size=n), "y": random.normal(size=n)}
 
 
+@pytest.mark.slow(keep=60)
 @edges
 @pytest.mark.parametrize("n", LENGTHS)
 @pytest.mark.parametrize("text", [*TEXTS, "always (x implies eventually y)", "once(x or always y)"])
@@ -113,6 +114,7 @@ def test_a_window_over_variables_reads_them_from_their_begin_to_their_end(
     assert bits(found) == bits(machine.run(list(data), n)[0])
 
 
+@pytest.mark.slow(keep=50)
 @edges
 @pytest.mark.parametrize("n", LENGTHS)
 @pytest.mark.parametrize("text", TEXTS)

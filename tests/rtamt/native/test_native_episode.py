@@ -83,6 +83,7 @@ def offered(monitor: EpisodeMonitor) -> list[int]:
     return bits([monitor.robustness, monitor.lower, monitor.upper])
 
 
+@pytest.mark.slow(keep=28)
 @pytest.mark.parametrize("rows", [ramps, noise, bursts], ids=["ramps", "noise", "bursts"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_long_windows_equal_their_definition(shape: str, rows: Rows) -> None:
@@ -111,6 +112,7 @@ CUT_SHAPES = (
 )
 
 
+@pytest.mark.slow(keep=40)
 @pytest.mark.parametrize("rows", [ramps, noise, bursts], ids=["ramps", "noise", "bursts"])
 @pytest.mark.parametrize("shape", CUT_SHAPES)
 def test_a_cut_trace_of_long_windows_equals_its_definition(shape: str, rows: Rows) -> None:

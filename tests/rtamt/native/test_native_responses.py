@@ -179,6 +179,7 @@ def late(n: int) -> Iterator[Row]:
         yield (9.0 if i == 0 else -9.0), (1.0 if i < 9 else 5.0 if i < 20 else -8.0)
 
 
+@pytest.mark.slow(keep=15)
 @pytest.mark.parametrize(
     "rows", [rising, falling, mixed, rare, late], ids=lambda rows: rows.__name__
 )

@@ -42,6 +42,7 @@ def events(count: int, seed: int, *, dates: bool) -> dict[str, Events]:
     return found
 
 
+@pytest.mark.slow(keep=8)
 @pytest.mark.parametrize("dates", [False, True], ids=["numbers", "dates"])
 @pytest.mark.parametrize("left", LEFTS)
 def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:

@@ -56,6 +56,7 @@ def trace(n: int, seed: int, minus_zeros: range) -> list[tuple[float, float]]:
     return [(value(i), value(i)) for i in range(n)]
 
 
+@pytest.mark.slow(keep=40)
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("name", FOLDS)
 def test_a_window_over_a_trace_gives_the_bits_of_its_definition(name: str, length: int) -> None:

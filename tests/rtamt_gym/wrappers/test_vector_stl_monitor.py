@@ -52,6 +52,7 @@ def bare(case: Case) -> list[Make]:
     ]
 
 
+@pytest.mark.slow(keep=8)
 @pytest.mark.filterwarnings("ignore:expected samples")  # the period fits the bounds alone
 @modes
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.env_id.split(":")[-1])

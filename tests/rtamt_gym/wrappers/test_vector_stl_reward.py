@@ -70,6 +70,7 @@ def test_every_mode_pays_what_single_environments_are_paid(
         assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
 
 
+@pytest.mark.slow(keep=6)
 @modes
 @pytest.mark.parametrize("mode", ["potential", "terminal"])
 @pytest.mark.parametrize("case", CASES[:2] + CASES[-1:], ids=lambda case: case.env_id[-12:])
