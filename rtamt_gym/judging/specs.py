@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.logger import warn
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import MaxAndSkipObservation, RepeatAction
+from gymnasium.wrappers import MaxAndSkipObservation
 from numpy.typing import NDArray
 
 import rtamt
@@ -46,6 +46,13 @@ SpecsLike = SpecLike | Mapping[str, SpecLike]
 
 AnyEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
+
+# Gymnasium 1.3 added RepeatAction; RLlib still requires Gymnasium 1.2.
+_SKIPPING: tuple[type[Any], ...] = (
+    MaxAndSkipObservation,
+    getattr(gym.wrappers, "RepeatAction", MaxAndSkipObservation),
+)
+"""The wrappers that make several steps in one."""
 
 
 def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
@@ -303,7 +310,7 @@ def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Speci
 def _skips(env: AnyEnv) -> str:
     """The name of the wrapper that makes several steps in one, if there is one."""
     while isinstance(env, gym.Wrapper):
-        if isinstance(env, MaxAndSkipObservation | RepeatAction):
+        if isinstance(env, _SKIPPING):
             return type(env).__name__
         env = env.env
     return ""

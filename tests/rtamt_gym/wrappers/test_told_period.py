@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import RepeatAction
+from gymnasium.wrappers import MaxAndSkipObservation
 from vector_environments import MODES, Make, difference, native, sync, trajectory
 
 from rtamt import InputError, SpecificationError, StateError
@@ -291,9 +291,12 @@ def test_an_evaluation_fails_on_a_wrong_period() -> None:
 
 
 def test_a_repeat_action_of_gymnasium_has_no_period() -> None:
-    env = RepeatAction(pole(), 4)
-    assert why_no_period(env) == "a RepeatAction makes several steps in one"
-    with pytest.raises(SpecificationError, match="a RepeatAction makes several steps in one"):
+    # Gymnasium 1.3 added RepeatAction.
+    repeat: Any = getattr(gym.wrappers, "RepeatAction", MaxAndSkipObservation)
+    env = repeat(pole(), 4)
+    reason = f"a {repeat.__name__} makes several steps in one"
+    assert why_no_period(env) == reason
+    with pytest.raises(SpecificationError, match=reason):
         StlMonitor(env, TIMED, X)
     actions(StlMonitor(env, "eventually[0:0.8](x > 1)", X, period=0.08))
     assert issubclass(InputError, Exception)
