@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -111,32 +111,35 @@ def _read(text: Text, wanted: Wanted, chosen: RowFilter, *, certain: bool) -> Cs
     table = _table(text, [*places, *also, *beyond], [*map(text.names.index, dated)])
     if any(_bytes(column).strip() for column in table.columns[len(names) + len(also) :]):
         raise _UnclearError
+    columns = dict(zip([*names, *others], table.columns, strict=False))
     rows = None
     if wanted.where:
         if not set(dated).isdisjoint(wanted.where):
             raise _UnclearError
-        columns = dict(zip([*names, *others], table.columns, strict=False))
         kept = chosen.mask({name: _strings(columns[name]) for name in wanted.where})
         chosen.check()
         (rows,) = np.nonzero(kept)
-        table = table.take(pa.array(rows)).combine_chunks()
-    columns = dict(zip([*names, *others], table.columns, strict=False))
     numbers, marked = {}, {}
     for name in dict.fromkeys([*wanted.numbers, *(name for name in time if name not in dated)]):
-        cells, values = _numbers(columns[name], text.decimal, wanted)
-        absent = int(np.isnan(values).sum())
-        if absent > (name in wanted.gaps) * (len(values) if wanted.nan else cells.null_count):
+        read = _numbers(columns[name], text.decimal, wanted)
+        if rows is not None:
+            read = _Numbers(read.cells, read.values[rows], read.blank[rows])
+        values = read.values
+        allowed = np.isnan(values) if wanted.nan else read.blank
+        if (np.isnan(values) & ~(allowed & (name in wanted.gaps))).any():
             raise _UnclearError
         numbers[name] = values
-        if text.decimal.encode() in _bytes(cells):
-            marked[name] = cells
+        if text.decimal.encode() in _bytes(read.cells):
+            marked[name] = read.cells
     unclear = {n: c for n, c in marked.items() if _all_match(c, _LIKE_GROUPS, text.decimal)}
     if unclear and not certain:
         _check_mark(text, places, sure=len(unclear) < len(marked))
+    taken = table if rows is None else table.take(pa.array(rows)).combine_chunks()
+    columns = dict(zip([*names, *others], taken.columns, strict=False))
     return CsvColumns(
         {name: numbers[name] for name in wanted.numbers},
         {name: [cell.strip() for cell in columns[name].to_pylist()] for name in wanted.texts},
-        table.num_rows,
+        taken.num_rows,
         _times(columns[wanted.time], numbers.get(wanted.time)) if wanted.time is not None else None,
         text.decimal if marked or certain else ".",
         _thousands(unclear, text.decimal) if certain else {},
@@ -155,8 +158,9 @@ def _thousands(columns: Mapping[str, pa.ChunkedArray], mark: str) -> dict[str, s
     found = {}
     for name, cells in columns.items():
         if _all_match(cells, _GROUPS, mark):
-            lengths = pc.utf8_length(cells)
-            found[name] = cells[pc.index(lengths, pc.max(lengths)).as_py()].as_py()
+            marked = cells.filter(pc.match_substring(cells, mark))
+            lengths = pc.utf8_length(marked)
+            found[name] = marked[pc.index(lengths, pc.max(lengths)).as_py()].as_py().strip()
     return found
 
 
@@ -178,29 +182,44 @@ def _table(text: Text, places: Sequence[int], typed: Collection[int] = ()) -> pa
         raise _UnclearError from None
 
 
-def _numbers(
-    column: pa.ChunkedArray, decimal: str, wanted: Wanted
-) -> tuple[pa.ChunkedArray, Floats]:
-    """Return the cells of a column, null where one is empty, and their numbers."""
-    for clean in (False, True):
-        cells = _cleaned(column, wanted) if clean else column
-        plain = cells
-        if decimal == ",":
-            if b"." in _bytes(cells):
-                break
-            plain = pc.replace_substring(cells, ",", ".")
-        with suppress(pa.ArrowInvalid):
-            return cells, floats_of(plain.cast(pa.float64()))
-    raise _UnclearError
+class _Numbers(NamedTuple):
+    """The numbers of a column of text.
+
+    Attributes:
+        cells: The cells, without words for empty cells.
+        values: The numbers; nan where a cell is empty.
+        blank: Where a cell is empty.
+    """
+
+    cells: pa.ChunkedArray
+    values: Floats
+    blank: NDArray[np.bool_]
 
 
-def _cleaned(column: pa.ChunkedArray, wanted: Wanted) -> pa.ChunkedArray:
-    """Return cells without blanks around them; truth values are digits, and empty cells null."""
+def _numbers(column: pa.ChunkedArray, decimal: str, wanted: Wanted) -> _Numbers:
+    """Return the numbers of a column."""
+    with suppress(pa.ArrowInvalid):
+        values = _floats(column, decimal)
+        return _Numbers(column, values, np.zeros(len(values), bool))
     cells = pc.utf8_lower(pc.utf8_trim_whitespace(column))
+    empty = pc.is_in(cells, value_set=pa.array(["", *(NOT_KNOWN if wanted.nan else ())]))
+    plain = pc.if_else(empty, pa.scalar(None, pa.string()), cells)
     for word, value in TRUTH.items():
-        cells = pc.if_else(pc.equal(cells, word), f"{value:g}", cells)
-    empty = pa.array(["", *(NOT_KNOWN if wanted.nan else ())])
-    return pc.if_else(pc.is_in(cells, value_set=empty), pa.scalar(None, pa.string()), cells)
+        plain = pc.if_else(pc.equal(cells, word), f"{value:g}", plain)
+    try:
+        values = _floats(plain, decimal)
+    except pa.ArrowInvalid:
+        raise _UnclearError from None
+    blank = floats_of(empty.cast(pa.float64())) > 0
+    return _Numbers(pc.if_else(empty, "", cells), values, blank)
+
+
+def _floats(cells: pa.ChunkedArray, decimal: str) -> Floats:
+    if decimal == ",":
+        if b"." in _bytes(cells):
+            raise _UnclearError
+        cells = pc.replace_substring(cells, ",", ".")
+    return floats_of(cells.cast(pa.float64()))
 
 
 def _times(column: pa.ChunkedArray, numbers: Floats | None) -> RawTimes:
@@ -235,17 +254,11 @@ def _check_mark(text: Text, read: Collection[int], *, sure: bool) -> None:
         if mark.encode() in inside:
             if _any_match(column, _SEVERAL, mark):
                 raise _UnclearError
-            sure = sure or (not _all_match(column, _LIKE_GROUPS, mark) and _numeric(column, mark))
+            with suppress(_UnclearError):
+                cells = _numbers(column, mark, Wanted([], nan=True)).cells
+                sure = sure or not _all_match(cells, _LIKE_GROUPS, mark)
     if not sure:
         raise _UnclearError
-
-
-def _numeric(column: pa.ChunkedArray, mark: str) -> bool:
-    try:
-        _numbers(column, mark, Wanted([], nan=True))
-    except _UnclearError:
-        return False
-    return True
 
 
 _OPEN: Final = r"[+-]?[1-9]\d{0,2}MARK\d{3}"

@@ -2,6 +2,7 @@
 
 import json
 import math
+import random
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -207,6 +208,60 @@ def test_evidence_far_below_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "--decimal . or --decimal , states" in reading(
         tmp_path, monkeypatch, "\n".join(["x;y;z", *(f"{row};1" for row in rows), "1;3,5;0.5"])
     )
+
+
+def test_rows_and_pyarrow_agree_on_random_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cells = [
+        "1",
+        "0",
+        "500",
+        "12345",
+        "15e-4",
+        "1.250",
+        "12.500",
+        "0.125",
+        "1.000.000",
+        "1,250",
+        "12,500",
+        "3,5",
+        "1.013,5",
+        "1,013.5",
+        "-1.250",
+        " 2 ",
+        "True",
+        "",
+        "N/A",
+        "-",
+        "inf",
+        "1 234.5",
+        "ERR",
+        "10.0.0.1",
+        "1.2.3",
+        "1,2,3",
+        "5.",
+        ",5",
+        "-0",
+        "0x10",
+        "1.#QNAN",
+        "007",
+    ]
+    choice = random.Random(1)
+    accepted = 0
+    for _ in range(150):
+        pool = choice.sample(cells, 3)
+        columns = {name: choice.choices(pool[: choice.choice([1, 3])], k=4) for name in "xyz"}
+        columns["time"] = choice.choice([["0", "1", "2", "3"], ["0,5", "1,0", "1,5", "2,0"]])
+        rows = [";".join(row) for row in zip(*columns.values(), strict=True)]
+        options = Columns(
+            decimal=choice.choice([None, None, ".", ","]),
+            missing=choice.choice(["raise", "hold", "drop"]),
+            where=choice.choice([{}, {"z": columns["z"][0].strip()}]),
+        )
+        result = reading(tmp_path, monkeypatch, "\n".join([";".join(columns), *rows]), options)
+        accepted += not isinstance(result, str)
+    assert 25 < accepted < 125
 
 
 # Words for numbers, encodings and layouts. -------------------------------------------------------
