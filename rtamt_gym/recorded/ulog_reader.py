@@ -148,7 +148,7 @@ class ULogRecording:
         said: dict[str, None] = {}
         notes: list[str] = []
         for name, (topic, times, values) in fields.items():
-            stamped = times > 0
+            stamped = _stamped(times)
             if not stamped.any():
                 raise InputError(
                     f"{self.source}: expected records of {topic} with a time, got none"
@@ -162,6 +162,17 @@ class ULogRecording:
                 left = counted(int((~stamped).sum()), "record")
                 said[f"{topic}: {left} without a time"] = None
         return kept, [*notes, *([f"left out: {', '.join(said)}"] if said else [])]
+
+
+def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Return which records have a time of their own: 0 stands for none.
+
+    The first record is at 0 if the next one follows within two usual steps: the log starts there.
+    """
+    stamped = times > 0
+    if len(times) > 2 and stamped[1:].all():
+        stamped[0] = times[0] > 0 or times[1] <= 2 * np.median(np.diff(times[1:].astype(float)))
+    return stamped
 
 
 def _fields(log: ULog) -> dict[str, _Field]:

@@ -123,6 +123,14 @@ def test_names_of_values_are_read_as_numbers(tmp_path: Path, capsys: Output) -> 
     )
 
 
+def test_log_may_start_at_zero(tmp_path: Path, capsys: Output) -> None:
+    log = Ulog()
+    log.records(TOPIC, [(100_000 * i, [1.0 - 2 * (i == 0)]) for i in range(40)])
+    path = str(log.save(tmp_path / "t.ulg"))
+    assert main(["monitor", "always(v > 0)", path, "--signal", "v=pos.z"]) == 1
+    assert "40 samples, one every 0.1 s, 0 s to 3.9 s" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("instance", [0, 1])
 def test_topic_subscribed_twice_is_read_whole(
     instance: int, tmp_path: Path, capsys: Output

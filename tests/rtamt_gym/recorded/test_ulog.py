@@ -184,7 +184,7 @@ def test_data_that_the_autopilot_lost_is_said(tmp_path: Path, capsys: Output) ->
 def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: Path) -> None:
     log = Ulog()
     rows: list[tuple[int, Sequence[float]]] = [
-        (at, [x, 0, 0]) for at, x in [(0, 9), (100, 1), (200, 2), (200, 3), (300, 4)]
+        (at, [x, 0, 0]) for at, x in [(0, 9), (900, 1), (1000, 2), (1000, 3), (1100, 4)]
     ]
     log.records(POSITION, rows)
     path = log.save(tmp_path / "twice.ulg")
@@ -193,16 +193,16 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
     assert isinstance(trace, Trace)
     assert trace.columns["vehicle_local_position.x"].tolist() == [1, 3, 4]
     assert [*trace.notes] == [
-        "'vehicle_local_position.x': the last of 2 different records at 0.0002 s counts",
+        "'vehicle_local_position.x': the last of 2 different records at 0.001 s counts",
         "left out: vehicle_local_position: 1 record without a time",
     ]
-    log.data(POSITION, 250, [0, 0, 0])
+    log.data(POSITION, 1050, [0, 0, 0])
     log.save(path)
     with pytest.raises(rtamt.InputError) as caught:
         events(path, text)
     assert str(caught.value) == (
-        f"{path}, vehicle_local_position: expected times that increase, got 0.00025 s after "
-        "0.0003 s"
+        f"{path}, vehicle_local_position: expected times that increase, got 0.00105 s after "
+        "0.0011 s"
     )
     log = Ulog()
     log.records(POSITION, [(0, [1, 0, 0]), (0, [2, 0, 0])])
