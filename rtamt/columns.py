@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 __all__ = [
     "NANOSECONDS",
     "Objects",
+    "dates_of_numbers",
     "has_plain_time_name",
     "hinted_unit",
     "looks_like_times",
@@ -89,6 +90,12 @@ _HINTS = _set(
     "clk date datum epoch utc elapsed uptime tick ticks ts"
 ) | (_UNIT_OF.keys() - {"h", "min", "s", "std"})
 """Words of names that may be names of times."""
+
+_CLOCKS = _set(
+    "time times timestamp timestamps stamp clock elapsed uptime zeit zeitstempel temps tiempo "
+    "tempo tijd czas"
+)
+"""Words that make even a name of a counter one of times, if its values rise evenly: step time."""
 
 _QUANTITIES = _set(
     # Counters.
@@ -285,9 +292,10 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
 def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     """Whether a column is probably one of times, by its name and its values.
 
-    A name with a word such as ``clock`` or with a unit of time needs values that rise. Another
-    name needs values that rise in nearly even steps, in the first column or as dates since 1970;
-    it is not the name of a counter or another quantity. Numbers 0, 1, 2 and so on count rows.
+    A name with a word such as ``clock`` or with a unit of time needs values that rise, or fall. Any
+    other name needs values that rise in nearly even steps, and in later columns fractions in even
+    steps or dates since 1970; it is not the name of a counter or another quantity, unless it has
+    a word such as ``time`` too. Numbers 0, 1, 2 and so on count rows.
 
     Args:
         column: Its name.
@@ -305,29 +313,73 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
         return False
     if not np.isfinite(values.astype(np.float64)).all():
         return False
-    with np.errstate(over="ignore"):
-        steps = np.diff(values).astype(np.float64)
-    if not (steps > 0).all() or (steps == 1).all():
-        return False
     name = _read_name(column)
-    if name.words in _ABSCISSAS:
-        return True
     unit = None if name.unit is None else _UNIT_OF.get(name.unit.lower())
     hinted = bool(_HINTS & {*name.words}) or unit is not None
-    if unit_of_times(column) is not None:
+    with np.errstate(over="ignore"):
+        steps = np.diff(values).astype(np.float64)
+    if hinted and (steps < 0).all():  # the newest first
+        values, steps = values[::-1], -steps[::-1]
+    dated = hinted and dates_of_numbers(values) is not None
+    if not (steps > 0).all() or ((steps == 1).all() and not dated):
+        return False
+    if name.words in _ABSCISSAS or unit_of_times(column) is not None:
         return True
-    if hinted or _QUANTITIES & {*name.words} or (name.unit and unit is None):
-        return hinted and not _QUANTITIES & {*name.words}
+    quantity = bool(_QUANTITIES & {*name.words}) or (name.unit is not None and unit is None)
+    if hinted and (dated or not quantity):
+        return True
+    if quantity and not hinted:
+        return False
+    clock = unit is not None or bool(_CLOCKS & {*name.words})
+    return _ticks(values, steps, whole=clock or (first and not quantity))
+
+
+def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, whole: bool) -> bool:
+    """Whether values rise in nearly even steps; if not ``whole``, as dates or even fractions."""
     usual = float(np.median(steps))
-    even = float((np.abs(steps - usual) <= 0.2 * usual).mean())
-    if len(values) < _FEW or even < 0.9:
+    off = np.abs(steps - usual)
+    if len(values) < _FEW or float((off <= 0.2 * usual).mean()) < 0.9:
         return False
     most = float(values[-1])
     dates = any(
         _FIRST_DATE <= most * NANOSECONDS[unit] / 1e9 <= _LAST_DATE
         for unit in plausible_units(values)
     )
-    return first or dates
+    return whole or dates or bool((values % 1).any() and (off <= 0.02 * usual).all())
+
+
+def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
+    """Return the dates that numbers such as 20240501 or 20240501123000 write; None for others.
+
+    Args:
+        values: Numbers.
+
+    Example:
+        >>> dates_of_numbers(np.array([20240430, 20240501])).astype("datetime64[D]").tolist()
+        [datetime.date(2024, 4, 30), datetime.date(2024, 5, 1)]
+    """
+    if values.dtype.kind not in "iuf" or not len(values):
+        return None
+    if values.dtype.kind == "f" and not (np.isfinite(values) & (values % 1 == 0)).all():
+        return None
+    low, high = float(values.min()), float(values.max())
+    for digits in (8, 12, 14):
+        scale = 10 ** (digits - 8)
+        if not 19500101 * scale <= low <= high < 21010101 * scale:
+            continue
+        days, clock = np.divmod(values.astype(np.int64), scale)
+        clock = clock * 10 ** (14 - digits)
+        month, day = days // 100 % 100, days % 100
+        hour, minute, second = clock // 10000, clock // 100 % 100, clock % 100
+        if not ((month > 0) & (month < 13) & (hour < 24) & (minute < 60) & (second < 60)).all():
+            return None
+        months = ((days // 10000 - 1970) * 12 + month - 1).astype("datetime64[M]")
+        dates = months.astype("datetime64[D]") + (day - 1)
+        if (day < 1).any() or (dates.astype("datetime64[M]") != months).any():
+            return None
+        seconds = (hour * 3600 + minute * 60 + second).astype("timedelta64[s]")
+        return np.asarray(dates.astype("datetime64[ns]") + seconds)
+    return None
 
 
 # Objects and episodes. ----------------------------------------------------------------------------
@@ -339,8 +391,9 @@ _OBJECTS = _set(
     "testcase case demo fahrzeug objekt lauf versuch"
 )
 _ALONE = _set(
-    "id name vehicle agent actor entity robot uav participant episode ep run trial rollout "
-    "trajectory traj session scenario experiment fahrzeug lauf versuch"
+    "id name vehicle veh agent actor entity object obj robot drone uav participant player "
+    "episode ep run trial rollout trajectory traj session scenario experiment simulation sim env "
+    "environment seed fahrzeug objekt lauf versuch"
 )
 """Names of objects, episodes or runs without another word; others may be flags or quantities."""
 

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, Specification, unit_of_times
-from rtamt.columns import hinted_unit, looks_like_times, names_objects, objects_in, plausible_units
+from rtamt.columns import (
+    dates_of_numbers,
+    hinted_unit,
+    looks_like_times,
+    names_objects,
+    objects_in,
+    plausible_units,
+)
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
@@ -136,10 +143,12 @@ def _readings(
         return None if dates is None or not rises(dates) else [""]
     if not looks_like_times(name, values, first=first):
         return None
+    if dates_of_numbers(values) is not None:
+        return [""]
     unit = hinted_unit(name)
     if unit is not None:
         return [f" --time-unit {unit}"]
-    step = float(np.median(np.diff(values.astype(np.float64))))
+    step = float(np.median(np.abs(np.diff(values.astype(np.float64)))))
     return [
         f" --time-unit {each} (a sample every {step * UNITS[each] / UNITS['s']:.6g} s)"
         for each in plausible_units(values)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
-from rtamt.columns import has_plain_time_name, name_words, plausible_units
+from rtamt.columns import dates_of_numbers, has_plain_time_name, name_words, plausible_units
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import UNITS, Columns
@@ -37,6 +37,9 @@ TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
 
 _FEW = 100
+
+_UNEVEN, _MOSTLY = 0.2, 0.9
+"""The part of the usual step by which the given part of all steps of a regular log may differ."""
 
 _ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
 """Seconds between samples, and since 1970 or a start, from which on a number of unknown unit is no
@@ -258,13 +261,21 @@ class TimeAxis:
             raise InputError(
                 f"{rows.where(at)}, column '{column}': expected a finite number, got {raw[at]}"
             )
+        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1]) or ""
+        said, decided = columns.time_unit or rows.unit or named, ""
+        if not said and (dates := dates_of_numbers(raw)) is not None:
+            if not {*name_words(column)} & _DATE_NAMES:
+                shown = dates[0].astype("datetime64[s]")
+                raise InputError(
+                    f"{rows.where(0)}, column '{column}': {int(raw[0])} may be a date without "
+                    f"marks or a number of seconds. Write dates as {shown}, or give --time-unit s."
+                )
+            raw = dates
         if raw.dtype.kind in "mM":
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             step = _step(whole, 1)
             return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
-        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1]) or ""
-        said, decided = columns.time_unit or rows.unit or named, ""
         if said and said not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "
@@ -368,7 +379,8 @@ class TimeAxis:
     def unit_note(self) -> str:
         """Says which unit was decided, or that the times may be milliseconds; empty otherwise.
 
-        They may be if the unit is not stated, and the times are whole numbers 1 or more apart.
+        They may be if the unit is not stated, and the times are 1 or more apart: whole numbers, or
+        others in nearly even steps.
         """
         if self.decided:
             usual = float(np.median(np.abs(np.diff(self.since))))
@@ -378,11 +390,14 @@ class TimeAxis:
             )
         if self.certain or len(self.since) < 2:
             return ""
-        steps = np.diff(self.since[:_FEW])
-        if not (steps >= 1).all() or (steps % 1).any():  # most times say it in a few
+        if not (np.diff(self.since[:_FEW]) >= 1).all():  # most times show it in a few
             return ""
         steps = np.diff(self.since)
-        if not (steps >= 1).all() or (steps % 1).any():
+        if not (steps >= 1).all():
+            return ""
+        usual = float(np.median(steps))
+        even = float((np.abs(steps - usual) <= _UNEVEN * usual).mean()) >= _MOSTLY
+        if (steps % 1).any() and not ((usual % 1) and even):
             return ""
         length = number(float(self.since[-1]))
         return (

@@ -111,7 +111,8 @@ RISING = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.101, 0.099, 0.1, 0.1])
         ("x", RISING, True, False),
         ("xAxis", RISING, False, True),  # ControlDesk
         ("Abtastung", RISING, True, True),
-        ("Abtastung", RISING, False, False),
+        ("Abtastung", RISING, False, True),
+        ("Abtastung", 20 * np.arange(5), False, False),
         ("Abtastung", RISING + 1.7e9, False, True),
         ("Abtastung", 20 * np.arange(5), True, True),
         ("odometer", RISING, True, False),

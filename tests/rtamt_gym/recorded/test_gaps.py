@@ -212,7 +212,7 @@ def test_times_that_contradict_the_period_are_said(
         ("t", 1, ["--dense"], 1),
         ("timestamp", 1, ["--max-gap", "5s"], 1),
         ("time", 0.5, [], 0),
-        ("time", 1.5, [], 0),
+        ("time", 1.5, [], 1),
         ("time", 10, ["--time-unit", "ms"], 0),
         ("time", 10, ["--time-unit", "s"], 0),
         ("time_ms", 10, [], 0),
