@@ -107,6 +107,9 @@ _QUANTITIES = _set(
     "longitude alt altitude height depth angle heading yaw pitch roll phi theta psi steering "
     "setpoint ref reference target command cmd energy charge soc volume fuel temp temperature "
     "speed velocity vel v rpm freq frequency percent percentage throttle load torque force "
+    "xpos ypos zpos chainage arc length travel travelled traveled driven path route displacement "
+    "wheel rot rotation sweep phase amplitude gain battery radius width size area mass weight "
+    "offset flow rate accel acceleration stress strain elevation work heat "
     "pressure voltage current power gear level score reward return weg strecke kilometerstand "
     "winkel drehzahl geschwindigkeit"
 )

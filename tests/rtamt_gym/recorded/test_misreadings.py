@@ -64,6 +64,12 @@ def test_counters_and_ramps_do_not_look_like_times(capsys: Output, column: str) 
     assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
 
 
+@pytest.mark.parametrize("column", ["arc_length", "chainage", "xpos", "wheel_rot", "battery"])
+def test_even_quantities_behind_other_columns_are_no_times(capsys: Output, column: str) -> None:
+    name = write_log(f"v,{column}", TENTHS, low=1)
+    assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
+
+
 DAYS = ["20240530", "20240531", "20240601", "20240602"]
 
 
