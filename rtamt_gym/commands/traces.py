@@ -464,7 +464,10 @@ def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
     ]
     if "-" in found and len(found) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
-    return list(dict.fromkeys(found)), list(dict.fromkeys(ignored))
+    each: dict[str, str] = {}
+    for path in found:
+        each.setdefault(os.path.realpath(path), path)
+    return list(each.values()), list(dict.fromkeys(ignored))
 
 
 def _files(

@@ -115,6 +115,12 @@ def test_min_traces(capsys: Output, folder: Path) -> None:
     )
 
 
+def test_a_trace_that_is_named_twice_counts_once(capsys: Output) -> None:
+    words = ["monitor", UP, "--", "runs/a.csv", "./runs/a.csv", "runs/*.csv", "--min-traces", "4"]
+    assert main(words) == 2
+    assert "expected 4 traces or more, got 3" in capsys.readouterr().err
+
+
 def test_other_files_in_a_folder_are_counted(folder: Path, capsys: Output) -> None:
     for name in ("a.log", "b.pdf", "z.bin", ".hidden"):
         (folder / "runs" / name).touch()
