@@ -280,8 +280,15 @@ FOLDERS: Final = {
         ),
         Folder(
             "rtamt",
-            ("rtamt/errors.py", "rtamt/limits.py"),
-            Covering(("tests/rtamt/test_errors.py", "tests/rtamt/inputs", "tests/rtamt/monitors")),
+            ("rtamt/columns.py", "rtamt/errors.py", "rtamt/limits.py"),
+            Covering(
+                (
+                    "tests/rtamt/test_errors.py",
+                    "tests/rtamt/test_column_names.py",
+                    "tests/rtamt/inputs",
+                    "tests/rtamt/monitors",
+                )
+            ),
             ("tests/rtamt/test_errors.py",),
             size=30,
         ),
