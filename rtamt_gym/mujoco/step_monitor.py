@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
@@ -11,6 +13,7 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
@@ -68,9 +71,9 @@ class StepMonitor(PanelValues):
         signals: For every variable a selector or a callable, see above; and whatever else is to be
             in `values` and in the record of `simulate`.
         forward: Whether to call ``mj_forward`` after every step, see above.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period`` (None is
-            ``model.opt.timestep``), ``view``, ``nan``, ``align``, ``semantics``, ``inputs`` and
-            ``outputs``.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period`` (None
+            reads ``model.opt.timestep``; a different value causes a warning, except 1, which counts
+            steps), ``view``, ``nan``, ``align``, ``semantics``, ``inputs`` and ``outputs``.
 
     Raises:
         SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
@@ -109,6 +112,7 @@ class StepMonitor(PanelValues):
         check_pair(model, data)
         self.model, self.data = model, data
         self.specs = load_specs(specs)
+        self._reads_period = read.period is None
         period = float(model.opt.timestep) if read.period is None else read.period
         self.reading = read.having(period=period).whole(InstantReading)
         variables = dict.fromkeys(name for spec in self.specs.values() for name in spec.variables)
@@ -126,7 +130,11 @@ class StepMonitor(PanelValues):
         self._clock = StepClock()
         self._unchecked = 0
         self._tries = False
+        self._pending: list[float] | None = None
+        self._offered = False  # whether the last sample was offered inside of mj_step
         self._running = False
+        self._seen_timestep = math.nan
+        self._check_timestep()
 
     def reset(self) -> None:
         """Forgets every sample, and feeds the simulation as it is now as sample 0.
@@ -134,11 +142,15 @@ class StepMonitor(PanelValues):
         Calls ``mj_forward`` first, which derives what signals may read.
 
         Raises:
+            StateError: If the timestep of the model has changed since construction, ``period`` was
+                not set, and a specification has bounds in time.
             InputError: If a signal is nan or cannot be read.
         """
         self._running = False
+        self._check_timestep()
         derive(self.model, self.data)
         self.panel.reset()
+        self._pending, self._offered = None, False
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
         self._take()
@@ -201,15 +213,22 @@ class StepMonitor(PanelValues):
         """A context that monitors a program with a loop of its own.
 
         Samples come from ``mjcb_control``, which MuJoCo calls inside ``mj_step``, one for every
-        step; the first is sample 0, unless `reset` took it, and the state after the last step is
-        fed at the end. A controller that was set before is called too. In the callback positions
-        belong to the sample, but forces and sensors to the step before. The callback is
-        one for the whole process, and MuJoCo compiles no model while it is set: prefer `step` where
-        the loop can be changed.
+        step. The first is sample 0, unless `reset` took it. The state after the last step is
+        added at the end. A controller that was set before is called too.
+
+        A sample is the state that a step starts from. A state that the program only evaluates with
+        ``mj_forward`` and then replaces is not a sample. To tell them apart, the monitor takes a
+        sample when the next one begins, so its robustness is one step late inside the context.
+        Positions belong to the sample. Forces, accelerations and their sensors belong to the
+        evaluation before it, which may be a trial: use `step` with ``forward=True`` for these.
+
+        The callback is one for the whole process, and MuJoCo compiles no model while it is set:
+        prefer `step` where the loop can be changed.
 
         Raises:
             StateError: At the end of the context, if a sample was missed: the program changed the
-                time of the simulation, its timestep, or the callback.
+                time of the simulation, its timestep, or the callback. Steps of a trial that the
+                program takes back change the time too.
             InputError: At the end of the context, if a signal was nan or could not be read.
 
         Example:
@@ -292,16 +311,18 @@ class StepMonitor(PanelValues):
 
     def state(self) -> tuple[Any, ...]:
         """The state of the monitors, for `restore`, without the state of the simulation."""
-        return self.panel.state(), replace(self._clock), self._running
+        offers = self._pending, self._offered
+        return self.panel.state(), replace(self._clock), self._running, offers
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a monitor of the same specifications.
 
         Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
-        panel, clock, running = state
+        panel, clock, running, offers = state
         self.panel.restore(panel)
         self._clock, self._running, self._unchecked = replace(clock), running, 0
+        self._pending, self._offered = offers
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}
@@ -318,6 +339,7 @@ class StepMonitor(PanelValues):
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
         read = slice(self._count)  # what no specification reads costs nothing in a step
         self._feed = self.panel.feeder(self.signals[read], self._reads[read], decide=self._decide)
+        self._feed_values = self.panel.feeder(self.signals[read], decide=self.panel.note)
 
     def _begin(self) -> None:
         if self.panel.samples:
@@ -336,29 +358,90 @@ class StepMonitor(PanelValues):
             self._running = False
             raise
 
+    def _check_timestep(self) -> None:
+        """Refuse a timestep other than the period, or warn where bounds do not depend on it.
+
+        An explicit period is the user's decision, so a difference is a warning. A period of 1
+        counts steps.
+
+        Raises:
+            StateError: If the period was read from the model and a specification has bounds.
+        """
+        timestep, period = float(self.model.opt.timestep), self.panel.period
+        if timestep == self._seen_timestep or period is None:
+            return
+        if math.isclose(timestep, period, rel_tol=_SLACK):
+            self._seen_timestep = timestep
+            return
+        if not self._reads_period:
+            self._seen_timestep = timestep
+            if period != 1:
+                warnings.warn(
+                    f"period= is {float(period):g} s, but the timestep of the model is "
+                    f"{timestep:g} s and every step is a sample, so bounds last "
+                    f"{timestep / float(period):g} times as long as written; leave period= out, or "
+                    "set period=1 to count steps",
+                    UserWarning,
+                    stacklevel=caller_level(),
+                )
+            return
+        message = (
+            f"the timestep of the model was {float(period):g} s when the monitor was made, and is "
+            f"{timestep:g} s now; make a new StepMonitor"
+        )
+        if any(spec.timed for spec in self.specs.values()):
+            raise StateError(message)
+        self._seen_timestep = timestep
+        warnings.warn(message, UserWarning, stacklevel=caller_level())
+
     def _offer(self) -> None:
-        """Feeds the state inside ``mj_step``, unless the integrator only tries it."""
-        now, sample, clock = self.data.time, self.samples, self._clock
-        if sample == 0:
+        """Keep the state inside ``mj_step`` as the next sample, unless it is only tried.
+
+        The time tells which states were tried. The last state offered at a time is the one that the
+        simulation continued from, so a sample is fed when the time has moved on.
+        """
+        now, clock = self.data.time, self._clock
+        if self.samples == 0 and self._pending is None:
+            self._check_timestep()
             clock.start(now, float(self.model.opt.timestep))
             self._running = True
         elif not self._running:
             self._begin()
+        if self._pending is not None and clock.ahead(now, self.samples) > _MOVED:
+            self._feed_pending()
+        sample = self.samples
         ahead = clock.ahead(now, sample)
         if clock.near(ahead, -0.5):  # RK4 tries the half of the step, twice, and then its end
             self._tries = True
         elif clock.near(ahead, 0.0) and self._tries:
             self._tries = False
-        elif not clock.near(ahead, -1.0):  # a second look at the last sample
+        elif self._offered or self._pending is not None or not clock.near(ahead, -1.0):
             self._check_time(sample)
-            self._take()
+            self._pending = [read() for read in self._reads[: self._count]]
+        # Otherwise reset() or step() took this sample before.
 
     def _offer_last(self) -> None:
-        """Feeds the state after the last ``mj_step``."""
+        """Feed the state after the last ``mj_step``."""
         self._tries = False
-        if self.forward:
+        # A state that was evaluated since the last step may not be the present one.
+        evaluated = self._pending is not None and (
+            self._clock.ahead(self.data.time, self.samples) < _MOVED
+        )
+        if self.forward or evaluated:
             derive(self.model, self.data)
         self._offer()
+        if self._pending is not None:
+            self._feed_pending()
+        self._offered = False
+
+    def _feed_pending(self) -> None:
+        """Feed the sample that was kept; its time was checked when it was offered."""
+        values, self._pending, self._offered = self._pending, None, True
+        try:
+            self._feed_values(values)
+        except BaseException:
+            self._running = False
+            raise
 
     def _decide(self) -> None:
         """Records new verdicts, if the simulation is at the time of the sample."""
@@ -377,4 +460,8 @@ class StepMonitor(PanelValues):
 _mj_step = mujoco.mj_step
 _CHECKED = 16
 """Samples between two checks of the time; a check costs as much as a sample."""
-_UNPICKLED = frozenset({"_reads", "_feed"})
+_MOVED = 0.25
+"""In timesteps; a simulation whose time has moved by more has left its last sample."""
+_SLACK = 1e-6
+"""Relative difference between a period and a timestep that counts as rounding."""
+_UNPICKLED = frozenset({"_reads", "_feed", "_feed_values"})

@@ -122,6 +122,7 @@ def test_a_simulation_that_leaves_its_course_is_noticed_within_16_samples(
             "expected a running simulation, got step() after finish() or after an error; "
             "call reset()"
         )
+    model.opt.timestep = 0.01
     monitor.reset()
     monitor.step()
     assert monitor.samples == 2
@@ -261,3 +262,69 @@ def test_a_controller_that_fails_ends_the_run_but_not_the_monitor() -> None:
     assert monitor.samples == 6
     monitor.run(0.1)
     assert monitor.samples == 16
+
+
+WITHIN = "eventually[0:0.1](x > 9)"
+CHANGED = (
+    "the timestep of the model was 0.01 s when the monitor was made, and is 0.02 s now; make a new "
+    "StepMonitor"
+)
+
+
+@pytest.mark.parametrize("steps", [0, 3])
+@pytest.mark.parametrize("start", ["reset", "step", "attached"])
+def test_changed_timestep_is_refused(steps: int, start: str) -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, WITHIN, X)
+    for _ in range(steps):
+        monitor.step()
+    model.opt.timestep = 0.02
+    if steps or start == "reset":
+        with pytest.raises(StateError) as caught:
+            monitor.reset()
+    elif start == "step":
+        with pytest.raises(StateError) as caught:
+            monitor.step()
+    else:
+        with pytest.raises(StateError) as caught, monitor.attached():
+            mujoco.mj_step(model, data)
+    assert str(caught.value) == CHANGED
+    assert monitor.verdict is rtamt.Verdict.UNDECIDED
+    model.opt.timestep = 0.01
+    mujoco.mj_resetData(model, data)
+    monitor.reset()
+    monitor.run(1.0)
+    assert monitor.violated_at == 10
+
+
+def test_changed_timestep_without_bounds_warns_once() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, "always(x < 9)", X)
+    model.opt.timestep = 0.02
+    with pytest.warns(UserWarning, match="make a new StepMonitor"):
+        monitor.reset()
+    monitor.reset()
+
+
+@pytest.mark.parametrize("period", ["50ms", 0.02, 0.005])
+def test_other_period_than_the_timestep_warns(period: rtamt.Period) -> None:
+    model, data = arm()
+    with pytest.warns(UserWarning, match=r"but the timestep of the model is 0\.01 s") as caught:
+        monitor = StepMonitor(model, data, WITHIN, X, period=period)
+    assert caught[0].filename == __file__
+    monitor.reset()  # the same warning is not repeated
+    model.opt.timestep = 0.1
+    with pytest.warns(UserWarning, match=r"but the timestep of the model is 0\.1 s"):
+        monitor.reset()
+
+
+def test_right_period_and_counted_steps_do_not_warn() -> None:
+    model, data = arm()
+    StepMonitor(model, data, WITHIN, X, period="10ms").reset()
+    counting = StepMonitor(model, data, "eventually[0:10](x > 9)", X, period=1)
+    model.opt.timestep = 0.02
+    counting.reset()
+    confirmed = StepMonitor(model, data, WITHIN, X, period="20ms")
+    model.opt.timestep = 0.01
+    with pytest.warns(UserWarning, match="bounds last 0.5 times as long as written"):
+        confirmed.reset()
