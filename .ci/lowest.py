@@ -15,8 +15,8 @@ PROJECT = PYPROJECT["project"]
 REQUIREMENT = re.compile(r"([\w.-]+)(?:\[([\w,-]+)\])?(?:>=([\d.]+))?")
 
 
-def lowest(requirements: list[str]) -> Iterator[str]:
-    """Yield ``NAME==VERSION`` for requirements and for the extras of this project among them."""
+def lowest(requirements: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield names and versions of requirements and of this project's extras among them."""
     for requirement in requirements:
         match = REQUIREMENT.fullmatch(requirement)
         if match is None:
@@ -28,10 +28,17 @@ def lowest(requirements: list[str]) -> Iterator[str]:
         elif version is None:
             sys.exit(f"pyproject.toml: expected a lowest version, got {requirement!r}")
         else:
-            yield f"{name}=={version}"
+            yield name, version
+
+
+def order(version: str) -> list[int]:
+    """Return the numbers of a version."""
+    return [int(part) for part in version.split(".")]
 
 
 if __name__ == "__main__":
     extra = PROJECT["optional-dependencies"][sys.argv[1]]
     required = [*PYPROJECT["build-system"]["requires"], *PROJECT["dependencies"], *extra]
-    print("\n".join(sorted(set(lowest(required)))))
+    # Of two bounds of one package the higher one holds.
+    pins = dict(sorted(lowest(required), key=lambda pin: order(pin[1])))
+    print("\n".join(f"{name}=={version}" for name, version in sorted(pins.items())))

@@ -14,7 +14,7 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.signals.signals import ParsedSignal
 
-__all__ = ["Tap", "VectorTap", "rescaling", "tapped"]
+__all__ = ["StaysOpen", "Tap", "VectorTap", "rescaling", "tapped"]
 
 
 class Tap(gym.Wrapper[Any, Any, Any, Any]):
@@ -47,7 +47,18 @@ class Tap(gym.Wrapper[Any, Any, Any, Any]):
         return self.env.spec
 
 
-class VectorTap(VectorWrapper):
+class StaysOpen:
+    """A part of vector environments: they stay open when they are collected.
+
+    Gymnasium before 1.3 closes a collected vector environment, also the environment in a wrapper
+    whose constructor failed.
+    """
+
+    def __del__(self) -> None:
+        """Do nothing, in place of Gymnasium's method."""
+
+
+class VectorTap(StaysOpen, VectorWrapper):
     """Stands around a vector environment, and keeps what it has shown last.
 
     Attributes:

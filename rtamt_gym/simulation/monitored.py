@@ -16,6 +16,7 @@ from rtamt_gym.mujoco.step_monitor import StepMonitor
 from rtamt_gym.signals.mujoco import derive
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.mujoco import check_policy, check_time, model_name
+from rtamt_gym.simulation.mujoco_case import copy_data
 from rtamt_gym.simulation.systems import Policy, Signals, System
 
 __all__ = ["Monitored"]
@@ -92,12 +93,12 @@ class Monitored(System):
         model, data = monitor.model, monitor.data
         spares = _SPARES.setdefault(monitor, [])
         aside = spares.pop() if spares else mujoco.MjData(model)
-        mujoco.mj_copyData(aside, model, data)
+        copy_data(aside, model, data)
         state = monitor.state()
 
         def put_back() -> None:
             monitor.restore(state)
-            mujoco.mj_copyData(data, model, aside)
+            copy_data(data, model, aside)
             spares.append(aside)
 
         self._ends.callback(put_back)

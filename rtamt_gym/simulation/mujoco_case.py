@@ -19,7 +19,7 @@ from rtamt_gym.signals.mujoco import field_of, index_in
 from rtamt_gym.signals.selectors import Selector, Syntax, parse_selector
 from rtamt_gym.simulation.entries import as_number, as_waveform, like
 
-__all__ = ["Driven", "changed", "drive", "is_of_model"]
+__all__ = ["Driven", "changed", "copy_data", "drive", "is_of_model"]
 
 _DRIVABLE: Final = (
     "ctrl[0], actuator:NAME, qfrc_applied[0], joint:NAME.qfrc_applied and body:NAME.xfrc_applied[0]"
@@ -84,6 +84,20 @@ class Driven(NamedTuple):
         return set_inputs
 
 
+def copy_data(target: Any, model: Any, source: Any) -> None:  # noqa: ANN401 - MuJoCo is not typed
+    """Copy all data of a simulation into data of the same model.
+
+    Raises:
+        InputError: If this version of MuJoCo cannot copy data.
+    """
+    if not hasattr(mujoco, "mj_copyData"):
+        raise InputError(
+            "cases and branches of a MuJoCo model need MuJoCo 3.5 or newer, got "
+            f"{mujoco.__version__}; install it: pip install 'mujoco>=3.5'"
+        )
+    mujoco.mj_copyData(target, model, source)
+
+
 def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN401
     """Copies a model and its data, and sets what a case says.
 
@@ -99,7 +113,7 @@ def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN4
     """
     model, present = copy.copy(model), data
     data = mujoco.MjData(model)
-    mujoco.mj_copyData(data, model, present)
+    copy_data(data, model, present)
     places = _find(model, data, case)
     inputs = []
     for key, place in places.items():

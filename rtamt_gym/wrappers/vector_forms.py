@@ -16,6 +16,7 @@ from gymnasium.vector.utils import batch_space
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.specs import read_period
+from rtamt_gym.signals.taps import StaysOpen
 
 __all__ = ["PufferVectorEnv", "as_vector_env", "is_pool"]
 
@@ -82,7 +83,7 @@ def _is_puffer(env: Any) -> bool:  # noqa: ANN401 - whatever is given
     return not isinstance(env, VectorEnv) and all(hasattr(env, name) for name in names)
 
 
-class _AdaptedVectorEnv(VectorEnv[Any, Any, Any]):
+class _AdaptedVectorEnv(StaysOpen, VectorEnv[Any, Any, Any]):
     """What the adapters share: spaces of one and of all, and the name that errors say."""
 
     def __init__(self, env: Any, num: int, mode: AutoresetMode) -> None:  # noqa: ANN401

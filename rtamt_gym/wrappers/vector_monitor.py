@@ -31,6 +31,7 @@ from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.step_time import STEPS
+from rtamt_gym.signals.taps import StaysOpen
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
     Monitoring,
@@ -143,7 +144,7 @@ class _LaneMonitoring(Monitoring):
         self._running = False
 
 
-class VectorStlMonitor(_LaneMonitoring, VectorWrapper, RecordConstructorArgs):
+class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
     Samples and infos are as if :class:`StlMonitor` wrapped each environment. The infos

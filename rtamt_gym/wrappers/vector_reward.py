@@ -16,6 +16,7 @@ from rtamt_gym.judging.vector_infos import put
 from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.signals.taps import StaysOpen
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.returns import put_returns
@@ -25,7 +26,7 @@ from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 __all__ = ["VectorStlReward"]
 
 
-class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
+class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs):
     """Shapes the rewards of all environments with the robustness of specifications.
 
     Each environment gets the reward that :class:`StlReward` around it would pay. The wrapper takes

@@ -9,8 +9,6 @@ import zipfile
 from pathlib import Path
 
 import fmpy  # type: ignore[import-untyped]
-from fmpy.fmi2 import FMU2Slave  # type: ignore[import-untyped]
-from fmpy.fmi3 import FMU3Slave  # type: ignore[import-untyped]
 
 SOURCE = Path(__file__).parent / "fmu" / "tank.c"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -99,12 +97,12 @@ def describe(version: int, interface: str, step: float | None) -> str:
 
 def library(version: int, folder: Path) -> Path:
     """The shared library of the tank, compiled."""
-    slave, prefix = (FMU2Slave, "fmi2") if version == 2 else (FMU3Slave, "fmi3")
     of_3, _, of_2 = SOURCE.read_text().partition("#else\n\nfmi2Component")
     ours = f" fmi2Component{of_2}" if version == 2 else of_3
     stubs = folder / f"stubs{version}.c"
     # FMPy asks for every function of the standard, the tank needs few of them.
-    names = [n for n in dir(slave) if n.startswith(prefix) and n[4:5].isupper()]
+    header = (HEADERS / f"fmi{version}Functions.h").read_text()
+    names = re.findall(rf" fmi{version}\w+TYPE\s+(fmi{version}\w+);", header)
     defined = [n for n in names if re.search(rf" {n}\(|{n[4:7].upper()}\({n[7:]}[,)]", ours)]
     stubs.write_text("".join(f"int {n}(void) {{ return 3; }}\n" for n in names if n not in defined))
     made = folder / f"tank{version}.so"

@@ -95,7 +95,7 @@ def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) 
     assert meaning["near"] == "abs(offset) * gain <= limit"
     assert meaning["whole"] == described.description + ", late by 3 s"
     assert meaning["T"] == "a constant in a bound of an interval, which cannot be set"
-    assert described.defaultExperiment.stepSize == "0.1"
+    assert float(described.defaultExperiment.stepSize) == 0.1
     names = zipfile.ZipFile(path).namelist()
     folder = {2: "linux64", 3: "x86_64-linux"}[fmi]
     assert names[1] == f"binaries/{folder}/rtamt_monitor.so"

@@ -282,6 +282,27 @@ def test_what_a_monitor_has_of_its_own_is_refused() -> None:
     assert monitor.samples == 0
 
 
+def test_old_mujoco_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monitor = monitored()
+    monitor.run(0.1)
+    values = monitor.data.qpos.tolist()
+    now = Snapshot.of(monitor)
+    monkeypatch.delattr(mujoco, "mj_copyData")
+    monkeypatch.setattr(mujoco, "__version__", "3.3.0")
+    message = (
+        "cases and branches of a MuJoCo model need MuJoCo 3.5 or newer, got 3.3.0; install it: "
+        "pip install 'mujoco>=3.5'"
+    )
+    with pytest.raises(InputError) as branch:
+        simulate(monitor, start=now, duration=0.1)
+    assert str(branch.value) == message
+    assert monitor.data.qpos.tolist() == values
+    model = monitor.model, mujoco.MjData(monitor.model)
+    with pytest.raises(InputError) as case:
+        simulate(model, "always(z > -9)", {"z": "qpos[0]"}, duration=0.1, case={"qpos[0]": 0.1})
+    assert str(case.value) == message
+
+
 def test_what_cannot_begin_is_refused() -> None:
     monitor = monitored()
     monitor.run(0.1)

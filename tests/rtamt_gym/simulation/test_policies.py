@@ -225,7 +225,7 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         ),
         (
             "rtamt_driver:truth",
-            "the policy rtamt_driver:truth gave np.True_; expected an action of Discrete(2)",
+            f"the policy rtamt_driver:truth gave {np.True_!r}; expected an action of Discrete(2)",
         ),
     ],
 )

@@ -165,7 +165,7 @@ def test_a_window_is_told_where_complete_satisfies_what_cut_leaves_open(
         for end in ("complete", "cut", "open")
         for judged in [rtamt.judge(text, {"x": trace}, period=1, end=end)]
     }
-    spec = {"spec": f"({text}) and once(x > -1)"}  # it speaks of more than the first sample
+    spec = {"spec": f"({text}) and eventually(x > -1)"}  # it speaks of more than the first sample
     env = StlMonitor(Replay(trace), spec, X, period=1, on_violation="report")
     told = warned(lambda: run(env))
     satisfied = verdicts["complete"] > 0 and not verdicts["open"]

@@ -170,7 +170,15 @@ def test_many_environments_say_what_each_does(mode: str, autoreset: AutoresetMod
     assert any((each["r"] != each["r_env"]).any() for each in counted)
 
 
-@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+# Before 1.4, Gymnasium's statistics left out the first reward after a reset in the same step.
+COUNTED = [
+    mode
+    for mode in MODES
+    if mode is not AutoresetMode.SAME_STEP or not gym.__version__.startswith(("1.1", "1.2", "1.3"))
+]
+
+
+@pytest.mark.parametrize("autoreset", COUNTED, ids=lambda mode: mode.name)
 def test_statistics_of_many_environments_say_what_was_paid(autoreset: AutoresetMode) -> None:
     makes: list[Make] = [functools.partial(make, SERIES[:n], None) for n in (3, 4, 6)]
     options: Any = {"mode": "add", "clip": 9.0, "on_violation": "report"}

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import functools
+import gc
 import math
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from replay import Replay, X
 from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
-from rtamt_gym import VectorStlMonitor, batched
+from rtamt_gym import VectorStlMonitor, VectorStlReward, batched
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (
@@ -94,6 +95,20 @@ def test_what_cannot_be_monitored_is_refused_at_construction(
     with pytest.raises(error) as caught:
         VectorStlMonitor(native(2), **given)
     assert str(caught.value) == message
+
+
+def test_environments_stay_open_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    # As in Gymnasium before 1.3.
+    monkeypatch.setattr(VectorEnv, "__del__", VectorEnv.close, raising=False)
+    envs = native(2)
+    with pytest.raises(InputError):
+        VectorStlMonitor(envs, "always(theta < 1)", ANGLE, buffer_length=-1)
+    with pytest.raises(InputError):
+        VectorStlReward(envs, "always(theta < 1)", ANGLE, mode="add", weight=math.inf)
+    gc.collect()
+    assert not envs.closed
+    envs.reset(seed=1)
+    envs.close()
 
 
 def test_simulations_that_are_reset_before_the_end_is_seen_are_refused() -> None:
