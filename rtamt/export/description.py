@@ -84,21 +84,21 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
     if description.step is not None:
         experiment.set("stepSize", repr(description.step))
     if fmi == 2:
-        _variables_2(root, description.variables)
+        _variables_2(root, description)
     else:
-        _variables_3(root, description.variables)
+        _variables_3(root, description)
     ET.indent(root)
     data: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return data + b"\n"
 
 
-def _variables_2(root: Element, variables: Sequence[UnitVariable]) -> None:
+def _variables_2(root: Element, description: Description) -> None:
     parent = SubElement(root, "ModelVariables")
-    for each in variables:
-        scalar = SubElement(parent, "ScalarVariable", _attributes(each))
+    for each in description.variables:
+        scalar = SubElement(parent, "ScalarVariable", _attributes(each, description.step))
         SubElement(scalar, _TYPES[2][each.kind], {**_limits(each), **_start(each)})
     structure = SubElement(root, "ModelStructure")
-    places = {str(i): each for i, each in enumerate(variables, 1)}
+    places = {str(i): each for i, each in enumerate(description.variables, 1)}
     for name, dependencies in _dependencies(places).items():
         parent = SubElement(structure, f"{name}s")
         for place, each in places.items():
@@ -106,7 +106,7 @@ def _variables_2(root: Element, variables: Sequence[UnitVariable]) -> None:
                 SubElement(parent, "Unknown", index=place, dependencies=dependencies)
 
 
-def _variables_3(root: Element, variables: Sequence[UnitVariable]) -> None:
+def _variables_3(root: Element, description: Description) -> None:
     parent = SubElement(root, "ModelVariables")
     SubElement(
         parent,
@@ -117,11 +117,11 @@ def _variables_3(root: Element, variables: Sequence[UnitVariable]) -> None:
         variability="continuous",
         unit="s",
     )
-    for each in variables:
-        attributes = {**_attributes(each), **_limits(each), **_start(each)}
+    for each in description.variables:
+        attributes = {**_attributes(each, description.step), **_limits(each), **_start(each)}
         SubElement(parent, _TYPES[3][each.kind], attributes)
     structure = SubElement(root, "ModelStructure")
-    places = {str(each.reference): each for each in variables}
+    places = {str(each.reference): each for each in description.variables}
     for name, dependencies in _dependencies(places).items():
         for place, each in places.items():
             if each.causality == "output":
@@ -143,9 +143,10 @@ def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
     return {"Output": "", "InitialUnknown": " ".join(constants)}
 
 
-def _attributes(variable: UnitVariable) -> dict[str, str]:
+def _attributes(variable: UnitVariable, step: float | None) -> dict[str, str]:
+    # An importer may interpolate continuous inputs, which would add values between samples.
     variability, initial = {
-        "input": ("continuous", None),
+        "input": ("continuous" if step is None else "discrete", None),
         "output": ("discrete", "calculated"),
         "parameter": ("fixed", "exact"),
         "local": ("constant", "exact"),

@@ -12,7 +12,7 @@ from fmpy import simulate_fmu
 from fmus import library, write_fmu
 from numpy.typing import NDArray
 
-from rtamt import EpisodeMonitor, Monitor, export_fmu, parse
+from rtamt import EpisodeMonitor, Monitor, Verdict, export_fmu, judge, parse
 from rtamt.export import Fmi
 
 TEXT = """
@@ -65,6 +65,26 @@ def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Fmi, limit: flo
     expected = rows_of(TEXT.replace("= 4", f"= {limit}"), samples)
     assert same(table(found), expected)
     assert {row[3] for row in expected} == {0, -1}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("pulse", [1, 29, 57, 113, 150, 199])
+def test_pulse_of_one_sample_is_seen(tmp_path: Path, fmi: Fmi, pulse: int) -> None:
+    kinds = [("time", np.float64), ("x", np.float64)]
+    rows = [(float(f"{k * 0.01:.2f}"), float(k == pulse)) for k in range(201)]
+    export_fmu("always(x < 1)", tmp_path / "monitor.fmu", period="10ms", fmi=fmi)
+    found = simulate_fmu(
+        tmp_path / "monitor.fmu",
+        input=np.array(rows, dtype=kinds),
+        stop_time=2.01,
+        step_size=0.01,
+        output=("verdict", "robustness"),
+    )
+    values = {"x": [x for _, x in rows]}
+    judgement = judge("always(x < 1)", values, period="10ms")
+    assert judgement.verdict is Verdict.VIOLATED
+    assert found["verdict"][-1] == -1
+    assert identical(float(found["robustness"][-1]), judgement.robustness)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
