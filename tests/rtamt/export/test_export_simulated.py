@@ -84,7 +84,7 @@ def test_pulse_of_one_sample_is_seen(tmp_path: Path, fmi: Fmi, pulse: int) -> No
     judgement = judge("always(x < 1)", values, period="10ms")
     assert judgement.verdict is Verdict.VIOLATED
     assert found["verdict"][-1] == -1
-    assert identical(float(found["robustness"][-1]), judgement.robustness)
+    assert identical([float(found["robustness"][-1])], [judgement.robustness])
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
