@@ -96,31 +96,25 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.suite = "quick" if bare else "all"
     if config.option.suite == "quick" and not config.getoption("--hypothesis-profile"):
         settings.load_profile("quick")
-    is_worker = hasattr(config, "workerinput")
-    config.pluginmanager.register(_Collection(is_worker=is_worker))
-    if is_worker and hasattr(os, "register_at_fork"):
+    config.pluginmanager.register(_Collection())
+    if not hasattr(config, "workerinput"):
+        return
+    config.pluginmanager.register(_Worker())
+    if hasattr(os, "register_at_fork"):
         os.register_at_fork(after_in_child=partial(_disconnect, _open_pipes()))
 
 
 class _Collection:
     """Faster collection, in the folders of the packages too, which this file does not govern."""
 
-    def __init__(self, *, is_worker: bool) -> None:
-        self._is_worker = is_worker
-
     @pytest.hookimpl(wrapper=True)
     def pytest_collection(self) -> Generator[None, object, object]:
-        """Collect without a search for garbage, which would take a fifth of the time.
-
-        Workers also spare later searches the objects that live until the end.
-        """
+        """Collect without a search for garbage, which would take a fifth of the time."""
         gc.disable()
         try:
             return (yield)
         finally:
             gc.enable()
-            if self._is_worker:
-                gc.freeze()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collect_file(
@@ -134,6 +128,31 @@ class _Collection:
             if not isinstance(collector, DoctestModule)
             or ">>> " in file_path.read_text(encoding="utf-8")
         ]
+
+
+class _Worker:
+    """Spare garbage collection the objects that live until the end of a worker.
+
+    Tests that collect garbage would otherwise take seconds late in a run.
+    """
+
+    def __init__(self) -> None:
+        self._file = ""
+        self._files = 0
+
+    def pytest_collection_finish(self) -> None:
+        gc.freeze()
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Freeze what remains before every twentieth file, when no fixture of a file lives."""
+        file = nodeid.partition("::")[0]
+        if file == self._file:
+            return
+        self._file = file
+        self._files += 1
+        if self._files % 20 == 0:
+            gc.collect()
+            gc.freeze()
 
 
 def _open_pipes() -> list[int]:

@@ -69,6 +69,7 @@ def _scipy(method: str, tolerance: float) -> Floats:
     return np.array(course)
 
 
+@pytest.mark.slow
 def test_a_side_moves_as_scipys_solvers_say() -> None:
     exact = _scipy("DOP853", 1e-12)
     error = np.abs(_ours(10) - exact).max(axis=0)

@@ -32,6 +32,7 @@ LONG = {
 }
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("name", LONG)
 def test_long_windows_are_answered(name: str) -> None:
     text, period = LONG[name]

@@ -119,6 +119,7 @@ def test_no_continuation_contradicts_what_was_decided(
         assert found.verdict is U or (found.verdict is S) == rtamt.holds(later)
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(60))
 @given(formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS))
 def test_resolution_unit_and_backend_do_not_matter(formula: Formula, whole: Signals) -> None:

@@ -64,6 +64,7 @@ def test_a_damaged_state_is_refused_and_changes_nothing(kind: type[Vector]) -> N
     assert made.state() == state
 
 
+@pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bank_and_its_reader_are_collected_in_a_circle(kind: type[Vector]) -> None:
     class Reader:

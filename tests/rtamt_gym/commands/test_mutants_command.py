@@ -164,6 +164,7 @@ def trace(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.slow(keep=3)
 @pytest.mark.parametrize(
     ("arguments", "code", "line"),
     [
