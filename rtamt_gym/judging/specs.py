@@ -235,7 +235,10 @@ def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
     Raises:
         InputError: If its metadata has something else than a mode.
     """
-    mode = env.metadata.get("autoreset_mode")
+    mode, inner = env.metadata.get("autoreset_mode"), env.unwrapped
+    if isinstance(inner, SyncVectorEnv | AsyncVectorEnv) and env.metadata is inner.metadata:
+        # Before 1.4, vector environments of one class share their metadata.
+        mode = mode and inner.autoreset_mode
     if isinstance(mode, AutoresetMode):
         return mode
     if mode is not None:

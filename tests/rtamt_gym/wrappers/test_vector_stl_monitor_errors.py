@@ -16,6 +16,7 @@ from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import VectorStlMonitor, VectorStlReward, batched
+from rtamt_gym.judging.specs import autoreset_mode
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (
@@ -109,6 +110,14 @@ def test_environments_stay_open_after_an_error(monkeypatch: pytest.MonkeyPatch) 
     assert not envs.closed
     envs.reset(seed=1)
     envs.close()
+
+
+def test_shared_metadata_do_not_change_the_autoreset_mode() -> None:
+    # In Gymnasium before 1.4, the vector environment that is made last sets the mode of all.
+    envs = sync([lambda: Replay([1.0])], AutoresetMode.SAME_STEP)
+    envs.metadata["autoreset_mode"] = AutoresetMode.DISABLED
+    assert autoreset_mode(envs) is AutoresetMode.SAME_STEP
+    assert autoreset_mode(VectorWrapper(envs)) is AutoresetMode.SAME_STEP
 
 
 def test_simulations_that_are_reset_before_the_end_is_seen_are_refused() -> None:
