@@ -44,7 +44,7 @@ def test_a_folder_of_tests_hides_no_library() -> None:
         folder.name
         for test in (ROOT / "tests").rglob("test_*.py")
         for folder in test.parent.iterdir()
-        if folder.is_dir()
+        if folder.is_dir() and folder.name != "__pycache__"
     }
     assert folders
     assert not folders & packages_distributions().keys()
