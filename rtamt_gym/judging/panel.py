@@ -164,6 +164,15 @@ class Panel:
         """Whether every specification is satisfied."""
         return self.all_decided and self.violated_by is None
 
+    @property
+    def violated(self) -> list[str]:
+        """The specifications that are certainly violated."""
+        return [
+            name
+            for name in self._decided
+            if self._verdict(name, self.monitors[name][1]) is Verdict.VIOLATED
+        ]
+
     def satisfies(self, name: str) -> bool:
         """Whether the verdict on a specification is that it is satisfied."""
         return self.monitors[name][1].verdict > 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -132,6 +132,12 @@ class VectorPanel:
             lower = judge.lower
             known &= (lower == judge.upper) | (lower > above.get(name, math.inf))
         return known
+
+    def violated(self, names: Collection[str]) -> Lanes:
+        """Whether each environment certainly violates one of these specifications."""
+        rows = [name in names for name in self.monitors]
+        violated: Lanes = np.logical_or.reduce(self._book.violated[rows])
+        return violated
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
         """Whether they are satisfied: a row for each specification, a column for each of `at`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rtamt_gym.judging.panel import Monitors, Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.step_time import STEPS, StepTime
 from rtamt_gym.signals.taps import Tap
-from rtamt_gym.wrappers.monitoring import Monitoring
+from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
 
 __all__ = ["EpisodeMonitoring"]
 
@@ -170,7 +170,8 @@ class EpisodeMonitoring(Monitoring):
         """What a verdict on all specifications, certain before any end, does to the episode."""
         panel = self._panel
         if panel.violated_by is not None:
-            return self._on_violation
+            words = [self._on_violation[name] for name in panel.violated]
+            return min(words, key=get_args(OnViolation).index)
         return self._on_satisfaction if panel.all_decided else "report"
 
     def _finish(self, terminated: bool) -> Assessment:  # noqa: FBT001 - as Gymnasium has it

@@ -27,8 +27,8 @@ from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
     OnSatisfaction,
-    OnViolation,
     OwnOptions,
+    Violations,
     single_env,
 )
 from rtamt_gym.wrappers.observing import Observe
@@ -160,7 +160,7 @@ class StlMonitor(
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        on_violation: OnViolation = "terminate",
+        on_violation: Violations = "terminate",
         on_satisfaction: OnSatisfaction = "report",
         details: bool = False,
         cost: Cost | None = None,
@@ -185,7 +185,9 @@ class StlMonitor(
                 a variable that is not among them reads what the environment says in its own
                 ``signals``, as scenarios do
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
-                episode, or only ``"report"`` it
+                episode, or only ``"report"`` it; or a mapping with a word for every specification,
+                such as ``{"upright": "terminate", "slow": "report"}``. If several are violated,
+                terminate wins over truncate, and truncate over report
             on_satisfaction: What it does once every specification is certainly satisfied: only
                 ``"report"`` it, or ``"terminate"`` or ``"truncate"`` the episode
             details: Whether to add ``info["stl"]``, the state of every specification

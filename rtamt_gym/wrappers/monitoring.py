@@ -6,14 +6,14 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, cast, get_args
 
 import gymnasium as gym
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
 from rtamt import InputError, InputTypeError, Specification, StateError
 from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
@@ -51,20 +51,23 @@ __all__ = [
     "Monitoring",
     "OnSatisfaction",
     "OnViolation",
+    "Violations",
     "check_can_end",
     "refuse_monitored",
     "single_env",
 ]
 
 OnViolation = Literal["terminate", "truncate", "report"]
-"""What happens to an episode at a certain violation."""
+"""What happens to an episode at a certain violation, the strongest first."""
+
+Violations = OnViolation | Mapping[str, OnViolation]
+"""The option ``on_violation``: one word for all requirements, or a word for each, by name."""
 
 OnSatisfaction = Literal["report", "terminate", "truncate"]
 """What happens to an episode once every specification is certainly satisfied."""
 
-_Choice = Literal["on_violation", "on_satisfaction", "cost"]
+_Choice = Literal["on_satisfaction", "cost"]
 _CHOICES: dict[_Choice, tuple[object, ...]] = {
-    "on_violation": get_args(OnViolation),
     "on_satisfaction": get_args(OnSatisfaction),
     "cost": (None, *get_args(Cost)),
 }
@@ -77,7 +80,7 @@ _ENDS = "on_violation", "on_satisfaction"
 class OwnOptions(TypedDict):
     """The keyword arguments of all monitors that say what they do, and not how they judge."""
 
-    on_violation: OnViolation
+    on_violation: Violations
     on_satisfaction: OnSatisfaction
     details: bool
     cost: Cost | None
@@ -88,7 +91,7 @@ class OwnOptions(TypedDict):
 class MonitorOptions(EpisodeReading, total=False):
     """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
 
-    on_violation: OnViolation
+    on_violation: Violations
     on_satisfaction: OnSatisfaction
     details: bool
     cost: Cost | None
@@ -111,6 +114,8 @@ class Monitoring(Observing):
 
     env: Any
     _panel: Panel | VectorPanel
+    _on_violation: dict[str, OnViolation]
+    """What a violation of each requirement does."""
     _beneath: Any
     """What has shown the samples that are read, if not the environment in the wrapper."""
     _watch: StepTime | None = None
@@ -142,7 +147,6 @@ class Monitoring(Observing):
         length: object = options["buffer_length"]
         if not isinstance(length, int) or length < 0:
             raise InputError(f"expected buffer_length= as an integer, 0 or more, got {length!r}")
-        self._on_violation = options["on_violation"]
         self._on_satisfaction = options["on_satisfaction"]
         self._at_termination: AtTermination = reading.at_termination or "complete"
         self._at_truncation = reading.at_truncation
@@ -153,6 +157,7 @@ class Monitoring(Observing):
         self._details = options["details"]
         self._cost = options["cost"]
         loaded = load_specs(specs, own_requirements(env), options["constants"])
+        self._on_violation = _violation_words(options["on_violation"], loaded)
         self._constants = Constants(loaded)
         variables = [name for spec in loaded.values() for name in spec.variables]
         given, own = ({} if signals is None else signals), own_signals(env)
@@ -310,7 +315,8 @@ class Monitoring(Observing):
         """
         env, before = self.env, (self._on_violation, self._on_satisfaction, self._unasked)
         self._tap(tap)
-        self._on_violation, self._on_satisfaction, self._unasked = "report", "report", False
+        self._on_violation = dict.fromkeys(self._on_violation, "report")
+        self._on_satisfaction, self._unasked = "report", False
         try:
             yield
         finally:
@@ -419,13 +425,35 @@ def check_can_end(options: OwnOptions, autoreset: AutoresetMode, env: object) ->
         return
     chosen = {name: options[name] for name in _ENDS}
     for name, choice in chosen.items():
-        if choice != "report":
+        words = choice.values() if isinstance(choice, Mapping) else [choice]
+        if any(word != "report" for word in words):
             raise InputError(
                 f"{name}={choice!r} needs an environment that resets when it is told, "
                 f"AutoresetMode.DISABLED, got {autoreset} of {env}; wrap each environment, "
                 "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
                 f"take {name}='report'"
             )
+
+
+def _violation_words(given: object, specs: Collection[str]) -> dict[str, OnViolation]:
+    """The word for each requirement.
+
+    Raises:
+        InputError: If a word is none of the three, or a mapping names no requirement or lacks one.
+    """
+    choices = get_args(OnViolation)
+    if not isinstance(given, Mapping):
+        check_choice("on_violation", given, choices)
+        return dict.fromkeys(specs, cast("OnViolation", given))
+    check_known("on_violation", given, specs)
+    for name in specs:
+        if name not in given:
+            raise InputError(
+                f"on_violation= has no word for {name!r}, so it could end the episode or not; add "
+                f'{name!r}: "terminate", "truncate" or "report"'
+            )
+        check_choice(f"on_violation[{name!r}]", given[name], choices)
+    return {name: given[name] for name in specs}
 
 
 def refuse_monitored(monitor: str, where: str = "") -> NoReturn:

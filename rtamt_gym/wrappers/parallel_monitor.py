@@ -20,8 +20,8 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
     OnSatisfaction,
-    OnViolation,
     OwnOptions,
+    Violations,
     refuse_monitored,
 )
 from rtamt_gym.wrappers.parallel import Infos, ParallelWrapper
@@ -123,7 +123,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        on_violation: OnViolation = "terminate",
+        on_violation: Violations = "terminate",
         on_satisfaction: OnSatisfaction = "report",
         details: bool = False,
         cost: Cost | None = None,
@@ -142,7 +142,8 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
                 :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
                 reset, which action and reward need; or in the environment's own ``signals``
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
-                episode of all agents, or only ``"report"`` it
+                episode of all agents, or only ``"report"`` it; or a mapping with a word for every
+                specification, as for :class:`StlMonitor`
             on_satisfaction: The same once every specification is certainly satisfied; by default
                 it is only reported
             details: Whether to add ``info["stl"]``, the state of every specification

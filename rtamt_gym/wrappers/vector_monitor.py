@@ -36,8 +36,8 @@ from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
     Monitoring,
     OnSatisfaction,
-    OnViolation,
     OwnOptions,
+    Violations,
     check_can_end,
     refuse_monitored,
 )
@@ -57,11 +57,13 @@ class _LaneMonitoring(Monitoring):
     _running: bool
 
     def _certain(self) -> list[tuple[Lanes, str]]:
-        """The environments whose episodes a certain verdict ends, and how."""
+        """The environments whose episodes a certain verdict ends, and how: the strongest first."""
         panel = self._panel
         found: list[tuple[Lanes, str]] = []
-        if self._on_violation != "report":
-            found.append((panel.violated_at >= 0, self._on_violation))
+        for how in ("terminate", "truncate"):
+            names = [name for name, word in self._on_violation.items() if word == how]
+            if names:
+                found.append((panel.violated(names), how))
         if self._on_satisfaction != "report":
             satisfied = panel.success(np.arange(self.num_envs))
             found.append((satisfied, self._on_satisfaction))
@@ -215,7 +217,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        on_violation: OnViolation = "report",
+        on_violation: Violations = "report",
         on_satisfaction: OnSatisfaction = "report",
         details: bool = False,
         cost: Cost | None = None,
