@@ -1,10 +1,10 @@
-"""Whose line a warning shows."""
+"""The code that calls a wrapper: the line that a warning shows, and the wrappers around it."""
 
 from __future__ import annotations
 
 import inspect
 
-__all__ = ["caller_level"]
+__all__ = ["caller_level", "wrappers_around"]
 
 _PASSED = frozenset({"rtamt_gym", "gymnasium"})
 """Packages whose lines a user has not written: wrappers call each other, across both."""
@@ -21,3 +21,24 @@ def caller_level() -> int:
             break
         frame, level = frame.f_back, level + 1
     return level
+
+
+def wrappers_around(env: object) -> list[object]:
+    """Return the wrappers that are calling a method of an environment, the innermost first.
+
+    An environment does not know the wrappers around it. While one of its methods runs, they are in
+    the frames of the call.
+
+    Args:
+        env: The environment.
+    """
+    frame, wrappers = inspect.currentframe(), []
+    while frame is not None:
+        code = frame.f_code
+        if code.co_argcount and code.co_varnames[0] == "self":
+            caller = frame.f_locals.get("self")
+            if getattr(caller, "__dict__", {}).get("env") is env:
+                wrappers.append(caller)
+                env = caller
+        frame = frame.f_back
+    return wrappers

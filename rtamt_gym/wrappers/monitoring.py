@@ -11,10 +11,10 @@ from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, cast
 import gymnasium as gym
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from rtamt import InputError, InputTypeError, Specification, StateError
-from rtamt.errors import Argument
+from rtamt import InputError, InputTypeError, RtamtError, Specification, StateError
+from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.arguments import check_choice, check_known
-from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.checks.callers import caller_level, wrappers_around
 from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
@@ -233,9 +233,30 @@ class Monitoring(Observing):
     ) -> tuple[dict[str, Any] | None, ChangedConstants | None]:
         """The options of a reset without the constants, and what these change."""
         if options is None or "constants" not in options:
+            self._refuse_constants_around()
             return options, self._next
         rest = {name: value for name, value in options.items() if name != "constants"}
         return rest or None, self._change(options["constants"])
+
+    def _refuse_constants_around(self) -> None:
+        """Refuse other values of constants in an attribute of a wrapper around this one.
+
+        ``wrapper.constants = ...`` sets an attribute of the wrapper, as ``set_attr`` of
+        Stable-Baselines3 does with the outermost one, and changes no specification.
+        """
+        if not self.constants:
+            return
+        held = self._constants if self._next is None else self._next.constants
+        for wrapper in wrappers_around(self):
+            given = vars(wrapper).get("constants")
+            if isinstance(given, Mapping) and _differs(given, held):
+                raise InputError(
+                    f"{type(wrapper).__name__} around {type(self).__name__} has an attribute "
+                    f"constants={given!r}, which changes no specification. Delete it and call "
+                    'env.set_wrapper_attr("constants", {...}); with Stable-Baselines3 write '
+                    'vec_env.env_method("set_wrapper_attr", "constants", {...}) in place of '
+                    'vec_env.set_attr("constants", {...})'
+                )
 
     def _adopt(self, change: ChangedConstants | None) -> None:
         """Goes over to other values of constants, between two episodes."""
@@ -380,6 +401,17 @@ class Monitoring(Observing):
     def _bind_signals(self) -> None:
         """Makes the functions that read this environment."""
         raise NotImplementedError
+
+
+def _differs(given: Mapping[Any, Any], held: Constants) -> bool:
+    """Whether a mapping has another value of a constant, or a name that is almost a constant's."""
+    names = held.values
+    if any(nearest(name, names) for name in given if name not in names):
+        return True
+    try:
+        return held.at({name: given[name] for name in names if name in given}) is not held
+    except RtamtError:
+        return True
 
 
 def _sizes(shown: list[list[Obligation]]) -> list[list[int]]:
