@@ -21,6 +21,7 @@ __all__ = [
     "names_objects",
     "objects_in",
     "plausible_units",
+    "split_times",
     "unit_of_times",
 ]
 
@@ -101,7 +102,8 @@ _QUANTITIES = _set(
     # Counters.
     "count counter cnt index idx frame frames sample samples seq sequence step steps cycle cycles "
     "n i k id row line nr no num number iteration iter epoch round lap total cumulative progress "
-    "zaehler nummer packet packets msg message messages alive revolution revolutions "
+    "zaehler zahler nummer anzahl zyklus takt bild packet packets pkt msg message messages alive "
+    "revolution revolutions pulse pulses encoder bytes page event events evt frm "
     # Distances and other quantities that rise evenly.
     "odo odometer distance dist mileage km station ramp pos position x y z lat lon latitude "
     "longitude alt altitude height depth angle heading yaw pitch roll phi theta psi steering "
@@ -111,7 +113,7 @@ _QUANTITIES = _set(
     "wheel rot rotation sweep phase amplitude gain battery radius width size area mass weight "
     "offset flow rate accel acceleration stress strain elevation work heat "
     "pressure voltage current power gear level score reward return weg strecke kilometerstand "
-    "winkel drehzahl geschwindigkeit"
+    "winkel drehzahl geschwindigkeit rampe sollwert hohe"
 )
 """Words of names of quantities that may rise evenly, and are not times."""
 
@@ -239,6 +241,31 @@ def hinted_unit(column: str) -> str | None:
     return _UNIT_OF.get(words[-1]) if len(words) > 1 else None
 
 
+_PARTS = ("ns", "us", "ms")
+
+
+def split_times(names: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Return pairs of columns named as seconds and parts of seconds, with the unit of the parts.
+
+    Example:
+        >>> split_times(["v", "s", "ns", "stamp.sec", "stamp.nanosec"])
+        [('s', 'ns', 'ns'), ('stamp.sec', 'stamp.nanosec', 'ns')]
+        >>> split_times(["start_s", "end_ns"])
+        []
+    """
+    ends = {name: words for name in names if (words := name_words(name))}
+    parts = {
+        words[:-1]: (name, unit)
+        for name, words in ends.items()
+        if (unit := _UNIT_OF.get(words[-1])) in _PARTS
+    }
+    return [
+        (name, *parts[words[:-1]])
+        for name, words in ends.items()
+        if _UNIT_OF.get(words[-1]) == "s" and words[:-1] in parts
+    ]
+
+
 def _unit_of_joined(joined: str) -> str | None:
     if joined in _TIME_UNITS:
         return _TIME_UNITS[joined]
@@ -296,9 +323,10 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     """Whether a column is probably one of times, by its name and its values.
 
     A name with a word such as ``clock`` or with a unit of time needs values that rise, or fall. Any
-    other name needs values that rise in nearly even steps, and in later columns fractions in even
-    steps or dates since 1970; it is not the name of a counter or another quantity, unless it has
-    a word such as ``time`` too. Numbers 0, 1, 2 and so on count rows.
+    other name needs values that rise in nearly even steps, and after the first column dates since
+    1970, or steps that are even up to rounding. In the first column they may fall, too. It is not
+    the name of a counter or another quantity, unless it has a word such as ``time`` too. Numbers
+    0, 1, 2 and so on count rows.
 
     Args:
         column: Its name.
@@ -321,7 +349,7 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     hinted = bool(_HINTS & {*name.words}) or unit is not None
     with np.errstate(over="ignore"):
         steps = np.diff(values).astype(np.float64)
-    if hinted and (steps < 0).all():  # the newest first
+    if (hinted or first) and (steps < 0).all():  # the newest first
         values, steps = values[::-1], -steps[::-1]
     dated = hinted and dates_of_numbers(values) is not None
     if not (steps > 0).all() or ((steps == 1).all() and not dated):
@@ -334,11 +362,16 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     if quantity and not hinted:
         return False
     clock = unit is not None or bool(_CLOCKS & {*name.words})
-    return _ticks(values, steps, whole=clock or (first and not quantity))
+    whole = clock or not quantity
+    return _ticks(values, steps, rough=clock or (first and whole), whole=whole)
 
 
-def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, whole: bool) -> bool:
-    """Whether values rise in nearly even steps; if not ``whole``, as dates or even fractions."""
+def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, whole: bool) -> bool:
+    """Whether values rise in nearly even steps.
+
+    If not ``rough``, they are dates or the steps are even up to rounding. If not ``whole``, numbers
+    without fractions are not times either.
+    """
     usual = float(np.median(steps))
     off = np.abs(steps - usual)
     if len(values) < _FEW or float((off <= 0.2 * usual).mean()) < 0.9:
@@ -348,7 +381,9 @@ def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, whole: bool) -> 
         _FIRST_DATE <= most * NANOSECONDS[unit] / 1e9 <= _LAST_DATE
         for unit in plausible_units(values)
     )
-    return whole or dates or bool((values % 1).any() and (off <= 0.02 * usual).all())
+    fractions = bool((values % 1).any())
+    even = bool((off <= (0.02 * usual if fractions else max(0.02 * usual, 1))).all())
+    return rough or dates or (even and (whole or fractions))
 
 
 def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:

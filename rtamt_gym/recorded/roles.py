@@ -17,12 +17,13 @@ from rtamt.columns import (
     names_objects,
     objects_in,
     plausible_units,
+    split_times,
 )
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TimeColumn, rises
+from rtamt_gym.recorded.times import TimeColumn, join_times, rises
 
 __all__ = ["RowTable", "has_time_bounds"]
 
@@ -108,25 +109,54 @@ class RowTable:
         named = [n for n in every if n in self.read and unit_of_times(n) is not None]
         names = [*self.unread, *named]
         cells = self._cells(rows, names)
+        expected = f"{rows.source}: expected a column of times for the time bounds, got none, but"
+        for name, part, unit in split_times(self.unread):
+            if _are_split(cells.get(name), cells.get(part), unit):
+                raise InputError(
+                    f"{expected} '{name}' and '{part}', which nothing reads, look like seconds and "
+                    f"their {unit}. Give --time {shlex.quote(f'{name}+{part}')}, or --period 1 to "
+                    "count samples."
+                )
         for name in names:
             if name not in cells:
                 continue
-            ways = _readings(name, cells[name], self.columns, first=name == every[0])
+            values = cells[name]
+            ways = _readings(name, values, self.columns, first=name == every[0])
             if ways is None:
                 continue
             option = f"--time {shlex.quote(name)}"
             times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
             reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
+            if values.dtype.kind in "iufmM" and rises(values[::-1]):
+                raise InputError(
+                    f"{expected} '{name}', which {reads}, looks like one with the newest row "
+                    f"first. Sort the rows by '{name}', the oldest first, and give "
+                    f"{', '.join(times)}, or give --period 1 to count the samples in this order."
+                )
             raise InputError(
-                f"{rows.source}: expected a column of times for the time bounds, got none, but "
-                f"'{name}', which {reads}, looks like one. Give {', '.join(times)}, or --period 1 "
-                "to count samples."
+                f"{expected} '{name}', which {reads}, looks like one. Give {', '.join(times)}, or "
+                "--period 1 to count samples."
             )
 
     def _cells(self, rows: Rows, names: Sequence[str]) -> dict[str, NDArray[np.generic]]:
         wanted = Wanted((), cells=names, where=self.columns.where)
         cells = self.recording.read(wanted).cells
         return {name: values for name, values in cells.items() if len(values) == rows.count}
+
+
+def _are_split(
+    seconds: NDArray[np.generic] | None, part: NDArray[np.generic] | None, unit: str
+) -> bool:
+    """Return whether two columns are whole seconds and parts of seconds that rise, or fall."""
+    if seconds is None or part is None or len(seconds) < 2:
+        return False
+    if not all(v.dtype.kind in "iuf" and np.isfinite(v).all() for v in (seconds, part)):
+        return False
+    try:
+        times = join_times(seconds, part, unit, str)
+    except InputError:
+        return False
+    return rises(times) or rises(times[::-1])
 
 
 def _readings(

@@ -13,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
-from rtamt.columns import dates_of_numbers, has_plain_time_name, name_words, plausible_units
+from rtamt.columns import (
+    dates_of_numbers,
+    has_plain_time_name,
+    name_words,
+    plausible_units,
+    split_times,
+)
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import UNITS, Columns
@@ -70,13 +76,8 @@ class TimeColumn(NamedTuple):
 
 _CLOCK_NAMES = {"time", "zeit", "uhrzeit", "heure", "hora", "ora", "tijd", "utctime", "localtime"}
 _DATE_NAMES = {"date", "datum", "fecha", "utcdate", "localdate"}
-_SECOND_NAMES = {"sec", "secs", "second", "seconds"}
-_PARTS = {
-    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"), "ns"),
-    **dict.fromkeys(("usec", "usecs", "microsec", "microseconds", "micros"), "us"),
-    **dict.fromkeys(("msec", "msecs", "millisec", "milliseconds", "millis"), "ms"),
-}
-"""The last words of names of columns of which two are one time."""
+_SHORT_NAMES = {"s", "ns", "us", "ms"}
+"""Last words of names that may as well be units of other quantities."""
 
 
 def find_times(
@@ -152,8 +153,8 @@ def _named(recording: Recording, name: str) -> TimeColumn:
         return TimeColumn(name)
     first, plus, second = name.partition("+")
     if plus and {first, second} <= {*names}:
-        words = name_words(second)
-        return TimeColumn(first, TimePart(second, _PARTS.get(words[-1], "") if words else ""))
+        units = {part: unit for _, part, unit in split_times([first, second])}
+        return TimeColumn(first, TimePart(second, units.get(second, "")))
     raise InputError(
         f"{recording.source}: no column '{name}', which --time names; the columns "
         f"are {listed(names, name)}{nearest(name, names)}"
@@ -180,16 +181,10 @@ def _with_date(name: str, recording: Recording) -> TimeColumn:
 
 def _second_pairs(names: Sequence[str]) -> list[TimeColumn]:
     """The columns of seconds that have a column of nanoseconds or other parts of seconds."""
-    words = {name: name_words(name) for name in names}
-    parts = {
-        each[:-1]: TimePart(name, _PARTS[each[-1]])
-        for name, each in words.items()
-        if each and each[-1] in _PARTS
-    }
     return [
-        TimeColumn(name, parts[each[:-1]])
-        for name, each in words.items()
-        if each and each[-1] in _SECOND_NAMES and each[:-1] in parts
+        TimeColumn(name, TimePart(part, unit))
+        for name, part, unit in split_times(names)
+        if not _SHORT_NAMES & {name_words(name)[-1], name_words(part)[-1]}
     ]
 
 

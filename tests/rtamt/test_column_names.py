@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt.columns import looks_like_times, names_objects, objects_in, plausible_units
+from rtamt.columns import (
+    looks_like_times,
+    names_objects,
+    objects_in,
+    plausible_units,
+    split_times,
+)
 
 TIMES = {
     # Plain names.
@@ -112,7 +118,17 @@ RISING = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.101, 0.099, 0.1, 0.1])
         ("xAxis", RISING, False, True),  # ControlDesk
         ("Abtastung", RISING, True, True),
         ("Abtastung", RISING, False, True),
-        ("Abtastung", 20 * np.arange(5), False, False),
+        ("Abtastung", 20 * np.arange(5), False, True),
+        ("Abtastung", np.array([0, 20, 41, 60, 80]), False, True),  # rounded
+        ("Abtastung", np.array([0, 20, 43, 60, 80]), False, False),
+        ("Abtastung", RISING[::-1], True, True),  # the newest first
+        ("Abtastung", RISING[::-1], False, False),
+        ("battery", RISING[::-1], True, False),
+        ("A", np.arange(5)[::-1], True, False),
+        ("frm", 10 * np.arange(5), False, False),
+        ("Zähler", 10 * np.arange(5), False, False),
+        ("step_count", 10 * np.arange(5), False, False),
+        ("tick_frame", 10 * np.arange(5), False, False),
         ("Abtastung", RISING + 1.7e9, False, True),
         ("Abtastung", 20 * np.arange(5), True, True),
         ("odometer", RISING, True, False),
@@ -134,6 +150,12 @@ RISING = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.101, 0.099, 0.1, 0.1])
 )
 def test_times_by_values(name: str, values: np.ndarray, *, first: bool, expected: bool) -> None:
     assert looks_like_times(name, values, first=first) is expected
+
+
+def test_split_times_need_one_name() -> None:
+    assert split_times(["s", "nsec", "v"]) == [("s", "nsec", "ns")]
+    assert split_times(["gps.sec", "gps.us"]) == [("gps.sec", "gps.us", "us")]
+    assert split_times(["v_s", "w_ns", "s"]) == []
 
 
 def test_names_of_objects() -> None:

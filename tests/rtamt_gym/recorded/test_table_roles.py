@@ -160,6 +160,34 @@ def test_a_column_that_looks_like_times_stops_time_bounds(capsys: Output) -> Non
     assert "--time clk --time-unit s" in dense
 
 
+@pytest.mark.parametrize(("seconds", "part"), [("s", "ns"), ("s", "nsec"), ("gps_s", "gps_ns")])
+def test_short_names_of_split_times_stop_time_bounds(
+    capsys: Output, seconds: str, part: str
+) -> None:
+    half = 500_000_000
+    split: Columns = {seconds: [7, 7, 8, 8, 9], part: [0, half, 0, half, 0], "v": V}
+    name = write("log.csv", split)
+    code, text = judged(capsys, "always[0:2](v > 0)", name)
+    assert code == 2
+    assert f"'{seconds}' and '{part}', which nothing reads, look like seconds and their ns" in text
+    assert f"Give --time {seconds}+{part}, or --period 1 to count samples." in text
+    code, text = judged(capsys, "always[0:1](v > 0)", name, "--time", f"{seconds}+{part}")
+    assert (code, "one every 0.5 s, 7 s to 9 s" in text) == (1, True)
+    for other in ({part: [0, -1, 0, -1, 0]}, {seconds: [7, 7, 7, 8, 8]}, {part: ["a"] * 5}):
+        name = write("log.csv", {**split, **other})
+        assert judged(capsys, "always[0:2](v > 0)", name)[0] in (0, 1)
+
+
+def test_unlisted_times_that_fall_are_refused(capsys: Output) -> None:
+    name = write("log.csv", {"Abtastung": [0.8, 0.6, 0.4, 0.2, 0.0], "v": V})
+    code, text = judged(capsys, "always[0:0.4](v > 0)", name)
+    assert code == 2
+    assert "looks like one with the newest row first. Sort the rows by 'Abtastung'" in text
+    assert "--time Abtastung --time-unit s" in text
+    code, text = judged(capsys, "always[0:0.4](v > 0)", name, "--time", "Abtastung")
+    assert (code, "the newest first" in text) == (2, True)
+
+
 @pytest.mark.parametrize("extension", FORMATS)
 @pytest.mark.parametrize(
     "column",
