@@ -18,6 +18,7 @@ from rtamt_gym.reports.views import Convergence
 from rtamt_gym.results.codec import trials_of
 from rtamt_gym.results.outcome import WORDS, Outcome, word
 from rtamt_gym.results.provenance import provenance_of
+from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.saved_case import SavedCase
@@ -57,6 +58,8 @@ def of_search(found: Falsification, room: int) -> Section:
             f"The input was made simpler by {counted(found.reductions, 'more simulation')}."
         )
     notes.append(f"Seen, without any guarantee: {found.coverage}.")
+    if found.effects.without:
+        notes.append(f"Note: {found.effects}.")
     return Section(
         kind="search",
         title=f"Search for a violation by {record.system}",
@@ -193,6 +196,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
     case = case_texts(Case.from_json(json.dumps(kept["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
     unit = "s" if record.timed else "steps"
+    effects = Effects(tuple(kept.get("without_effect", ())), int(kept.get("effect_simulations", 0)))
     return Section(
         kind="search",
         title=f"Search for a violation by {kept['system']}",
@@ -204,6 +208,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
             if falsified
             else f"No simulation violates a requirement; {name} came closest.",
             f"Input: {'; '.join(case)}.",
+            *([f"Note: {effects}."] if effects.without else []),
         ),
         requirements=requirements_of(record, {}, 0, unit=unit),
         cases=cases_of(record),

@@ -24,6 +24,7 @@ from rtamt_gym.results.outcome import BY_END, violated_by_end
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.undecided import decides_nothing, undecided_in, undecided_texts
 from rtamt_gym.search.falsification.coverage import Coverage
+from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import case_lines, failures
 from rtamt_gym.search.runs.runner import Runner
@@ -50,11 +51,15 @@ class Falsification:
         row: The simulation that violates, with the reduced input; if none does, the closest.
         found: The case that violates as it was found, before it was reduced; if none does, the
             closest.
-        record: All simulations of the search, in their order, without those for the reduction.
+        record: All simulations of the search, in their order, without those for the reduction and
+            for `effects`.
         space: What was searched.
         scales: The scale of each predicate, by its text; empty where the search used none.
         coverage: How much of the space the simulations have seen that were judged.
         reductions: The simulations that the reduction took.
+        effects: The inputs without an effect on the robustness, and the simulations that told them.
+            In each, one input was moved to the other end of its range, from `found` and from a
+            second simulation of the search.
         optimizer: The name of the optimizer.
         budget: The most simulations that the search could make.
         seed: The seed of the search.
@@ -70,6 +75,7 @@ class Falsification:
     scales: Mapping[str, float]
     coverage: Coverage
     reductions: int
+    effects: Effects
     optimizer: str
     budget: int
     seed: int
@@ -196,6 +202,8 @@ class Falsification:
                 "failed": self.failed,
                 "simulated_time": self.simulated_time,
                 "reductions": self.reductions,
+                "without_effect": list(self.effects.without),
+                "effect_simulations": self.effects.simulations,
                 "budget": self.budget,
                 "seed": self.seed,
                 "optimizer": self.optimizer,
@@ -280,6 +288,8 @@ class Falsification:
             scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())
             lines += _wrapped(f"scales of the search: {scales}", "")
         lines += _wrapped(f"seen, without any guarantee: {self.coverage}", "")
+        if self.effects.without:
+            lines += _wrapped(f"note: {self.effects}", "")
         if self.failed:
             lines += ["", *failures(self.record)]
         return lines

@@ -29,6 +29,7 @@ from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.campaigns.folder import Folder
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.falsification.coverage import coverage_of
+from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.falsification.kept import KeptSearch
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
@@ -107,6 +108,10 @@ def falsify(
     by the speed. Where predicates read different variables, optimizers therefore get it in units of
     scales, by `rtamt.scaled`. Verdicts and `Falsification.robustness` belong to the requirement
     itself.
+
+    The search ends with a further simulation for each input, in which this input alone is at the
+    other end of its range. `Falsification.effects` lists the inputs that did not change the
+    robustness.
 
     Args:
         system: The id of an environment (``"rtamt/ChasingCars-v0"``), or what `simulate` takes; not
@@ -252,6 +257,8 @@ def falsify(
         kept=kept,
     )
 
+    effects = Effects()
+
     def record() -> Record:
         return Record(search.rows, texts, runner.name, Provenance.of(specs))
 
@@ -269,6 +276,7 @@ def falsify(
             scales=search.scales or {},
             coverage=coverage_of(search.judged_points),
             reductions=reductions,
+            effects=effects,
             optimizer=name,
             budget=budget,
             seed=seed,
@@ -284,6 +292,7 @@ def falsify(
                     _optimize(chosen, name, search, np.random.default_rng(of_optimizer))
                 if kept is not None and search.rows:
                     kept.finish(record(), search.valued)
+                effects = search.effects()
             finally:
                 search.close()
         _check_rows(search, runner, name)

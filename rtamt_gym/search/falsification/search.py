@@ -19,6 +19,7 @@ from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere
+from rtamt_gym.search.falsification.effects import Effects, inputs_without_effect
 from rtamt_gym.search.falsification.kept import KeptSearch, Valued
 from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
@@ -179,6 +180,41 @@ class Search:
     def closest(self) -> str:
         """The requirement that the best row violates, or is closest to violate."""
         return self.violated or self._least[self.best]
+
+    def effects(self) -> Effects:
+        """Return the inputs without an effect, by simulations that are not among the rows.
+
+        The base points are the best and the row whose value differs most from it. An input whose
+        range is one value is left out, and so are all if no simulation was judged.
+        """
+        judged = [index for index, row in enumerate(self.rows) if not row.error]
+        if not judged:
+            return Effects()
+        best = self.best
+        other = max(judged, key=lambda index: abs(self.values[index] - self.values[best]))
+        bases = list(dict.fromkeys([best, other]))
+        groups = {
+            entry.name: group
+            for entry, group in zip(self._space, self.groups, strict=True)
+            if entry.low < entry.high
+        }
+        with ExitStack() as opened:
+            runner: Runner | Elsewhere = self._whole
+            if self._elsewhere is not None:
+                runner = opened.enter_context(self._elsewhere(self._whole))
+
+            def run(index: int, points: Sequence[Floats]) -> list[object]:
+                cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
+                seed = self.rows[bases[index]].seed
+                seeds = None if seed is None else [seed] * len(cases)
+                rows = dict(runner.run(cases, seeds))
+                return [self._result(rows[place]) for place in range(len(cases))]
+
+            return inputs_without_effect(groups, [self.points[index] for index in bases], run)
+
+    def _result(self, row: Trial) -> object:
+        """Return what two simulations are compared by; it can be read if one is nan."""
+        return row.error, [repr(outcome.robustness) for outcome in row.outcomes.values()]
 
     def close(self) -> None:
         """Closes what runs the simulations, but for the runner that was given."""

@@ -1,6 +1,8 @@
 """Searches for violations: what is found violates, whoever runs it, and seeds repeat it."""
 
-from collections.abc import Iterator, Mapping
+import json
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 import rtamt_envs  # noqa: F401 - registers the scenarios
 
 import rtamt
-from rtamt_gym import Falsification, Parameter, falsify, simulate
+from rtamt_gym import Falsification, Parameter, Signal, falsify, simulate
 from rtamt_gym.search.falsification.optimizers import OPTIMIZERS, OptimizerLike
 from rtamt_gym.search.falsification.protocol import Evaluate
 
@@ -53,6 +55,64 @@ def test_what_is_found_violates_in_a_simulation_and_on_the_recorded_trace(requir
         assert np.signbit(height)
         judged = rtamt.judge(spec, run.signals, run.period, end="cut")
         assert judged.verdict is rtamt.Verdict.VIOLATED
+
+
+def spared(
+    inflow: Callable[[float], float],
+    leak: float,
+    spare: Callable[[float], float],
+    dud: float,
+    still: float,
+) -> Iterator[Mapping[str, float]]:
+    level = 1.0
+    for time in range(20):
+        yield {"level": level}
+        level += inflow(time) - leak * level + 0 * (spare(time) + dud + still)
+
+
+@pytest.mark.parametrize(("limit", "falsified"), [(2, True), (9, False)])
+@pytest.mark.parametrize("options", [{}, {"n_jobs": 1}])
+def test_inputs_without_effect_are_listed(
+    limit: int, options: dict[str, Any], *, falsified: bool
+) -> None:
+    space = [
+        Signal("inflow", 0.1, 0.3, points=3),
+        Parameter("leak", 0.1, 0.2),
+        Signal("spare", 0, 1, points=3),
+        Parameter("dud", values=(1, 2)),
+        Parameter("still", 1, 1),
+    ]
+
+    given = {"period": 1, "duration": 20, "budget": 12, **options}
+    found = falsify(spared, f"always(level < {limit})", space, **given)
+    assert found.falsified is falsified
+    assert found.effects.without == ("spare", "dud")
+    assert found.effects.simulations == 1 + 4 + 1 + 2
+    assert "note: no effect on the robustness: spare, dud (each" in " ".join(str(found).split())
+    kept = json.loads(found.to_json())
+    assert (kept["without_effect"], kept["effect_simulations"]) == (["spare", "dud"], 8)
+
+
+def test_an_effect_on_another_simulation_counts() -> None:
+    # At the best simulation both inputs are 1, and lowering one alone changes nothing.
+    def either(one: float, other: float) -> Iterator[Mapping[str, float]]:
+        yield {"level": max(one, other)}
+
+    space = [Parameter("one", 0, 1), Parameter("other", 0, 1)]
+    found = falsify(either, "always(level < 2)", space, period=1, budget=8)
+    assert found.input == {"one": 1, "other": 1}
+    assert found.effects == ((), 6)
+    assert "no effect" not in str(found)
+
+
+def test_random_systems_have_no_inputs_without_effect() -> None:
+    rng = np.random.default_rng(1)
+
+    def noisy(x: float) -> Iterator[Mapping[str, float]]:
+        yield {"level": rng.random() + 0 * x}
+
+    found = falsify(noisy, "always(level < 2)", [Parameter("x", 0, 1)], period=1, budget=4)
+    assert found.effects.without == ()
 
 
 def outcome(found: Falsification) -> tuple[object, ...]:
