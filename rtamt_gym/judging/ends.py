@@ -8,7 +8,14 @@ from typing import Literal
 
 from rtamt_gym.checks.callers import caller_level
 
-__all__ = ["AtTermination", "CutWindowWarning", "OpenEndWarning", "assumed", "warn_of_open_end"]
+__all__ = [
+    "AtTermination",
+    "CutWindowWarning",
+    "OpenEndWarning",
+    "UnseenEndWarning",
+    "assumed",
+    "warn_of_open_end",
+]
 
 AtTermination = Literal["complete", "cut", "failure"]
 """How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
@@ -46,6 +53,18 @@ class CutWindowWarning(OpenEndWarning):
         'end means: at_termination="cut" leaves it open, "failure" violates it, "complete" is '
         "for this; an environment that goes on after its success shows what the window needs"
     )
+
+
+class UnseenEndWarning(UserWarning):
+    """A wrapper around a monitor reset an episode before the monitor saw its end."""
+
+    def __init__(self, monitor: str, wrapper: str) -> None:
+        super().__init__(
+            f"{wrapper} around {monitor} reset an episode that had not ended for the monitor. If "
+            f"{wrapper} ended it, the last info had no is_success, and success rates leave the "
+            f"episode out: put {wrapper} inside of {monitor}. stl_episodes has the episode as "
+            "truncated"
+        )
 
 
 def assumed(satisfied: Sequence[str], windows: Collection[str]) -> tuple[str, bool] | None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-__all__ = ["Books"]
+__all__ = ["Books", "counts_episodes"]
 
 
 class Books:
@@ -27,9 +27,8 @@ class Books:
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self._keepers: list[tuple[Any, _Kind]] = []
         while isinstance(env, gym.Wrapper):
-            names = (each.__name__ for each in type(env).__mro__)
-            kind = next((_KINDS[name] for name in names if name in _KINDS), None)
-            if kind is not None and all(hasattr(env, name) for name in kind.attributes):
+            kind = _kind_of(env)
+            if kind is not None:
                 self._keepers.insert(0, (env, kind))  # the innermost first, as in a step
             env = env.env
 
@@ -53,6 +52,19 @@ class Books:
             returns = getattr(keeper, kind.returns)
             if returns:  # a queue may be of length 0
                 returns[-1] = paid
+
+
+def counts_episodes(wrapper: object) -> bool:
+    """Return whether a wrapper counts episodes and changes nothing else."""
+    kind = _kind_of(wrapper)
+    return kind is not None and type(wrapper).__name__ in _KINDS
+
+
+def _kind_of(wrapper: object) -> _Kind | None:
+    names = (each.__name__ for each in type(wrapper).__mro__)
+    kind = next((_KINDS[name] for name in names if name in _KINDS), None)
+    known = kind is not None and all(hasattr(wrapper, name) for name in kind.attributes)
+    return kind if known else None
 
 
 class _LastStep:

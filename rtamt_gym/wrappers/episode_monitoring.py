@@ -205,12 +205,13 @@ class EpisodeMonitoring(Monitoring):
         made = record(*found, self._panel.samples, bool(terminated), bool(truncated))
         self.stl_episodes.append(present(made))
 
-    def _abandon(self) -> None:
-        """Records an episode that goes on as truncated: something around has ended it."""
-        if self._running and self._panel.samples > 1:
+    def _abandon(self) -> bool:
+        """Records an episode that goes on as truncated; returns whether there was one."""
+        running, self._running = self._running and self._panel.samples > 1, False
+        if running:
             self._panel.finish(self._at_truncation)
             self._record(self._found(), terminated=False, truncated=True)
-        self._running = False
+        return running
 
 
 def _fed_by(tap: Tap, feed: Feed) -> Feed:

@@ -85,7 +85,7 @@ class StlMonitor(
     first. The end that this wrapper makes of an episode decides nothing more: verdicts on other
     specifications stay open. Place time limits inside this wrapper; the truncation of a wrapper
     around it is seen at the next :meth:`reset` or :meth:`close`, which records the episode in
-    ``stl_episodes``, and its last info is missing.
+    ``stl_episodes`` and warns once; its last info has none of these keys.
     A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
     monitors of the old one: reset it.
 
@@ -269,7 +269,7 @@ class StlMonitor(
             StateError: If the environment has changed its period since construction.
         """
         options, change = self._taken(options)
-        self._abandon()
+        self._warn_of_unseen_end(unended=self._abandon())
         obs, info = self.env.reset(seed=seed, options=options)
         self._adopt(change)
         self._check_period(self.env)

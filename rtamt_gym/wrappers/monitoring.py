@@ -17,7 +17,7 @@ from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.callers import caller_level, wrappers_around
 from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
+from rtamt_gym.judging.ends import AtTermination, UnseenEndWarning, warn_of_open_end
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.panel import Panel
@@ -43,6 +43,7 @@ from rtamt_gym.signals.signals import (
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import StepTime, step_time_of
 from rtamt_gym.signals.taps import rescaling, tapped
+from rtamt_gym.wrappers.books import counts_episodes
 from rtamt_gym.wrappers.observing import Observing
 from rtamt_gym.wrappers.vector_forms import PufferVectorEnv, is_pool
 
@@ -122,6 +123,7 @@ class Monitoring(Observing):
     _compared_steps = 0
     _next: ChangedConstants | None = None
     """What the next reset changes."""
+    _warned_of_unseen_end = False
     constant_changes = 0
     """How often constants have changed."""
 
@@ -257,6 +259,22 @@ class Monitoring(Observing):
                     'vec_env.env_method("set_wrapper_attr", "constants", {...}) in place of '
                     'vec_env.set_attr("constants", {...})'
                 )
+
+    def _warn_of_unseen_end(self, *, unended: bool) -> None:
+        """Warn once that a wrapper around this one may have ended an episode.
+
+        Without a wrapper around that can end episodes, the program itself resets early.
+
+        Args:
+            unended: Whether an episode was running when the reset was called.
+        """
+        if not unended or self._warned_of_unseen_end:
+            return
+        around = next((each for each in wrappers_around(self) if _can_end(each)), None)
+        if around is not None:
+            self._warned_of_unseen_end = True
+            told = UnseenEndWarning(type(self).__name__, type(around).__name__)
+            warnings.warn(told, stacklevel=caller_level())
 
     def _adopt(self, change: ChangedConstants | None) -> None:
         """Goes over to other values of constants, between two episodes."""
@@ -401,6 +419,14 @@ class Monitoring(Observing):
     def _bind_signals(self) -> None:
         """Makes the functions that read this environment."""
         raise NotImplementedError
+
+
+def _can_end(wrapper: object) -> bool:
+    """Whether a wrapper may end episodes: not if its step is this package's or only counts."""
+    step = getattr(type(wrapper), "step", None)
+    owner = getattr(step, "__module__", "")
+    harmless = owner == "gymnasium.core" or owner.partition(".")[0] == "rtamt_gym"
+    return not (harmless or counts_episodes(wrapper))
 
 
 def _differs(given: Mapping[Any, Any], held: Constants) -> bool:

@@ -197,7 +197,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             StateError: If the environment has changed its period since construction.
         """
         options, change = self._taken(options)
-        self._abandon()
+        self._warn_of_unseen_end(unended=self._abandon())
         self._over = False
         obs, infos = self.env.reset(seed=seed, options=options)
         self._adopt(change)

@@ -132,18 +132,21 @@ class _LaneMonitoring(Monitoring):
         flags = np.asarray(terminated).take(at), np.asarray(truncated).take(at)
         self._episodes.append(at, record(*found, panel.samples.take(at), *flags))
 
-    def _abandon(self, lanes: Lanes) -> None:
-        """Records what goes on in these environments as truncated: it was ended from outside."""
+    def _abandon(self, lanes: Lanes) -> bool:
+        """Records what goes on in these environments as truncated; returns whether anything did."""
+        found = False
         if self._running:
             cut = lanes & (self._panel.samples > 1)
             if self._done is not None:
                 cut &= ~self._done
             at, panel = cut.nonzero()[0], self._panel
-            if len(at):
+            found = len(at) > 0
+            if found:
                 panel.finish(cut, self._at_truncation)
-                found = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
-                self._episodes.append(at, record(*found, panel.samples[at], ~cut[at], cut[at]))
+                ends = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
+                self._episodes.append(at, record(*ends, panel.samples[at], ~cut[at], cut[at]))
         self._running = False
+        return found
 
 
 class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
@@ -307,7 +310,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
                 "whose constants change as its episodes end"
             )
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
-        self._abandon(lanes)
+        self._warn_of_unseen_end(unended=self._abandon(lanes))
         obs, infos = self.env.reset(seed=seed, options=options)
         self._adopt(change)
         if mask is None:

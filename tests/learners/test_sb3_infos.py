@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from environments import CASES, Env
 
+from rtamt import InputError
 from rtamt_gym import StlMonitor, StlReward
+from rtamt_gym.judging.ends import UnseenEndWarning
 from rtamt_gym.simulation.policies import policy_of
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
@@ -157,3 +159,51 @@ def test_a_saved_model_that_learned_from_goals_needs_no_memory_to_act(tmp_path: 
     model.save(tmp_path / "goals")
     obs, _ = env.reset(seed=1)
     assert env.action_space.contains(policy_of(f"sb3:{tmp_path / 'goals'}", env)(0)(obs))
+
+
+def limited(*, outside: bool) -> Any:  # noqa: ANN401
+    """A monitored pole with a time limit and the `Monitor` of Stable-Baselines3 around all."""
+    from stable_baselines3.common.monitor import Monitor
+
+    pole = gym.make("CartPole-v1").unwrapped
+    inner = pole if outside else gym.wrappers.TimeLimit(pole, 9)
+    env: Any = StlMonitor(inner, "always(abs(x) < limit)", {"x": "obs[0]"}, constants={"limit": 1})
+    return Monitor(gym.wrappers.TimeLimit(env, 9) if outside else env)
+
+
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+def test_successes_of_unseen_ends_are_missing_and_the_monitor_warns() -> None:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    def counts(*, outside: bool) -> tuple[int, int]:
+        model = PPO(
+            "MlpPolicy", DummyVecEnv([lambda: limited(outside=outside)]), n_steps=64, seed=1
+        )
+        model.learn(64)
+        return len(model.ep_info_buffer or ()), len(model.ep_success_buffer or ())
+
+    episodes, successes = counts(outside=False)
+    assert episodes == successes == 7  # of 9 steps: no pole falls within them
+    with pytest.warns(UnseenEndWarning) as told:
+        episodes, successes = counts(outside=True)
+    assert (episodes, successes, len(told)) == (7, 0, 1)
+
+
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.UnseenEndWarning")
+def test_constants_change_by_the_calls_of_the_page() -> None:
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    envs = DummyVecEnv([lambda: limited(outside=True)] * 2)
+    envs.env_method("set_wrapper_attr", "constants", {"limit": 0.5}, indices=[1])
+    assert envs.get_attr("constants") == [{"limit": 1.0}, {"limit": 0.5}]
+    envs.reset()
+    margins = [info["robustness"] for info in envs.reset_infos]
+    assert 0.9 < margins[0] <= 1.0
+    assert 0.4 < margins[1] <= 0.5
+    envs.set_options({"constants": {"limit": 2.0}})
+    envs.reset()
+    assert envs.get_attr("constants") == [{"limit": 2.0}] * 2
+    envs.set_attr("constants", {"limit": 0.2})
+    with pytest.raises(InputError, match="which changes no specification"):
+        envs.reset()
