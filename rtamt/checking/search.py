@@ -26,8 +26,8 @@ from rtamt.checking.truths import World, truth
 from rtamt.checking.witness import ExampleTrace, Goal, judged_so, shortened
 from rtamt.machines.protocols import End
 from rtamt.program.instructions import Window
-from rtamt.program.outlook import look_out
 from rtamt.program.program import Program
+from rtamt.program.split import split
 
 __all__ = ["SearchAnswer", "WitnessSearch"]
 
@@ -434,7 +434,7 @@ def _ample(demands: Sequence[Goal]) -> int:
 
 def _needed(program: Program) -> int | None:
     """How many samples decide the result; None: no number does."""
-    return look_out(program, _FAR, best=False).needed
+    return split(program, _FAR, best=False).needed
 
 
 _FAR: Final = 2**40

@@ -8,6 +8,7 @@ from types import MemberDescriptorType
 from typing import Any, Final, Literal, get_args
 
 from rtamt.errors import InputError, alternatives, brief, is_one_of
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.clock import Clock
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
@@ -32,6 +33,7 @@ from rtamt.machines.protocols import (
     End,
     EpisodeBank,
     EpisodeMachine,
+    EpisodeRun,
 )
 from rtamt.machines.ranges import FindRanges, term_ranges
 from rtamt.machines.terms import FindTerms, term_columns
@@ -76,6 +78,7 @@ class Factories:
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
         episode_panel: ``(machines, places, reads, decided, seen, number)``, for
             `rtamt.monitors.joint`; None where there is none, or for these machines.
+        episode_run: ``(program, reader, columns, n, end)``; None where columns are always faster.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -92,6 +95,9 @@ class Factories:
     term_columns: FindTerms
     term_ranges: FindRanges
     episode_panel: Callable[..., Any] | None = None
+    episode_run: (
+        Callable[[Program, SampleReader, Sequence[Floats], int, End], EpisodeRun] | None
+    ) = None
 
 
 BACKENDS: Final[dict[BackendName, Factories]] = {
@@ -136,6 +142,7 @@ else:
         native.term_columns,
         native.term_ranges,
         native.episode_panel,
+        native.episode_run,
     )
     read_only = native.read_only
     _own_books, _are_own = native.BOOKS, native.are_own

@@ -24,7 +24,7 @@ from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import everywhere
 from rtamt.machines.dense.rows import RegionRows, dense_of, readings_of
 from rtamt.machines.dense.signs import PythonDenseSigns
-from rtamt.machines.protocols import DenseSigns, End, EpisodeBank
+from rtamt.machines.protocols import DenseSigns, End, EpisodeBank, EpisodeRun
 from rtamt.machines.ranges import RefusesRanges
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
@@ -55,6 +55,7 @@ __all__ = [
     "episode_bank",
     "episode_machine",
     "episode_panel",
+    "episode_run",
     "read_only",
     "refuse_running",
     "term_columns",
@@ -76,6 +77,17 @@ def discrete_machine(
 
 def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMachine:
     return _native.EpisodeMachine(*encoded_episode(program), reader)
+
+
+def episode_run(
+    program: Program, reader: SampleReader, columns: Sequence[Floats], n: int, end: End
+) -> EpisodeRun:
+    """What a machine says of a trace of known samples."""
+    machine = episode_machine(program, reader)
+    decided_at = machine.run(columns, n)
+    complete = machine.robustness
+    robustness = machine.finish(end)
+    return EpisodeRun(robustness, complete, machine.lower, machine.upper, decided_at)
 
 
 def episode_panel(

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from types import MemberDescriptorType
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,7 @@ __all__ = [
     "End",
     "EpisodeBank",
     "EpisodeMachine",
+    "EpisodeRun",
     "MachineState",
     "SampleMachine",
     "Stateful",
@@ -144,6 +145,24 @@ class EpisodeMachine(SampleMachine, Protocol):
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
     ) -> None:
         """Keep slots of a monitor up to date while it lives, as `rtamt.machines.readout` says."""
+
+
+class EpisodeRun(NamedTuple):
+    """What an episode machine says of a whole trace.
+
+    Attributes:
+        robustness: The robustness, inside the bounds.
+        complete: The robustness if the trace is all there is.
+        lower: The least robustness that the reading of the end leaves possible.
+        upper: The greatest.
+        decided_at: The first sample after which the verdict was decided; None: there is no such.
+    """
+
+    robustness: float
+    complete: float
+    lower: float
+    upper: float
+    decided_at: int | None
 
 
 class DenseMachine(Stateful, Protocol):

@@ -22,8 +22,7 @@ from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.foresight import Foresight
-from rtamt.machines.part_signs import PartSigns
+from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.program.implications import (
@@ -49,6 +48,7 @@ __all__ = [
     "evidence_of",
     "found_rows",
     "reads_hidden",
+    "text_of",
     "texts_of",
 ]
 
@@ -168,13 +168,14 @@ class Evidence(Generic[_A]):
 
 
 @functools.lru_cache(maxsize=512)
-def _text(formula: Formula) -> str:
+def text_of(formula: Formula) -> str:
+    """The formula as text."""
     return str(formula)
 
 
 def texts_of(formula: Formula) -> tuple[str, ...]:
     """The implications of a formula that count, as text."""
-    return tuple(_text(each) for each in implications(formula))
+    return tuple(text_of(each) for each in implications(formula))
 
 
 def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], bool]:
@@ -197,7 +198,7 @@ def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], 
     for each in counted:
         every, needed = where[each]
         if not every:
-            rows.append(AskedRow(_text(each), _NEVER, satisfied))
+            rows.append(AskedRow(text_of(each), _NEVER, satisfied))
             idle.append(True)
             continue
         opposite = question.opposite(cast("Formula", each.args[0]))
@@ -210,7 +211,7 @@ def found_rows(question: Question, *, satisfied: bool) -> tuple[list[AskedRow], 
             idle.append(not asked[1] and not question.hides and opposite.holds_at(every))
             if vacuous and not idle[-1]:
                 vacuous = question.satisfied_without((each,))
-        rows.append(AskedRow(_text(each), asked, vacuous))
+        rows.append(AskedRow(text_of(each), asked, vacuous))
     # The more of them are unanswered, the less is satisfied.
     vacuous = satisfied and all(row.vacuous for row in rows)
     if vacuous and len(rows) > 1 and not all(idle):
@@ -228,9 +229,9 @@ class SampledQuestion(NamedTuple):
         interface: The semantics of the verdict.
         end: The reading of the end.
         n: How many samples.
-        foresight: The bounds of the whole formula; None: nobody needed them.
+        whole: The bounds of the whole formula; None: nobody needed them.
         columns: The least and the greatest values of every variable, one array if all values are
-            known; None where ``foresight`` is enough: it is there, and not `reads_hidden`.
+            known; None where ``whole`` is enough: it is there, and not `reads_hidden`.
         nan: What is made of a nan in the columns.
         backend: The back-end.
     """
@@ -241,7 +242,7 @@ class SampledQuestion(NamedTuple):
     interface: Interface
     end: End
     n: int
-    foresight: Foresight | None
+    whole: TraceBounds | None
     columns: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] | None
     nan: NanPolicy
     backend: BackendName
@@ -268,12 +269,12 @@ class SampledQuestion(NamedTuple):
     def opposite(self, left: Formula) -> Signs:
         """The signs of the opposite of a left side, by standard semantics."""
         of = self.specification, self.period, self.align
-        if self.columns is None and self.foresight is not None:
+        if self.columns is None and self.whole is not None:
             # The opposite, as the whole formula may have no other predicates.
             program = _opposite(*of, self.interface, left)
-            return _SampledSigns(self.foresight, program, self.end)
+            return _SampledSigns(self.whole.part(program), self.end)
         program = _opposite(*of, STANDARD, left)
-        return _SampledSigns(self._bounds(program, everywhere=True), program, self.end)
+        return _SampledSigns(self._bounds(program, everywhere=True), self.end)
 
     def satisfied(self) -> bool:
         """Whether the verdict is SATISFIED."""
@@ -285,12 +286,12 @@ class SampledQuestion(NamedTuple):
         program = compile_program(
             specification, self.period, interface=self.interface, align=self.align
         )
-        bounds = self.foresight.part(program) if self.foresight else self._bounds(program)
+        bounds = self.whole.part(program) if self.whole else self._bounds(program)
         return verdict_of(*bounds.bounds(self.end)) == 1
 
-    def _bounds(self, program: Program, *, everywhere: bool = False) -> Foresight:
+    def _bounds(self, program: Program, *, everywhere: bool = False) -> TraceBounds:
         """The bounds of a program of some of the variables."""
-        assert self.columns is not None  # noqa: S101 - there is no foresight, or it hides values
+        assert self.columns is not None  # noqa: S101 - the whole is not there, or hides values
         made, n = BACKENDS[self.backend], self.n
         pairs = [self.columns[name] for name in program.variables]
         lower = upper = [low[:n] for low, _ in pairs]
@@ -298,19 +299,22 @@ class SampledQuestion(NamedTuple):
             upper = [high[:n] for _, high in pairs]
         reader = SampleReader(program, self.nan, bounds=True)
         machines = made.discrete_machine, made.term_ranges
-        return Foresight.of(program, reader, *machines, (lower, upper), n, everywhere=everywhere)
+        return TraceBounds.of(program, reader, *machines, (lower, upper), n, everywhere=everywhere)
 
 
 class _SampledSigns:
-    def __init__(self, foresight: Foresight, program: Program, end: End) -> None:
-        self._part, self._last = PartSigns(foresight, program, end), foresight.n - 1
+    def __init__(self, part: TraceBounds, end: End) -> None:
+        self._part, self._end, self._last = part, end, part.n - 1
+
+    @functools.cached_property
+    def _fails(self) -> NDArray[np.bool_]:
+        return self._part.fails(self._end)
 
     def fails_at(self, instants: InstantRuns) -> Counted:
         length = occasions = 0
         first = None
-        fails = self._part.fails()
         for begin, final in instants:  # no run touches the next
-            flags = fails[begin : int(min(final, self._last)) + 1]
+            flags = self._fails[begin : int(min(final, self._last)) + 1]
             count = int(np.count_nonzero(flags))
             if not count:
                 continue
@@ -323,7 +327,7 @@ class _SampledSigns:
     def holds_at(self, instants: InstantRuns) -> bool:
         if instants[-1][1] > self._last:
             return False
-        holds = self._part.holds()
+        holds = self._part.holds(self._end)
         return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
 
 

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import functools
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Generic, TypeVar, Unpack
+from typing import Any, Final, Generic, TypeVar, Unpack
 
+from rtamt.errors import InputError, SpecificationError
 from rtamt.inputs.between import identical
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.foresight import Foresight
+from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
-from rtamt.monitors.asked import Asked, Evidence, SampledQuestion, evidence_of, reads_hidden
+from rtamt.monitors.asked import (
+    Asked,
+    Evidence,
+    SampledQuestion,
+    evidence_of,
+    reads_hidden,
+    text_of,
+)
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.holds import holds, zero_text
 from rtamt.monitors.monitor import Verdict
@@ -26,6 +36,9 @@ from rtamt.monitors.options import (
     listed_in_signature,
 )
 from rtamt.monitors.untested import Untested, found_untested
+from rtamt.program.memory import episode_numbers, limit_beyond
+from rtamt.program.placement import place
+from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
 __all__ = ["Judgement", "judge"]
@@ -304,62 +317,99 @@ def judge(
     )
     reader = SampleReader(program, nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
-    made = BACKENDS[backend]
-    foresight = Foresight.of(
-        program, reader, made.discrete_machine, made.term_ranges, (least, greatest), length
-    )
+    limit_beyond(program, length, unknown=greatest is not least)
     unknown = []
     if greatest is not least:
         pairs = zip(program.variables, least, greatest, strict=True)
         unknown = [name for name, low, high in pairs if not identical(low, high)]
-    complete = foresight.bounds("complete")
-    lower, upper = bounds = complete if reading == "complete" else foresight.bounds(reading)
+    made, hides = BACKENDS[backend], reads_hidden(specification.formula, interface)
+    ran, run = None, made.episode_run
+    if run is not None and greatest is least and _is_short(program, length):
+        with suppress(InputError):  # of a sample that may not matter: columns tell
+            ran = run(program, reader, least, length, reading)
+    if ran is not None or hides:  # they are read later, and the caller may write to them
+        same = greatest is least
+        least = [column.copy() for column in least]
+        greatest = least if same else [column.copy() for column in greatest]
 
-    # Without what its passes have found so far, which is as long as the trace.
-    kept = foresight.until(foresight.n)
-    hidden = None
-    if reads_hidden(specification.formula, interface):
-        ends = [[c.copy() for c in least]] * 2
-        if greatest is not least:
-            ends[1] = [c.copy() for c in greatest]
-        hidden = dict(zip(program.variables, zip(*ends, strict=True), strict=True))
+    def bounds_of_trace() -> TraceBounds:
+        machines = made.discrete_machine, made.term_ranges
+        return TraceBounds.of(program, reader, *machines, (least, greatest), length)
+
+    if ran is None:
+        trace = bounds_of_trace()
+        complete, bounds = trace.bounds("complete"), trace.bounds(reading)
+        robustness = moved(trace.robustness(), *bounds)
+        kept = trace.until(trace.n)  # without the columns that were made, as long as the trace
+        whole = _found(kept)
+        decided_at = _Once(lambda: _first_decided(kept))
+    else:
+        robustness, bounds = ran.robustness, (ran.lower, ran.upper)
+        complete = ran.complete, ran.complete
+        whole, decided_at = _Once(bounds_of_trace), _found(ran.decided_at)
+    columns = None
+    if hides:
+        columns = dict(zip(program.variables, zip(least, greatest, strict=True), strict=True))
 
     def evidence(verdict: Verdict) -> Evidence[Asked]:
-        align = options.get("align")
-        its = (specification, seconds, align, interface, reading, kept.n)
-        question = SampledQuestion(*its, kept, hidden, nan, backend)
+        its, align = whole(), options.get("align")
+        judged = specification, seconds, align, interface, reading, its.n
+        question = SampledQuestion(*judged, its, columns, nan, backend)
         return evidence_of(question, satisfied=verdict is Verdict.SATISFIED)
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or _verdict(*bounds) is not Verdict.UNDECIDED:
             return ()
-        return found_untested(kept, seconds, reading)
+        return found_untested(whole(), seconds, reading)
 
     return Judgement.of(
-        (moved(foresight.robustness(), lower, upper), lower, upper),
+        (robustness, *bounds),
         reading,
-        str(specification.formula),
+        text_of(specification.formula),
         _verdict(*complete),
         untested,
-        lambda: _first_decided(kept),
+        decided_at,
         evidence,
         tuple(unknown),
     )
 
 
-def _first_decided(foresight: Foresight) -> int | None:
+_SHORT: Final = 8192
+"""Samples up to which the machine is faster than columns; half as many for each unknown."""
+
+_KEPT: Final = 1 << 16
+"""Numbers that the machine may keep."""
+
+
+def _is_short(program: Program, n: int) -> bool:
+    """Whether the episode machine judges a trace faster than columns do, and takes the program."""
+    unknowns = _unknowns(program)
+    return unknowns is not None and n <= _SHORT >> unknowns
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _unknowns(program: Program) -> int | None:
+    """How many unknowns the episode machine has; None: it needs a pair, or does not fit."""
+    try:
+        placement = place(program)
+    except SpecificationError:
+        return None
+    fits = not program.neutral and episode_numbers(placement).total() <= _KEPT
+    return len(placement.unknowns) if fits else None
+
+
+def _first_decided(whole: TraceBounds) -> int | None:
     """The first sample at which the open reading is decided, if it is at the last one."""
     low, high = 0, 1  # undecided after low samples, or none; decided after high samples
 
     def decided(n: int) -> bool:
-        bounds = foresight.until(n).bounds("open")
-        return _verdict(*bounds) is not Verdict.UNDECIDED
+        return _verdict(*whole.until(n).bounds("open")) is not Verdict.UNDECIDED
 
-    if not decided(foresight.n):
+    if not decided(whole.n):
         return None
-    while high < foresight.n and not decided(high):
+    while high < whole.n and not decided(high):
         low, high = high, 2 * high
-    high = min(high, foresight.n)
+    high = min(high, whole.n)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if decided(middle) else (middle, high)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rtamt.language.node import Node
-from rtamt.machines.foresight import Foresight
+from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.program.instructions import Map, Window
 
@@ -50,12 +50,12 @@ class Untested:
         return f"{time:.12g} s" if self.unit == "s" else f"sample {time:.12g}"
 
 
-def found_untested(foresight: Foresight, period: Fraction | None, end: End) -> tuple[Untested, ...]:
+def found_untested(bounds: TraceBounds, period: Fraction | None, end: End) -> tuple[Untested, ...]:
     """What an undecided verdict hangs on: the outermost formulas that need more than was recorded.
 
     It goes from the root to operands that are undecided, and to the first time at which they are.
     """
-    walk = _Walk(foresight, end)
+    walk = _Walk(bounds, end)
     walk.walk()
     unit, step = ("samples", Fraction(1)) if period is None else ("s", period)
 
@@ -72,14 +72,14 @@ def found_untested(foresight: Foresight, period: Fraction | None, end: End) -> t
 class _Walk:
     """From the root of the formulas down to what was not recorded."""
 
-    def __init__(self, foresight: Foresight, end: End) -> None:
-        self._foresight = foresight
+    def __init__(self, bounds: TraceBounds, end: End) -> None:
+        self._bounds = bounds
         self._end = end
-        self._n = foresight.n
+        self._n = bounds.n
         self.found: dict[tuple[Node, int], tuple[int, int | None]] = {}
 
     def walk(self) -> None:
-        program = self._foresight.outlook.formulas
+        program = self._bounds.split.formulas
         stack, seen = [(program.result, 0)], set[tuple[int, int]]()
         while stack:
             place = register, time = stack.pop()
@@ -88,7 +88,7 @@ class _Walk:
             seen.add(place)
             instruction = program.instructions[register]
             if isinstance(instruction, Map):
-                flags = self._foresight.undecided(instruction.args, self._end)
+                flags = self._bounds.undecided(instruction.args, self._end)
                 operands = zip(instruction.args, flags, strict=True)
                 stack += [(operand, time) for operand, its in operands if its.at(time)]
             elif isinstance(instruction, Window):
@@ -105,7 +105,7 @@ class _Walk:
         if not cut:  # an unseen element may not be there, except at the window's own time
             missing |= window.hi is not None and time + window.hi >= max(n, time + 1)
         deeper = []
-        flags = self._foresight.undecided(window.args, self._end)
+        flags = self._bounds.undecided(window.args, self._end)
         for operand, its in zip(window.args, flags, strict=True):
             end = n - 1 if window.hi is None else time + window.hi
             first = its.first(begin, min(end, n - 1))
@@ -118,7 +118,7 @@ class _Walk:
 
     def _note(self, register: int, at: int) -> None:
         """Note what a window needs of the time after the trace."""
-        program = self._foresight.outlook.exact
+        program = self._bounds.split.exact
         node, window = program.sources[register], program.window(register)
         begin = max(self._n, at + (window.lo or 0))
         end = None if window.hi is None else at + window.hi

@@ -11,7 +11,7 @@ from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import conjunction
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.foresight import Foresight
+from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.evaluation import trace_between
@@ -109,7 +109,7 @@ def _verdicts(
     columns = least, greatest
     try:
         machine, ranges = its.discrete_machine, its.term_ranges
-        whole = Foresight.of(joint, reader, machine, ranges, columns, length)
+        whole = TraceBounds.of(joint, reader, machine, ranges, columns, length)
         return [
             None if each is None else Verdict(verdict_of(*whole.part(each).bounds(end)))
             for each in programs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from typing import assert_never
+from typing import assert_never, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import Placement, place
 from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, schedule
+from rtamt.program.split import sufficient
 
 __all__ = [
     "discrete_numbers",
@@ -64,7 +65,7 @@ def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
     """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow.
 
     Args:
-        program: The program, whose bounds are cut as far as the trace allows.
+        program: The program.
         n: Length of the trace.
         unknown: Whether samples are unknown.
 
@@ -72,12 +73,24 @@ def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
         SpecificationError: With the formula that needs most, the bytes and the limit.
         InputError: If the limit is no number.
     """
+    numbers = _most_beyond(program)
+    if (2 if unknown else 1) * numbers * _DOUBLE > _checked_limit():
+        clamped = program.clamped(sufficient(program, n))
+        where = " with samples that are not known" * unknown
+        _limit(clamped, (2 if unknown else 1) * _beyond(clamped, n), 1, where)
+
+
+def _beyond(program: Program, n: int) -> int:
+    """The numbers that windows which reach further than a trace of n samples keep."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
     # Each variable and each window keeps them, in both worlds of each reading of the predicates.
-    kept = 2 * beyond * (len(program.variables) + len(windows))
-    where = " with samples that are not known" * unknown
-    _limit(program, (2 if unknown else 1) * kept, 1, where)
+    return 2 * beyond * (len(program.variables) + len(windows))
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _most_beyond(program: Program) -> int:
+    return _beyond(program, 0)
 
 
 def discrete_numbers(program: Program) -> Counter[int]:
@@ -154,7 +167,7 @@ def _where(lanes: int) -> str:
     return f" in {lanes} lanes" if lanes > 1 else ""
 
 
-def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
+def _checked_limit() -> float:
     limit: object = limits.window_bytes  # which anybody may set
     if (
         isinstance(limit, bool)
@@ -163,6 +176,11 @@ def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
     ):
         msg = f"expected a number of bytes as rtamt.limits.window_bytes, got {brief(limit)}"
         raise InputError(msg)
+    return cast("float", limit)
+
+
+def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
+    limit = _checked_limit()
     needed = numbers * lanes * _DOUBLE
     if needed <= limit:
         return

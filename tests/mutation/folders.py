@@ -102,7 +102,7 @@ _PROGRAMS: Final = Covering(
 )
 _RUNNING: Final = Covering(
     (
-        *_files("tests/rtamt/machines", "long_windows", "part_signs", "state"),
+        *_files("tests/rtamt/machines", "long_windows", "state", "walk"),
         *_files(
             "tests/rtamt/monitors",
             *("dense", "dense_episode", "dense_online", "dense_signs", "dense_ticks"),

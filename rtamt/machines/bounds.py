@@ -1,0 +1,193 @@
+"""Bounds of the robustness at the first sample of a whole trace, however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.inputs.samples import SampleReader
+from rtamt.machines.offline import MakeMachine, without_nan
+from rtamt.machines.protocols import End
+from rtamt.machines.ranges import FindRanges
+from rtamt.machines.walk import Keys, Walk, World, keys_of
+from rtamt.program.memory import limit_beyond
+from rtamt.program.program import Program
+from rtamt.program.split import SplitProgram, outputs_among, split, sufficient
+
+__all__ = ["Flags", "TraceBounds"]
+
+
+class Flags(NamedTuple):
+    """Whether something is the case at each time; the last one stays."""
+
+    values: NDArray[np.bool_]
+
+    def at(self, time: int) -> bool:
+        return bool(self.values[min(time, len(self.values) - 1)])
+
+    def first(self, begin: int, end: int) -> int | None:
+        """The first time from begin to end at which it is."""
+        found = np.flatnonzero(self.values[begin : max(0, end + 1)])
+        if len(found):
+            return begin + int(found[0])
+        last = len(self.values) - 1
+        return max(begin, last) if end > last and self.values[-1] else None
+
+
+class TraceBounds:
+    """Bounds of the robustness at the first sample of a trace, however it ends.
+
+    Args:
+        program: The program, whose windows may have no end.
+        worst: The program for the lower bound.
+        best: The program for the upper bound and the robustness; another one with neutral
+            predicates.
+        least: For each predicate its n values, the least ones of what is not known.
+        greatest: The greatest ones; the same object if all are known.
+        n: Length of the trace, 1 or more.
+
+    Attributes:
+        split: The program for the lower bound.
+        n: As it was given.
+    """
+
+    def __init__(
+        self,
+        worst: SplitProgram,
+        best: SplitProgram,
+        least: Sequence[Keys],
+        greatest: Sequence[Keys],
+        n: int,
+    ) -> None:
+        self.split = worst
+        self.n = n
+        self._best_split = best
+        self._predicates = least, greatest
+        self._worst = Walk(worst.formulas, least, n)
+        self._given = self._worst if best is worst else Walk(best.formulas, least, n)
+        self._best = self._given if greatest is least else Walk(best.formulas, greatest, n)
+
+    @classmethod
+    def of(
+        cls,
+        program: Program,
+        reader: SampleReader,
+        machine: MakeMachine,
+        ranges: FindRanges,
+        columns: tuple[Sequence[NDArray[np.float64]], Sequence[NDArray[np.float64]]],
+        n: int,
+        *,
+        everywhere: bool = False,
+    ) -> TraceBounds:
+        """The bounds for a program, whose windows may have no end, and a trace.
+
+        Args:
+            program: The program.
+            reader: Raises the errors of terms that are nan.
+            machine: Makes the discrete machines of a back-end.
+            ranges: Finds the terms of samples that are not known.
+            columns: For every variable its n least and its n greatest values; the same object if
+                all are known, nan among them as the reader allows.
+            n: Length of the trace, 1 or more.
+            everywhere: Whether `fails` and `holds` will be asked for, about every sample.
+        """
+        bound = sufficient(program, n)
+        lower, upper = columns
+        limit_beyond(program, n, unknown=upper is not lower)
+        worst, best = _both(program, bound)
+        needed = n if everywhere else min(n, worst.needed or n)
+        terms = worst.predicates
+        observed = tuple(terms.outputs.values())
+        least: list[Keys] = []
+        greatest = least
+        if terms.outputs and upper is not lower:
+            found = ranges(terms, reader, observed, lower, upper, n)
+            least, greatest = ([keys_of(column[:needed]) for column in end] for end in found)
+        elif terms.outputs:
+            made = machine(terms, SampleReader(terms), observed)
+            values = without_nan(reader, lower, lambda known: made.evaluate(known, n))
+            least = greatest = [keys_of(column[:needed]) for column in values]
+        return cls(worst, best, least, greatest, needed)
+
+    def part(self, program: Program) -> TraceBounds:
+        """The bounds for another program on the trace, which reads no other predicates.
+
+        It has the semantics and the variables of this one's program.
+        """
+        worst, best = _both(program, sufficient(program, self.n))
+        places = outputs_among(worst.predicates, self.split.predicates)
+        least, greatest = self._predicates
+        low = [least[place] for place in places]
+        high = low if greatest is least else [greatest[place] for place in places]
+        return TraceBounds(worst, best, low, high, self.n)
+
+    def until(self, n: int) -> TraceBounds:
+        """The bounds for the first n samples."""
+        least, greatest = self._predicates
+        low = [column[:n] for column in least]
+        high = low if greatest is least else [column[:n] for column in greatest]
+        return TraceBounds(self.split, self._best_split, low, high, n)
+
+    def robustness(self) -> float:
+        """The robustness if the trace is complete, the least one of what is not known."""
+        return self._given.at_zero(_complete)
+
+    def bounds(self, end: End) -> tuple[float, float]:
+        """The least and the greatest robustness that a reading of the end leaves possible.
+
+        If the trace is complete both are its robustness, but for two zeros if it hangs on neutral
+        predicates, and for what is not known.
+        """
+        lower, upper = _worlds(end)
+        return self._worst.at_zero(lower), self._best.at_zero(upper)
+
+    def fails(self, end: End) -> NDArray[np.bool_]:
+        """Whether the result fails for certain, at every sample."""
+        result = self._best_split.formulas.result
+        return self._best.recorded(result, _worlds(end)[1]) < 0
+
+    def holds(self, end: End) -> NDArray[np.bool_]:
+        """Whether the result holds for certain, at every sample."""
+        return self._worst.recorded(self.split.formulas.result, _worlds(end)[0]) >= 0
+
+    def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
+        """Where some registers of the formulas may be of either sign; for a trace that goes on."""
+        lower, upper = _worlds(end)
+        return [
+            Flags(
+                np.concatenate(
+                    [
+                        _differ(self._worst.recorded(r, lower), self._best.recorded(r, upper)),
+                        _differ(self._worst.beyond(r, lower), self._best.beyond(r, upper)),
+                    ]
+                )
+            )
+            for r in registers
+        ]
+
+
+_complete = World("complete", best=False)
+
+
+def _worlds(end: End) -> tuple[World, World]:
+    """The worlds of the lower and of the upper bound."""
+    if end == "complete":
+        return _complete, _complete
+    return World(end, best=False), World(end, best=True)
+
+
+def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:
+    """The programs for the lower and the upper bound."""
+    worst = split(program, bound, best=False)
+    return worst, split(program, bound, best=True) if program.neutral else worst
+
+
+def _differ(low: Keys, high: Keys) -> NDArray[np.bool_]:
+    """Where the signs differ; the last values stay."""
+    length = max(len(low), len(high))
+    low, high = (np.pad(a, (0, length - len(a)), mode="edge") for a in (low, high))
+    differ: NDArray[np.bool_] = (low < 0) != (high < 0)
+    return differ

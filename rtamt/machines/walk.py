@@ -1,0 +1,423 @@
+"""The registers of a program over a whole trace and what follows it, column by column.
+
+`EpisodeMachine` bounds the robustness of an episode sample by sample; this module computes the same
+values from whole columns, and gives those of every register at every time. It serves both
+back-ends, and formulas that the machine refuses.
+
+Behind its terms, a program of bounds has no negations (`rtamt.program.polarity`): it only takes
+minima and maxima. So columns hold the integers of `rtamt.program.algebra.ordered`, on which NumPy's
+minimum and maximum order -0.0 below 0.0.
+
+How the end of a trace is read, for unseen predicates that are all -inf or all +inf:
+
+* ``"complete"``: windows are cut to the trace.
+* ``"open"``: unseen samples are there, but for windows that skip them (`Window.skips`).
+* ``"cut"``: unseen samples are there for windows with an end. Operators without an end read
+  recorded samples alone; where none of theirs was recorded, they have their values of ``"open"``.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.machines.protocols import End
+from rtamt.program.algebra import FOLDS, LatticeFold, ordered
+from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.program import Program
+from rtamt.program.split import initial_registers
+
+__all__ = ["Keys", "Walk", "World", "keys_of", "number_of"]
+
+Keys = NDArray[np.int64]
+"""Numbers as `ordered` gives them."""
+
+_FLIP = np.iinfo(np.int64).max
+# How many elements are folded at once. The arrays of a window fit into a fast cache.
+_BLOCK = 1 << 15
+_PREFIX_BLOCK = 1 << 17
+
+
+class World(NamedTuple):
+    """One reading of what was not recorded.
+
+    Attributes:
+        end: How the end is read.
+        best: Whether unseen predicates are +inf, as in the upper bound; else they are -inf.
+    """
+
+    end: End
+    best: bool
+
+
+def keys_of(numbers: NDArray[np.float64]) -> Keys:
+    """The integers of a column of numbers."""
+    return ordered(np.ascontiguousarray(numbers))
+
+
+def number_of(key: int) -> float:
+    """The number of an integer."""
+    bits = key ^ _FLIP if key < 0 else key
+    return float(np.int64(bits).view(np.float64))
+
+
+def _key(number: float) -> int:
+    return int(ordered(np.array([number]))[0])
+
+
+_UNSEEN = {best: np.array([_key(math.inf if best else -math.inf)]) for best in (False, True)}
+_NOTHING = {name: tuple(map(_key, fold.identity)) for name, fold in FOLDS.items()}
+
+
+class _Tail(NamedTuple):
+    """The values of a register in a world.
+
+    Attributes:
+        settled: How many of the first values are those of the complete trace.
+        rest: The values after them; the last one stays for ever.
+    """
+
+    settled: int
+    rest: Keys
+
+    @property
+    def last(self) -> int:
+        """The time from which on the value stays."""
+        return self.settled + len(self.rest) - 1
+
+
+class Walk:
+    """The values of a program's registers over a trace.
+
+    Args:
+        program: A program of bounds, whose variables are predicates.
+        columns: The values of each variable.
+        n: Length of the trace, 1 or more.
+    """
+
+    def __init__(self, program: Program, columns: Sequence[Keys], n: int) -> None:
+        self._program = program
+        self._columns = dict(zip(program.variables, columns, strict=True))
+        self._n = n
+        self._complete: dict[int, Keys] = {}
+        self._tails: dict[tuple[int, World], _Tail] = {}
+        # Folds of a window's first elements, by register and how many they are.
+        self._totals: dict[tuple[int, int], tuple[int, ...]] = {}
+
+    def at_zero(self, world: World) -> float:
+        """The program's result at time 0."""
+        found: dict[int, int] = {}
+        for register in initial_registers(self._program):
+            match self._program.instructions[register]:
+                case Const(value):
+                    found[register] = _key(value)
+                case Load(variable):
+                    found[register] = int(self._columns[variable][0])
+                case Map(function, args):
+                    choose = min if function == "min" else max
+                    found[register] = choose(found[a] for a in args)
+                case Window() as window:
+                    found[register] = self._window_at_zero(register, window, world)
+        return number_of(found[self._program.result])
+
+    def recorded(self, register: int, world: World) -> Keys:
+        """The values of a register at the recorded times."""
+        return self._between(register, world, 0, self._n)
+
+    def beyond(self, register: int, world: World) -> Keys:
+        """The values of a register at the times after the trace; the last one stays for ever."""
+        tail = self._tail(register, world)
+        return tail.rest[self._n - tail.settled :]
+
+    def _window_at_zero(self, register: int, window: Window, world: World) -> int:
+        """A window at time 0 alone, for which no column is made."""
+        n, fold = self._n, FOLDS[window.fold]
+        if world.end == "cut" and window.endless and window.begin >= n:
+            world = World("open", world.best)
+        if (
+            world.end == "complete"
+            or (world.end == "cut" and window.hi is None)
+            or (world.end == "open" and window.skips(best=world.best))
+        ):
+            last = n - 1
+        else:
+            last = max(self._tail(a, world).last for a in window.args)
+        begin = max(0, window.lo or 0)
+        if last >= n:  # later elements are all the same, and fold to one of them
+            last = max(begin, last)
+        end = last if window.hi is None else min(last, window.hi)
+        if begin > end:
+            return _NOTHING[fold.name][-1]
+        settled = 0
+        if window.hi is None:
+            settled = min(n, *(self._settled(a, world) for a in window.args))
+        if settled <= begin:
+            return _total(fold, [self._between(a, world, begin, end + 1) for a in window.args])[-1]
+        if (register, settled) not in self._totals:
+            columns = [self._of_complete(a)[begin:settled] for a in window.args]
+            self._totals[register, settled] = _total(fold, columns)
+        total = self._totals[register, settled]
+        if settled <= end:
+            rest = [self._between(a, world, settled, end + 1) for a in window.args]
+            total = fold.made(min, max)(total, _total(fold, rest))
+        return total[-1]
+
+    def _settled(self, register: int, world: World) -> int:
+        if world.end == "complete":
+            late = self._program.latencies[register]  # as in the other worlds, to share a fold
+            return self._n if late is None else max(0, self._n - late)
+        return self._tail(register, world).settled
+
+    def _between(self, register: int, world: World, begin: int, end: int) -> Keys:
+        """The values at times from begin to before end, which may lie after the trace."""
+        if begin >= end:
+            return _UNSEEN[world.best][:0]
+        if world.end == "complete":
+            return self._of_complete(register)[begin:end]
+        settled, rest = self._tail(register, world)
+        parts = []
+        if begin < settled:
+            parts.append(self._of_complete(register)[begin : min(end, settled)])
+        if end > settled:
+            first = max(begin, settled) - settled
+            parts.append(rest[first : end - settled])
+            missing = end - settled - max(first, len(rest))
+            if missing > 0:
+                parts.append(np.full(missing, rest[-1]))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _of_complete(self, register: int) -> Keys:
+        """The values at all times of a complete trace."""
+        if register not in self._complete:
+            for each in _needed(self._program, register):
+                if each not in self._complete:
+                    self._complete[each] = self._made_complete(each)
+        return self._complete[register]
+
+    def _made_complete(self, register: int) -> Keys:
+        match self._program.instructions[register]:
+            case Load(variable):
+                return self._columns[variable]
+            case Const(value):
+                return np.broadcast_to(np.int64(_key(value)), self._n)
+            case Map(function, args):
+                return _mapped(function, [self._complete[a] for a in args])
+            case Window(fold, _, None, args):
+                return _suffixes(FOLDS[fold], [self._complete[a] for a in args])
+            case Window(fold, None, hi, args):
+                found = _prefixes(FOLDS[fold], [self._complete[a] for a in args])
+                late = min(-(hi or 0), self._n)
+                return np.concatenate([np.full(late, _NOTHING[fold][-1]), found[: self._n - late]])
+            case Window() as window:
+                return self._sliding(window, World("complete", best=False), 0, self._n, self._n)
+
+    def _tail(self, register: int, world: World) -> _Tail:
+        """The values in a world that is not complete."""
+        if (register, world) not in self._tails:
+            for each in _needed(self._program, register):
+                if (each, world) not in self._tails:
+                    self._tails[each, world] = self._made_tail(each, world)
+        return self._tails[register, world]
+
+    def _made_tail(self, register: int, world: World) -> _Tail:
+        n, instruction = self._n, self._program.instructions[register]
+        match instruction:
+            case Load():
+                return _Tail(n, _UNSEEN[world.best])
+            case Const(value):
+                return _Tail(n, np.array([_key(value)]))
+        tails = [self._tail(a, world) for a in instruction.args]
+        known, last = min(t.settled for t in tails), max(t.last for t in tails)
+        match instruction:
+            case Map(function, args):
+                columns = [self._between(a, world, known, last + 1) for a in args]
+                return _Tail(known, _mapped(function, columns))
+            case Window(_, _, None) as window:
+                return self._future(register, window, world, known)
+            case Window(_, None, hi) as window:
+                return self._past(register, window, hi or 0, world, known, last)
+            case Window(fold, lo, hi, args) as window:
+                settled = min(n, max(0, known - (hi or 0)))
+                if world.end == "open" and window.skips(best=world.best):
+                    found = self._sliding(window, world, settled, n, n)
+                    later = np.array(_NOTHING[fold][-1:])
+                    if not lo:  # of an unseen time, which is there if it is read
+                        later = self._between(args[-1], world, n, last + 1)
+                    return _Tail(settled, np.concatenate([found, later]))
+                end = max(n, last - (lo or 0)) + 1
+                found = self._sliding(window, world, settled, end, None)
+                if world.end == "cut" and window.endless:
+                    at = max(settled, n - window.begin)
+                    opened = World("open", world.best)
+                    end = max(n, self._tail(register, opened).last) + 1
+                    later = self._between(register, opened, at, end)
+                    found = np.concatenate([found[: at - settled], later])
+                return _Tail(settled, found)
+
+    def _future(self, register: int, window: Window, world: World, known: int) -> _Tail:
+        """A window without end, which begins now."""
+        n, fold, args = self._n, FOLDS[window.fold], window.args
+        opened, skips = World("open", world.best), window.skips(best=world.best)
+        end = max(self._tail(a, opened).last for a in args) + 1
+        later = [self._between(a, opened, n, end) for a in args]
+        beyond = later[-1] if skips else _suffixes(fold, later)
+        if world.end == "cut" or skips:
+            if known == n:
+                return _Tail(n, beyond)
+            recorded = _suffixes(fold, [self._between(a, world, 0, n) for a in args])
+            return _Tail(0, np.concatenate([recorded, beyond]))
+        if fold.width > 1 or known < n:
+            return _Tail(0, _suffixes(fold, [self._between(a, world, 0, end) for a in args]))
+        if beyond[0] == -1 - _NOTHING[fold.name][0]:  # it decides every fold that it is in
+            return _Tail(0, np.concatenate([np.full(n, beyond[0]), beyond]))
+        recorded = _mapped(fold.name, [self._of_complete(register), beyond[:1]])
+        return _Tail(0, np.concatenate([recorded, beyond]))
+
+    def _past(
+        self, register: int, window: Window, hi: int, world: World, known: int, last: int
+    ) -> _Tail:
+        """A window over all times up to an offset."""
+        fold, args, nothing = FOLDS[window.fold], window.args, _NOTHING[window.fold]
+        settled = min(self._n, known - hi)
+        folded = max(0, settled + hi)  # elements in the value of the last settled time
+        end = max(self._n, last) - hi + 1
+        columns = [self._between(a, world, folded, end + hi) for a in args]
+        if folded:  # of an older element such folds read its result alone
+            before = int(self._of_complete(register)[settled - 1])
+            older = (*nothing[:-1], before)
+            columns = [np.concatenate([[e], c]) for e, c in zip(older, columns, strict=True)]
+        found = _prefixes(fold, columns)[1 if folded else 0 :]
+        early = np.full(end - settled - len(found), nothing[-1])  # before the first element
+        return _Tail(settled, np.concatenate([early, found]))
+
+    def _sliding(
+        self, window: Window, world: World, begin: int, end: int, limit: int | None
+    ) -> Keys:
+        """A window with both bounds at times from begin to before end.
+
+        Args:
+            window: The window.
+            world: The world of its operands.
+            begin: The first time.
+            end: The time after the last one.
+            limit: The time from which on elements are not there; None: they all are.
+        """
+        lo, hi = window.lo or 0, window.hi or 0
+        fold, found = FOLDS[window.fold], np.empty(end - begin, np.int64)
+        step = max(_BLOCK, hi - lo)
+        for first in range(begin, end, step):
+            after = min(first + step, end)
+            low, high = first + lo, after + hi
+            start = min(max(0, low), high)
+            stop = max(start, high if limit is None else min(high, limit))
+            columns = []
+            for argument, nothing in zip(window.args, _NOTHING[window.fold], strict=True):
+                column = self._between(argument, world, start, stop)
+                if (start, stop) != (low, high):
+                    missing = start - low, high - stop
+                    before, behind = (np.full(count, nothing) for count in missing)
+                    column = np.concatenate([before, column, behind])
+                columns.append(column)
+            found[first - begin : after - begin] = _slid(fold, columns, hi - lo + 1)
+        return found
+
+
+@functools.lru_cache(maxsize=1024)  # programs are cached, and differ by identity
+def _needed(program: Program, register: int) -> tuple[int, ...]:
+    """The registers that a register is computed from, operands first, itself last."""
+    return tuple(sorted(program.needed(register)))
+
+
+def _combine(fold: LatticeFold) -> Callable[[tuple[Keys, ...], tuple[Keys, ...]], tuple[Keys, ...]]:
+    return fold.made(np.minimum, np.maximum)
+
+
+def _mapped(function: str, columns: Sequence[Keys]) -> Keys:
+    first, second = columns
+    return np.minimum(first, second) if function == "min" else np.maximum(first, second)
+
+
+def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
+    """The folds of all runs of so many elements.
+
+    Folds of runs whose length is a power of 2 are folded in pairs. The last pair overlaps, which
+    changes nothing, as folds are idempotent.
+    """
+    combine, run, known = _combine(fold), tuple(columns), 1
+    while known < length:
+        more = min(known, length - known)
+        run = combine(tuple(c[:-more] for c in run), tuple(c[more:] for c in run))
+        known += more
+    return run[-1]
+
+
+def _total(fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
+    """The fold of all elements, of which there is one at least."""
+    if fold.width == 1:
+        reduce = np.minimum if fold.identity[-1] > 0 else np.maximum
+        return (int(reduce.reduce(columns[0])),)
+    combine, choose = _combine(fold), fold.made(min, max)
+    total = _NOTHING[fold.name]
+    for begin in range(0, len(columns[0]), _BLOCK):
+        run = tuple(c[begin : begin + _BLOCK] for c in columns)
+        while len(run[0]) > 1:
+            pairs = len(run[0]) // 2 * 2
+            odd = tuple(c[pairs:] for c in run)
+            run = combine(tuple(c[0:pairs:2] for c in run), tuple(c[1:pairs:2] for c in run))
+            if len(odd[0]):
+                run = tuple(np.concatenate(both) for both in zip(run, odd, strict=True))
+        total = choose(total, tuple(int(c[0]) for c in run))
+    return total
+
+
+def _suffixes(fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
+    """The folds from each element to the last one."""
+    return _prefixes(FOLDS[fold.mirror], [column[::-1] for column in columns])[::-1]
+
+
+def _prefixes(fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
+    """The folds from the first element to each one."""
+    if fold.width == 1:
+        accumulate = (np.minimum if fold.identity[-1] > 0 else np.maximum).accumulate
+        return accumulate(columns[0])
+    total, found = _NOTHING[fold.name], [columns[-1][:0]]
+    for begin in range(0, len(columns[0]), _PREFIX_BLOCK):
+        values, total = _prefixes_of_block(
+            fold, total, [column[begin : begin + _PREFIX_BLOCK] for column in columns]
+        )
+        found.append(values)
+    return np.concatenate(found)
+
+
+def _prefixes_of_block(
+    fold: LatticeFold, total: tuple[int, ...], columns: Sequence[Keys]
+) -> tuple[Keys, tuple[int, ...]]:
+    """The folds of what was before and the first elements, and the fold of all.
+
+    Elements stand in rows of a table. Rows are folded side by side, then each one with the fold of
+    all those before it.
+    """
+    combine, choose = _combine(fold), fold.made(min, max)
+    n = len(columns[0])
+    width = math.isqrt(n - 1) + 1
+    rows = -(-n // width)
+    tables = []
+    for column, nothing in zip(columns, _NOTHING[fold.name], strict=True):
+        table = np.full(rows * width, nothing)
+        table[:n] = column
+        tables.append(table.reshape(rows, width).T.copy())  # what is folded is contiguous
+    for i in range(1, width):
+        folded = combine(tuple(t[i - 1] for t in tables), tuple(t[i] for t in tables))
+        for table, row in zip(tables, folded, strict=True):
+            table[i] = row
+    before: list[tuple[int, ...]] = []
+    for element in zip(*(table[-1].tolist() for table in tables), strict=True):
+        before.append(total)
+        total = choose(total, element)
+    older = tuple(np.array(column) for column in zip(*before, strict=True))
+    return combine(older, tuple(tables))[-1].T.reshape(-1)[:n], total
