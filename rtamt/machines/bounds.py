@@ -12,7 +12,7 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine, without_nan
 from rtamt.machines.protocols import End
 from rtamt.machines.ranges import FindRanges
-from rtamt.machines.walk import Keys, Walk, World, keys_of
+from rtamt.machines.walk import Keys, TraceEnd, Walk, to_keys
 from rtamt.program.memory import limit_beyond
 from rtamt.program.program import Program
 from rtamt.program.split import SplitProgram, outputs_among, split, sufficient
@@ -105,11 +105,11 @@ class TraceBounds:
         greatest = least
         if terms.outputs and upper is not lower:
             found = ranges(terms, reader, observed, lower, upper, n)
-            least, greatest = ([keys_of(column[:needed]) for column in end] for end in found)
+            least, greatest = ([to_keys(column[:needed]) for column in end] for end in found)
         elif terms.outputs:
             made = machine(terms, SampleReader(terms), observed)
             values = without_nan(reader, lower, lambda known: made.evaluate(known, n))
-            least = greatest = [keys_of(column[:needed]) for column in values]
+            least = greatest = [to_keys(column[:needed]) for column in values]
         return cls(worst, best, least, greatest, needed)
 
     def part(self, program: Program) -> TraceBounds:
@@ -141,21 +141,21 @@ class TraceBounds:
         If the trace is complete both are its robustness, but for two zeros if it hangs on neutral
         predicates, and for what is not known.
         """
-        lower, upper = _worlds(end)
+        lower, upper = _endings(end)
         return self._worst.at_zero(lower), self._best.at_zero(upper)
 
     def fails(self, end: End) -> NDArray[np.bool_]:
         """Whether the result fails for certain, at every sample."""
         result = self._best_split.formulas.result
-        return self._best.recorded(result, _worlds(end)[1]) < 0
+        return self._best.recorded(result, _endings(end)[1]) < 0
 
     def holds(self, end: End) -> NDArray[np.bool_]:
         """Whether the result holds for certain, at every sample."""
-        return self._worst.recorded(self.split.formulas.result, _worlds(end)[0]) >= 0
+        return self._worst.recorded(self.split.formulas.result, _endings(end)[0]) >= 0
 
     def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
         """Where some registers of the formulas may be of either sign; for a trace that goes on."""
-        lower, upper = _worlds(end)
+        lower, upper = _endings(end)
         return [
             Flags(
                 np.concatenate(
@@ -169,14 +169,14 @@ class TraceBounds:
         ]
 
 
-_complete = World("complete", best=False)
+_complete = TraceEnd("complete", best=False)
 
 
-def _worlds(end: End) -> tuple[World, World]:
-    """The worlds of the lower and of the upper bound."""
+def _endings(end: End) -> tuple[TraceEnd, TraceEnd]:
+    """The endings for the lower and of the upper bound."""
     if end == "complete":
         return _complete, _complete
-    return World(end, best=False), World(end, best=True)
+    return TraceEnd(end, best=False), TraceEnd(end, best=True)
 
 
 def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:

@@ -32,7 +32,7 @@ from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 from rtamt.program.split import initial_registers
 
-__all__ = ["Keys", "Walk", "World", "keys_of", "number_of"]
+__all__ = ["Keys", "TraceEnd", "Walk", "number_of", "to_keys"]
 
 Keys = NDArray[np.int64]
 """Numbers as `ordered` gives them."""
@@ -43,7 +43,7 @@ _BLOCK = 1 << 15
 _PREFIX_BLOCK = 1 << 17
 
 
-class World(NamedTuple):
+class TraceEnd(NamedTuple):
     """One reading of what was not recorded.
 
     Attributes:
@@ -55,9 +55,13 @@ class World(NamedTuple):
     best: bool
 
 
-def keys_of(numbers: NDArray[np.float64]) -> Keys:
-    """The integers of a column of numbers."""
-    return ordered(np.ascontiguousarray(numbers))
+def to_keys(numbers: NDArray[np.float64]) -> Keys:
+    """The integers of a column of numbers, in the memory of the numbers."""
+    keys = numbers.view(np.int64)
+    for begin in range(0, len(keys), _BLOCK):
+        part = numbers[begin : begin + _BLOCK]
+        keys[begin : begin + _BLOCK] = ordered(part)
+    return keys
 
 
 def number_of(key: int) -> float:
@@ -75,7 +79,7 @@ _NOTHING = {name: tuple(map(_key, fold.identity)) for name, fold in FOLDS.items(
 
 
 class _Tail(NamedTuple):
-    """The values of a register in a world.
+    """The values of a register in one ending.
 
     Attributes:
         settled: How many of the first values are those of the complete trace.
@@ -105,11 +109,11 @@ class Walk:
         self._columns = dict(zip(program.variables, columns, strict=True))
         self._n = n
         self._complete: dict[int, Keys] = {}
-        self._tails: dict[tuple[int, World], _Tail] = {}
+        self._tails: dict[tuple[int, TraceEnd], _Tail] = {}
         # Folds of a window's first elements, by register and how many they are.
         self._totals: dict[tuple[int, int], tuple[int, ...]] = {}
 
-    def at_zero(self, world: World) -> float:
+    def at_zero(self, ending: TraceEnd) -> float:
         """The program's result at time 0."""
         found: dict[int, int] = {}
         for register in initial_registers(self._program):
@@ -122,31 +126,31 @@ class Walk:
                     choose = min if function == "min" else max
                     found[register] = choose(found[a] for a in args)
                 case Window() as window:
-                    found[register] = self._window_at_zero(register, window, world)
+                    found[register] = self._window_at_zero(register, window, ending)
         return number_of(found[self._program.result])
 
-    def recorded(self, register: int, world: World) -> Keys:
+    def recorded(self, register: int, ending: TraceEnd) -> Keys:
         """The values of a register at the recorded times."""
-        return self._between(register, world, 0, self._n)
+        return self._between(register, ending, 0, self._n)
 
-    def beyond(self, register: int, world: World) -> Keys:
+    def beyond(self, register: int, ending: TraceEnd) -> Keys:
         """The values of a register at the times after the trace; the last one stays for ever."""
-        tail = self._tail(register, world)
+        tail = self._tail(register, ending)
         return tail.rest[self._n - tail.settled :]
 
-    def _window_at_zero(self, register: int, window: Window, world: World) -> int:
+    def _window_at_zero(self, register: int, window: Window, ending: TraceEnd) -> int:
         """A window at time 0 alone, for which no column is made."""
         n, fold = self._n, FOLDS[window.fold]
-        if world.end == "cut" and window.endless and window.begin >= n:
-            world = World("open", world.best)
+        if ending.end == "cut" and window.endless and window.begin >= n:
+            ending = TraceEnd("open", ending.best)
         if (
-            world.end == "complete"
-            or (world.end == "cut" and window.hi is None)
-            or (world.end == "open" and window.skips(best=world.best))
+            ending.end == "complete"
+            or (ending.end == "cut" and window.hi is None)
+            or (ending.end == "open" and window.skips(best=ending.best))
         ):
             last = n - 1
         else:
-            last = max(self._tail(a, world).last for a in window.args)
+            last = max(self._tail(a, ending).last for a in window.args)
         begin = max(0, window.lo or 0)
         if last >= n:  # later elements are all the same, and fold to one of them
             last = max(begin, last)
@@ -155,31 +159,31 @@ class Walk:
             return _NOTHING[fold.name][-1]
         settled = 0
         if window.hi is None:
-            settled = min(n, *(self._settled(a, world) for a in window.args))
+            settled = min(n, *(self._settled(a, ending) for a in window.args))
         if settled <= begin:
-            return _total(fold, [self._between(a, world, begin, end + 1) for a in window.args])[-1]
+            return _total(fold, [self._between(a, ending, begin, end + 1) for a in window.args])[-1]
         if (register, settled) not in self._totals:
             columns = [self._of_complete(a)[begin:settled] for a in window.args]
             self._totals[register, settled] = _total(fold, columns)
         total = self._totals[register, settled]
         if settled <= end:
-            rest = [self._between(a, world, settled, end + 1) for a in window.args]
+            rest = [self._between(a, ending, settled, end + 1) for a in window.args]
             total = fold.made(min, max)(total, _total(fold, rest))
         return total[-1]
 
-    def _settled(self, register: int, world: World) -> int:
-        if world.end == "complete":
-            late = self._program.latencies[register]  # as in the other worlds, to share a fold
+    def _settled(self, register: int, ending: TraceEnd) -> int:
+        if ending.end == "complete":
+            late = self._program.latencies[register]  # as in the other endings, to share a fold
             return self._n if late is None else max(0, self._n - late)
-        return self._tail(register, world).settled
+        return self._tail(register, ending).settled
 
-    def _between(self, register: int, world: World, begin: int, end: int) -> Keys:
+    def _between(self, register: int, ending: TraceEnd, begin: int, end: int) -> Keys:
         """The values at times from begin to before end, which may lie after the trace."""
         if begin >= end:
-            return _UNSEEN[world.best][:0]
-        if world.end == "complete":
+            return _UNSEEN[ending.best][:0]
+        if ending.end == "complete":
             return self._of_complete(register)[begin:end]
-        settled, rest = self._tail(register, world)
+        settled, rest = self._tail(register, ending)
         parts = []
         if begin < settled:
             parts.append(self._of_complete(register)[begin : min(end, settled)])
@@ -214,79 +218,79 @@ class Walk:
                 late = min(-(hi or 0), self._n)
                 return np.concatenate([np.full(late, _NOTHING[fold][-1]), found[: self._n - late]])
             case Window() as window:
-                return self._sliding(window, World("complete", best=False), 0, self._n, self._n)
+                return self._sliding(window, TraceEnd("complete", best=False), 0, self._n, self._n)
 
-    def _tail(self, register: int, world: World) -> _Tail:
-        """The values in a world that is not complete."""
-        if (register, world) not in self._tails:
+    def _tail(self, register: int, ending: TraceEnd) -> _Tail:
+        """The values in one ending that is not complete."""
+        if (register, ending) not in self._tails:
             for each in _needed(self._program, register):
-                if (each, world) not in self._tails:
-                    self._tails[each, world] = self._made_tail(each, world)
-        return self._tails[register, world]
+                if (each, ending) not in self._tails:
+                    self._tails[each, ending] = self._made_tail(each, ending)
+        return self._tails[register, ending]
 
-    def _made_tail(self, register: int, world: World) -> _Tail:
+    def _made_tail(self, register: int, ending: TraceEnd) -> _Tail:
         n, instruction = self._n, self._program.instructions[register]
         match instruction:
             case Load():
-                return _Tail(n, _UNSEEN[world.best])
+                return _Tail(n, _UNSEEN[ending.best])
             case Const(value):
                 return _Tail(n, np.array([_key(value)]))
-        tails = [self._tail(a, world) for a in instruction.args]
+        tails = [self._tail(a, ending) for a in instruction.args]
         known, last = min(t.settled for t in tails), max(t.last for t in tails)
         match instruction:
             case Map(function, args):
-                columns = [self._between(a, world, known, last + 1) for a in args]
+                columns = [self._between(a, ending, known, last + 1) for a in args]
                 return _Tail(known, _mapped(function, columns))
             case Window(_, _, None) as window:
-                return self._future(register, window, world, known)
+                return self._future(register, window, ending, known)
             case Window(_, None, hi) as window:
-                return self._past(register, window, hi or 0, world, known, last)
+                return self._past(register, window, hi or 0, ending, known, last)
             case Window(fold, lo, hi, args) as window:
                 settled = min(n, max(0, known - (hi or 0)))
-                if world.end == "open" and window.skips(best=world.best):
-                    found = self._sliding(window, world, settled, n, n)
+                if ending.end == "open" and window.skips(best=ending.best):
+                    found = self._sliding(window, ending, settled, n, n)
                     later = np.array(_NOTHING[fold][-1:])
                     if not lo:  # of an unseen time, which is there if it is read
-                        later = self._between(args[-1], world, n, last + 1)
+                        later = self._between(args[-1], ending, n, last + 1)
                     return _Tail(settled, np.concatenate([found, later]))
                 end = max(n, last - (lo or 0)) + 1
-                found = self._sliding(window, world, settled, end, None)
-                if world.end == "cut" and window.endless:
+                found = self._sliding(window, ending, settled, end, None)
+                if ending.end == "cut" and window.endless:
                     at = max(settled, n - window.begin)
-                    opened = World("open", world.best)
+                    opened = TraceEnd("open", ending.best)
                     end = max(n, self._tail(register, opened).last) + 1
                     later = self._between(register, opened, at, end)
                     found = np.concatenate([found[: at - settled], later])
                 return _Tail(settled, found)
 
-    def _future(self, register: int, window: Window, world: World, known: int) -> _Tail:
+    def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:
         """A window without end, which begins now."""
         n, fold, args = self._n, FOLDS[window.fold], window.args
-        opened, skips = World("open", world.best), window.skips(best=world.best)
+        opened, skips = TraceEnd("open", ending.best), window.skips(best=ending.best)
         end = max(self._tail(a, opened).last for a in args) + 1
         later = [self._between(a, opened, n, end) for a in args]
         beyond = later[-1] if skips else _suffixes(fold, later)
-        if world.end == "cut" or skips:
+        if ending.end == "cut" or skips:
             if known == n:
                 return _Tail(n, beyond)
-            recorded = _suffixes(fold, [self._between(a, world, 0, n) for a in args])
+            recorded = _suffixes(fold, [self._between(a, ending, 0, n) for a in args])
             return _Tail(0, np.concatenate([recorded, beyond]))
         if fold.width > 1 or known < n:
-            return _Tail(0, _suffixes(fold, [self._between(a, world, 0, end) for a in args]))
+            return _Tail(0, _suffixes(fold, [self._between(a, ending, 0, end) for a in args]))
         if beyond[0] == -1 - _NOTHING[fold.name][0]:  # it decides every fold that it is in
             return _Tail(0, np.concatenate([np.full(n, beyond[0]), beyond]))
         recorded = _mapped(fold.name, [self._of_complete(register), beyond[:1]])
         return _Tail(0, np.concatenate([recorded, beyond]))
 
     def _past(
-        self, register: int, window: Window, hi: int, world: World, known: int, last: int
+        self, register: int, window: Window, hi: int, ending: TraceEnd, known: int, last: int
     ) -> _Tail:
         """A window over all times up to an offset."""
         fold, args, nothing = FOLDS[window.fold], window.args, _NOTHING[window.fold]
         settled = min(self._n, known - hi)
         folded = max(0, settled + hi)  # elements in the value of the last settled time
         end = max(self._n, last) - hi + 1
-        columns = [self._between(a, world, folded, end + hi) for a in args]
+        columns = [self._between(a, ending, folded, end + hi) for a in args]
         if folded:  # of an older element such folds read its result alone
             before = int(self._of_complete(register)[settled - 1])
             older = (*nothing[:-1], before)
@@ -296,13 +300,13 @@ class Walk:
         return _Tail(settled, np.concatenate([early, found]))
 
     def _sliding(
-        self, window: Window, world: World, begin: int, end: int, limit: int | None
+        self, window: Window, ending: TraceEnd, begin: int, end: int, limit: int | None
     ) -> Keys:
         """A window with both bounds at times from begin to before end.
 
         Args:
             window: The window.
-            world: The world of its operands.
+            ending: The ending of its operands.
             begin: The first time.
             end: The time after the last one.
             limit: The time from which on elements are not there; None: they all are.
@@ -317,7 +321,7 @@ class Walk:
             stop = max(start, high if limit is None else min(high, limit))
             columns = []
             for argument, nothing in zip(window.args, _NOTHING[window.fold], strict=True):
-                column = self._between(argument, world, start, stop)
+                column = self._between(argument, ending, start, stop)
                 if (start, stop) != (low, high):
                     missing = start - low, high - stop
                     before, behind = (np.full(count, nothing) for count in missing)
@@ -408,9 +412,8 @@ def _prefixes_of_block(
     rows = -(-n // width)
     tables = []
     for column, nothing in zip(columns, _NOTHING[fold.name], strict=True):
-        table = np.full(rows * width, nothing)
-        table[:n] = column
-        tables.append(table.reshape(rows, width).T.copy())  # what is folded is contiguous
+        padded = np.concatenate([column, np.full(rows * width - n, nothing)])
+        tables.append(padded.reshape(rows, width).T.copy())  # what is folded is contiguous
     for i in range(1, width):
         folded = combine(tuple(t[i - 1] for t in tables), tuple(t[i] for t in tables))
         for table, row in zip(tables, folded, strict=True):

@@ -268,10 +268,9 @@ def judge(
     """The verdict on a whole trace, by what its end means.
 
     It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
-    them; invariants are written ``always(...)``. It costs as much as three evaluations of the trace
-    or less. Where an operator without an end is inside another and over one with an end, the
-    bounds of a trace that was cut take passes of their own: it costs up to four evaluations for
-    each operator without an end.
+    them; invariants are written ``always(...)``. The native back-end runs the machine of
+    `EpisodeMonitor` on short traces; long ones, and all those of the Python back-end, are judged
+    column by column (`rtamt.machines.walk`), which costs about as much as one or two evaluations.
 
     Args:
         spec: Text, a formula, or a parsed specification.

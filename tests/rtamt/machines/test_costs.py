@@ -240,35 +240,21 @@ def test_an_episode_of_events_costs_the_same_while_a_variable_runs_ahead(
     assert spent(4_000) <= 1.1 * spent(200)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "always((a > 1) implies eventually (b > 0))",
-        "always((a > 1) implies ((a > -1) until (b > 1)))",
-        "always((a > 1) implies ((a > -1) unless (b > 1)))",
-        "eventually always eventually (a > 0)",
-        "always((once[0:5] (a > 1)) implies eventually (b > 0))",
-    ],
-)
-def test_a_judgement_reads_the_trace_twice(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert 500 < samples_read(text, "cut", monkeypatch) < 1100
-
-
 @pytest.mark.parametrize("end", ["cut", "open", "complete"])
 @pytest.mark.parametrize(
     "text",
     [
-        "always eventually[0:5] (a > 0)",
-        "always eventually[0:5] once[0:3] (a > 0)",
+        "always((a > 1) implies ((a > -1) until (b > 1)))",
+        "eventually always eventually (a > 0)",
+        "always((once[0:5] (a > 1)) implies eventually (b > 0))",
         "always eventually[0:5] ((a > 0) since[0:3] (b > 0))",
-        "always((a > 1) implies eventually[0:5] historically[0:3] (b > -2))",
         "always((a > -1) until[0:4] once[0:3] (b > 2))",
     ],
 )
-def test_a_past_below_a_bounded_future_is_read_no_more_often_under_any_end(
+def test_a_judgement_reads_the_trace_once(
     text: str, end: End, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert 1000 < samples_read(text, end, monkeypatch) < 1600
+    assert samples_read(text, end, monkeypatch) == 500
 
 
 def samples_read(text: str, end: End, monkeypatch: pytest.MonkeyPatch) -> int:

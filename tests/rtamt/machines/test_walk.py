@@ -22,7 +22,7 @@ from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
-from rtamt.machines.walk import keys_of, number_of
+from rtamt.machines.walk import number_of, to_keys
 from rtamt.program.interface import STANDARD, Interface, as_interface
 from rtamt.program.lowering import compile_program
 
@@ -119,6 +119,6 @@ def test_long_traces_agree_with_the_machine() -> None:
 
 def test_keys_are_in_the_order_of_the_numbers() -> None:
     numbers = [-math.inf, -2.5, -5e-324, -0.0, 0.0, 5e-324, 1.0, math.inf]
-    keys = keys_of(np.array(numbers)).tolist()
+    keys = to_keys(np.array(numbers)).tolist()
     assert keys == sorted(set(keys))
     assert identical([number_of(key) for key in keys], numbers)
