@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EPISODES",
+    "add_accept_changed",
     "add_environment",
+    "add_folder",
     "add_max_steps",
     "add_output",
     "add_reading",
@@ -252,6 +254,34 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="SECONDS",
         help="end a simulation that takes longer, even if it hangs; it runs in another process",
+    )
+
+
+def add_folder(parser: argparse.ArgumentParser, trial: str, also: str = "") -> None:
+    """Add ``--folder`` and ``--accept-changed``.
+
+    Args:
+        parser: The parser of the command.
+        trial: The word for a result, such as ``simulation``.
+        also: When else the same command goes on.
+    """
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        metavar="FOLDER",
+        help=f"keep finished {trial}s there; after an interruption the same command goes on{also}, "
+        "unless the model, its source, its policy, rtamt or the simulator has changed",
+    )
+    add_accept_changed(parser, f"use the {trial}s in --folder")
+
+
+def add_accept_changed(parser: argparse.ArgumentParser, use: str) -> None:
+    """Add ``--accept-changed``; ``use`` says what it does."""
+    parser.add_argument(
+        "--accept-changed",
+        action="store_true",
+        help=f"{use} although the model, its source, its policy, rtamt or the simulator has "
+        "changed since; the output states it",
     )
 
 

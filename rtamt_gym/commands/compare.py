@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import add_output
+from rtamt_gym.commands.arguments import add_accept_changed, add_output
 from rtamt_gym.commands.evaluate import check_files, tell_files
 from rtamt_gym.commands.exit_codes import exit_code
 
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar=f"{name}.json",
             help=f"the evaluation {name}, as rtamt evaluate --save writes it",
         )
+    add_accept_changed(parser, "compare two evaluations")
     add_output(parser, "--save", "write the comparison as JSON")
     add_output(parser, "--report", "write the comparison as a page of HTML")
 
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
         short = options.a.name != options.b.name
         files = [each.name if short else str(each) for each in (options.a, options.b)]
         names = [f"{a.policy} ({each})" for each in files]
-    comparison = compare(a, b, names=names)
+    comparison = compare(a, b, names=names, accept_changed=options.accept_changed)
     print(comparison)
     if options.save:
         comparison.save(options.save)

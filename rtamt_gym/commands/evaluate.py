@@ -16,6 +16,7 @@ from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     EPISODES,
     add_environment,
+    add_folder,
     add_max_steps,
     add_output,
     add_reading,
@@ -152,12 +153,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how many episodes run side by side in a process (default: 1)",
     )
     add_workers(parser)
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        metavar="FOLDER",
-        help="keep finished episodes there; after an interruption the same command goes on",
-    )
+    add_folder(parser, "episode")
     add_reading(parser, *EPISODES)
     add_require_triggered(parser, "episode")
     add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
@@ -244,7 +240,10 @@ def _so_far(pressed: KeyboardInterrupt) -> tuple[Evaluation, int]:
 
 _RULES = ("until_width", "target", "alpha", "margin")
 
-_ARGUMENTS = (*("name", "seed", "n_envs", "n_jobs", "timeout", "folder", "stop", "interval"),)
+_ARGUMENTS = (
+    *("name", "seed", "n_envs", "n_jobs", "timeout", "folder", "accept_changed", "stop"),
+    "interval",
+)
 """The options that are arguments of `evaluate_policy` of the same names."""
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import (
     EPISODES,
+    add_folder,
     add_output,
     add_reading,
     add_require_triggered,
@@ -111,13 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_workers(parser)
     add_allowed_failures(parser, 0)
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        metavar="FOLDER",
-        help="keep finished simulations there; after an interruption the same command goes on, "
-        "also with a greater --budget",
-    )
+    add_folder(parser, "simulation", ", also with a greater --budget")
     add_reading(parser, *EPISODES)
     add_require_triggered(parser, "simulation")
     add_output(
@@ -165,6 +160,7 @@ def run(options: argparse.Namespace) -> int:
                     n_jobs=options.n_jobs,
                     timeout=options.timeout,
                     folder=options.folder,
+                    accept_changed=options.accept_changed,
                     progress=True,
                     **read_reading(options).options(),
                 )

@@ -8,7 +8,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rtamt.errors import shown, shown_lines
-from rtamt_gym.commands.arguments import add_output, add_require_triggered, check_outputs
+from rtamt_gym.commands.arguments import (
+    add_accept_changed,
+    add_output,
+    add_require_triggered,
+    check_outputs,
+)
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.tables import counted, number, sample_text
@@ -33,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print which formulas and samples decided the robustness",
     )
+    add_accept_changed(parser, "run the case")
     add_require_triggered(parser, "run")
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--save", "write the run as a Parquet file, a row for each sample")
@@ -46,8 +52,9 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
     saved = SavedCase.load(options.case)
     with noted_ends():
-        made = saved.replay()
-    print(*map(shown_lines, _lines(saved, made)), sep="\n")
+        made = saved.replay(accept_changed=options.accept_changed)
+        changes = _changes(saved, accepted=options.accept_changed)
+    print(*map(shown_lines, [*_lines(saved, made), *changes]), sep="\n")
     if options.explain:
         print("", shown_lines(str(made.explain())), sep="\n")
     if options.save:
@@ -98,6 +105,19 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
     if changes:
         yield from _wrapped(f"run by {', '.join(changes)}", "")
     yield from (line for text in asked for line in _wrapped(text, ""))
+
+
+def _changes(saved: SavedCase, *, accepted: bool) -> list[str]:
+    """Return lines on what has changed since the case was saved, as far as that is known."""
+    from rtamt_gym.results.fingerprint import listed
+
+    if saved.fingerprint is None:
+        return _wrapped("note: no hashes in the file: a change of the model cannot be seen", "")
+    changes = saved.fingerprint.changes(saved.current()) if accepted else []
+    lines = _wrapped(f"since the case was saved: {listed(changes)}", "") if changes else []
+    for each in saved.fingerprint.unseen:
+        lines += _wrapped(f"note: a change of {each} cannot be seen", "")
+    return lines
 
 
 def _wrapped(text: str, indent: str = "  ") -> list[str]:

@@ -6,13 +6,13 @@ import argparse
 import textwrap
 import warnings
 from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     EPISODES,
+    add_folder,
     add_output,
     add_reading,
     add_require_triggered,
@@ -104,12 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_workers(parser)
     add_allowed_failures(parser, None)
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        metavar="FOLDER",
-        help="keep finished simulations there; after an interruption the same command goes on",
-    )
+    add_folder(parser, "simulation")
     add_require_triggered(parser, "simulation")
     parser.add_argument(
         "--require-satisfied",
@@ -160,6 +155,7 @@ def run(options: argparse.Namespace) -> int:
                 n_jobs=options.n_jobs,
                 timeout=options.timeout,
                 folder=options.folder,
+                accept_changed=options.accept_changed,
             )
     for name, formula in done.requirements.items():
         print(f"{done.record.provenance.called(name)}: {formula}")

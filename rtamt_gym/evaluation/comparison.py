@@ -22,6 +22,7 @@ from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
+from rtamt_gym.results.fingerprint import listed
 from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.statistics import SUCCESS
@@ -135,6 +136,7 @@ def compare(
     signals: Mapping[str, SignalLike] | None = None,
     *,
     names: Sequence[str] | None = None,
+    accept_changed: bool = False,
     **options: Any,  # noqa: ANN401 - as for `evaluate_policy`
 ) -> Comparison:
     """Compares two policies on the same seeds: how much more often B satisfies each requirement.
@@ -150,6 +152,9 @@ def compare(
         signals: What their variables read, as there.
         names: What A and B are called, two different texts. None: as the policies are; where both
             are called alike, with ``(A)`` and ``(B)`` behind it.
+        accept_changed: Whether to compare evaluations although the environment, its source, rtamt
+            or the simulator has changed between them, which is an error otherwise; a note states
+            the change. Policies may differ.
         **options: Further arguments of `evaluate_policy`, for both policies, such as
             ``episodes=200``; all but ``until_width=`` and ``target=``, which would stop each policy
             at another episode.
@@ -160,7 +165,8 @@ def compare(
 
     Raises:
         InputError: If two evaluations cannot be paired, because their systems, periods, time
-            limits or requirements differ, their episodes were read differently, they have no seed
+            limits, requirements or environments differ, their episodes were read differently, they
+            have no seed
             in common, their seeds do not repeat episodes, or the names are not two; or as
             `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
@@ -174,7 +180,28 @@ def compare(
 
         check_repeats(env, options.get("seed", 0))
         a, b = (evaluate_policy(policy, env, specs, signals, **options) for policy in (a, b))
-    return _paired(a, b, named or _told_apart(a.policy, b.policy))
+    changes = _changes(a, b, accept_changed=accept_changed)
+    return _paired(a, b, named or _told_apart(a.policy, b.policy), changes)
+
+
+def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]:
+    """Return notes on an environment that has changed between two evaluations.
+
+    Raises:
+        InputError: If it has, and that is not accepted.
+    """
+    of_a, of_b = (each.record.provenance.fingerprint for each in (a, b))
+    if of_a is None or of_b is None:
+        without = " and ".join(n for n, each in (("A", of_a), ("B", of_b)) if each is None)
+        return [f"no hashes of {without}: a change of the environment cannot be seen"]
+    changes = of_a.changes(of_b, without={*of_a.policy, *of_b.policy})
+    if changes and not accept_changed:
+        raise InputError(
+            f"cannot compare: of B {listed(changes)}; evaluate both with the same environment, or "
+            "compare all the same with ",
+            Argument("accept_changed", value=True),
+        )
+    return [*(f"of B {each}" for each in changes), *(f"of B {n}" for n in of_a.notes(of_b))]
 
 
 def _two_names(names: object) -> tuple[str, str]:
@@ -217,7 +244,9 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
             )
 
 
-def _paired(a: Evaluation, b: Evaluation, names: tuple[str, str]) -> Comparison:
+def _paired(
+    a: Evaluation, b: Evaluation, names: tuple[str, str], changes: Sequence[str]
+) -> Comparison:
     """Compares two evaluations, whose policies have these names."""
     _check_alike(a, b)
     places = [{row.seed: place for place, row in enumerate(each.record)} for each in (a, b)]
@@ -250,7 +279,7 @@ def _paired(a: Evaluation, b: Evaluation, names: tuple[str, str]) -> Comparison:
         {name: replace(each, adjusted=adjusted[name]) for name, each in found.items()},
         compared(SUCCESS, list(a.requirements)),
         _effect(rewards),
-        tuple(_notes(a, b, rows, len(found))),
+        (*_notes(a, b, rows, len(found)), *changes),
         a.record.provenance.ids,
     )
 

@@ -60,6 +60,7 @@ def evaluate_policy(
     backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
+    accept_changed: bool = False,
     duration: float | None = None,
     stop: Stop = "end",
     deterministic: bool = True,
@@ -127,10 +128,10 @@ def evaluate_policy(
         timeout: Seconds that an episode may take, in a process of its own; one that takes longer is
             ended and counts as failed.
         folder: A folder for finished episodes: the same call goes on there after an interruption.
-            Another call is refused, as far as it is known to be one. A policy or a signal that is a
-            function is known by its name alone, and an environment that a function makes, or that
-            has no id, by its name and time limit; wrappers are not seen. Take another folder where
-            one of them changes. An environment of ``gym.make`` is known with its arguments.
+            Another call is refused, and so is one whose policy, environment or simulator has
+            changed: the folder stores hashes of their files and of the values that functions hold,
+            and versions.
+        accept_changed: As for `rtamt_gym.sweep`, of the episodes in the folder.
         duration: The longest simulated time of an episode, as for `simulate`.
         stop: When to stop an episode, see above and `simulate`.
         deterministic: Whether a model gives the action that it holds for best, or draws one.
@@ -160,7 +161,7 @@ def evaluate_policy(
             ``evaluation`` if there are any: those up to the first that is not over.
         SpecificationError: If a specification is wrong.
         InputError: If an argument is wrong, the policy does not fit the environment, ``folder``
-            holds another campaign, or all episodes failed.
+            holds another campaign or episodes of a model that has changed, or all episodes failed.
         InputTypeError: If the policy is none, or cannot be sent to another process.
 
     Warns:
@@ -249,6 +250,7 @@ def evaluate_policy(
         backend=backend,
         timeout=timeout,
         folder=folder,
+        accept_changed=accept_changed,
         about={"policy": runner.evaluated.identity, "rules": rules},
         what=f"evaluation of {name or runner.evaluated.name}",
         progress=progress,

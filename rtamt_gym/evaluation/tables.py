@@ -13,6 +13,7 @@ from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
 from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.intervals import promise, rate_interval
+from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
 from rtamt_gym.results.trial import end_note, open_at_stop
 from rtamt_gym.search.runs.report import failures
@@ -117,6 +118,8 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     if lines := failures(evaluation.record):
         yield ""
         yield from (line for each in lines for line in terminal.wrapped(each, "red"))
+    reused = reuse_lines(evaluation.record.provenance, "episode")
+    yield from ["", *reused] if reused else []
 
 
 def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401

@@ -146,6 +146,11 @@ class VectorEpisodes(Runner):
         simulator = Simulator(first, self.requirements, None, read, duration=duration)
         return [simulator, *(simulator.of(place) for place in others)]
 
+    @property
+    def _acting(self) -> Sequence[object]:
+        """As `Runner._acting`."""
+        return [self._make]
+
     def check(self, case: CaseLike) -> None:
         """Has nothing to do: the construction has refused what does not fit."""
 

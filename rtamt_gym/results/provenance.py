@@ -14,6 +14,7 @@ from typing import Any, Final, Self
 
 from rtamt import RequirementId, Specification
 from rtamt.errors import shown
+from rtamt_gym.results.fingerprint import Fingerprint, Reuse
 
 __all__ = [
     "Provenance",
@@ -21,6 +22,7 @@ __all__ = [
     "ids_lines",
     "plain_provenance",
     "provenance_of",
+    "reuse_lines",
     "versions_in_use",
 ]
 
@@ -36,17 +38,26 @@ class Provenance:
         versions: The versions of Python and of the packages that were in use.
         files: The SHA-256 of each file that was read, in hexadecimal digits, by its path as it was
             given, `rtamt.errors.shown`: traces, specifications, models.
+        fingerprint: Hashes and versions of the model that was simulated; None if there is none.
+        reuse: How many results a folder held before; None without a folder.
     """
 
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
+    fingerprint: Fingerprint | None = None
+    reuse: Reuse | None = None
 
     @classmethod
-    def of(cls, specs: Mapping[str, Specification]) -> Self:
+    def of(
+        cls,
+        specs: Mapping[str, Specification],
+        fingerprint: Fingerprint | None = None,
+        reuse: Reuse | None = None,
+    ) -> Self:
         """The provenance of results that are made here, without files."""
         ids = {name: spec.id for name, spec in specs.items() if spec.id is not None}
-        return cls(ids, versions_in_use())
+        return cls(ids, versions_in_use(), fingerprint=fingerprint, reuse=reuse)
 
     def called(self, name: str) -> str:
         """The name of a requirement with its id, if it has one: ``slow (SYS-REQ-7)``."""
@@ -88,17 +99,44 @@ def ids_lines(found: Provenance) -> list[str]:
     return textwrap.wrap(f"ids: {said}", 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
+def reuse_lines(found: Provenance, trial: str) -> list[str]:
+    """Return how many results came from a folder, and what is known of their model.
+
+    Args:
+        found: The provenance of the results.
+        trial: The word for one of them, such as ``simulation``.
+
+    Example:
+        >>> reuse_lines(Provenance(reuse=Reuse("runs", 40, 100)), "simulation")
+        ['reused 40 of 100 simulations from runs']
+    """
+    if found.reuse is None:
+        return []
+    return [
+        line
+        for text in found.reuse.lines(trial)
+        for line in textwrap.wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
+    ]
+
+
 def plain_provenance(found: Provenance) -> dict[str, Any]:
     """The provenance as JSON holds it: what there is nothing of is left out."""
     ids = {
         name: {"id": each.id, "link": each.link} if each.link else {"id": each.id}
         for name, each in found.ids.items()
     }
-    kept = {"ids": ids, "versions": dict(found.versions), "files": dict(found.files)}
+    kept = {
+        "ids": ids,
+        "versions": dict(found.versions),
+        "files": dict(found.files),
+        "fingerprint": found.fingerprint and found.fingerprint.plain(),
+        "reuse": found.reuse and found.reuse.plain(),
+    }
     return {name: each for name, each in kept.items() if each}
 
 
 def provenance_of(kept: Mapping[str, Any]) -> Provenance:
     """Reads what `plain_provenance` has made."""
     ids = {name: RequirementId(**each) for name, each in kept.get("ids", {}).items()}
-    return Provenance(ids, kept.get("versions", {}), kept.get("files", {}))
+    fingerprint, reuse = Fingerprint.read(kept.get("fingerprint")), Reuse.read(kept.get("reuse"))
+    return Provenance(ids, kept.get("versions", {}), kept.get("files", {}), fingerprint, reuse)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import Any, Final
 
 import gymnasium as gym
@@ -44,11 +45,13 @@ class Model:
     Attributes:
         name: What it says that it is called, else the name of its class.
         deterministic: Whether it gives the action that it holds for best.
+        files: The files that it was loaded from; empty if the program holds it.
 
     Args:
         model: The model.
         deterministic: As the attribute.
         statistics: A ``VecNormalize`` that was saved apart from the model; None: its own.
+        files: As the attribute.
     """
 
     def __init__(
@@ -57,7 +60,9 @@ class Model:
         *,
         deterministic: bool = True,
         statistics: Statistics | None = None,
+        files: tuple[Path, ...] = (),
     ) -> None:
+        self.files = files
         self.name = str(getattr(model, "name", type(model).__name__))
         self.deterministic = deterministic
         self._model = model
@@ -86,6 +91,11 @@ class Model:
     def batch(self, space: spaces.Space[Any], count: int) -> PolicyBatch:
         """The policy of so many episodes that run side by side; of a deterministic model alone."""
         return PolicyBatch(self._predict, space, count)
+
+    @property
+    def kind(self) -> type:
+        """The class of the model."""
+        return type(self._model)
 
     @property
     def fingerprint(self) -> str:

@@ -80,12 +80,13 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         )
     model = _load(name, path, attributes, file)
     check_spaces(model, env, str(path))
-    return Model(model, statistics=_statistics(path))
-
-
-def _statistics(path: Path) -> Statistics | None:
-    """The ``VecNormalize`` that lies beside a model; None if there is none."""
     beside = path.with_name(f"{path.stem}_vecnormalize.pkl")
+    files = (path, beside) if beside.exists() else (path,)
+    return Model(model, statistics=_statistics(path, beside), files=files)
+
+
+def _statistics(path: Path, beside: Path) -> Statistics | None:
+    """Return the ``VecNormalize`` in a file next to a model; None if there is no such file."""
     if not beside.exists():
         return None
     held = beside.read_bytes()

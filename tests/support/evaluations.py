@@ -8,7 +8,9 @@ from fractions import Fraction
 
 from rtamt import Verdict
 from rtamt_gym import Case, Evaluation, Record
+from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 
 FAILED = math.nan
@@ -60,7 +62,7 @@ def evaluation_of(
             )
         )
     texts = formulas or {name: f"always({name} > 0)" for name in heights}
-    record = Record(rows, texts, system)
+    record = Record(rows, texts, system, Provenance(fingerprint=Fingerprint()))
     return Evaluation(record, system, policy, period, 5.0, 0, decision)
 
 

@@ -40,6 +40,7 @@ def run_campaign(
     backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
+    accept_changed: bool = False,
     about: Mapping[str, Any] | None = None,
     what: str = "campaign",
     progress: bool = False,
@@ -63,7 +64,10 @@ def run_campaign(
             and has a ``TimeoutError`` in its row; so is a run that ends its process twice,
             with a ``ChildProcessError``. A first run may have code to compile.
         folder: Where finished runs are kept. A campaign that was interrupted, by whatever, goes on
-            there with the runs that it does not have.
+            there with the runs that it does not have. The folder stores hashes and versions of what
+            runs, `Runner.fingerprint`, and is refused if they have changed.
+        accept_changed: Whether to use the runs in the folder although the model has changed since;
+            the record states it, in ``provenance.reuse``.
         about: What is kept with the record, as JSON can write it, and tells the campaign from
             others.
         what: Names the campaign on the bar of progress.
@@ -87,22 +91,21 @@ def run_campaign(
         runner.check(listed[0][1])
     requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
     rows: dict[int, Trial] = {}
+    fingerprint = runner.fingerprint()
     with ExitStack() as stack:
         kept = None
         if folder is not None:
+            about = {**(about or {})}
             identity = {
-                "system": runner.name,
-                "requirements": requirements,
-                "time limit": runner.duration,
-                **Recipe(runner).identity(),
-                **(about or {}),
+                **Recipe(runner).identity(requirements),
+                **about,
                 "number of runs": len(listed),
                 "runs": digest(task[1:] for task in listed),
             }
-            kept = stack.enter_context(
-                Folder(folder, identity, about or {}, requirements, runner.name)
-            )
+            of = (folder, identity, about, requirements, runner.name, fingerprint)
+            kept = stack.enter_context(Folder(*of, accept_changed=accept_changed))
             rows = kept.rows()
+        stored = frozenset(rows)
         order = _Order(rows, len(listed), enough)
         left = [] if order.over() else [task for task in listed if task[0] not in rows]
         chunks = Chunks(left, runner)
@@ -118,7 +121,9 @@ def run_campaign(
         advance(len(rows), str(note))
 
         def record_of(count: int) -> Record:
-            made_of = Provenance.of(runner.requirements)
+            reused = len(stored & {*range(count)})
+            reuse = None if kept is None else kept.reuse(reused, count)
+            made_of = Provenance.of(runner.requirements, fingerprint, reuse)
             return Record((rows[i] for i in range(count)), requirements, runner.name, made_of)
 
         take = partial(_take, rows, kept)

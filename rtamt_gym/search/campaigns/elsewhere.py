@@ -84,7 +84,8 @@ class Elsewhere:
         self._runner = runner
         self._n_jobs, self._backend, self._timeout = n_jobs, backend, timeout
         self._name = uuid4().hex
-        self._sent = Recipe(runner, whole=whole).pickled(runner.name)
+        recipe = Recipe(runner, whole=whole, fingerprint=runner.fingerprint())
+        self._sent = recipe.pickled(runner.name)
 
     def __enter__(self) -> Self:
         return self

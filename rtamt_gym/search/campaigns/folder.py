@@ -18,6 +18,7 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse, check_unchanged
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.files import (
     CAMPAIGN,
@@ -52,10 +53,12 @@ class Folder:
         about: What is kept with the record, as JSON can write it.
         requirements: The text of each requirement, by name.
         system: The name of the system.
+        fingerprint: Hashes and versions of what the campaign runs.
+        accept_changed: Whether to go on with results of another fingerprint.
 
     Raises:
-        InputError: If the folder holds another campaign, or files of something else, or another
-            process runs the campaign now.
+        InputError: If the folder holds another campaign, results of a model that has changed, or
+            files of something else, or another process runs the campaign now.
     """
 
     def __init__(
@@ -65,25 +68,34 @@ class Folder:
         about: Mapping[str, Any],
         requirements: Mapping[str, str],
         system: str,
+        fingerprint: Fingerprint,
+        *,
+        accept_changed: bool,
     ) -> None:
         self.path = Path(path)
         self._about = about
         self._requirements = requirements
         self._system = system
-        kept = {
+        self._fingerprint = fingerprint
+        self._mixtures: tuple[Mixture, ...] = ()
+        self._notes: list[str] = []
+        found = self._check(json.loads(json.dumps(identity)))
+        stored = self._compare(accept_changed=accept_changed) if found else None
+        kept: dict[str, Any] = {
             "system": system,
             "requirements": dict(requirements),
             "also": about,
             "identity": identity,
+            "fingerprint": (fingerprint if stored is None else stored).plain(),
+            "mixtures": list(map(Mixture.plain, self._mixtures)),
         }
         text = json.dumps(kept, indent=1) + "\n"
-        found = self._check(json.loads(text)["identity"])
         self.path.mkdir(parents=True, exist_ok=True)
         self._lock = _locked(self.path)
         try:
             for left in self.path.glob(f"{_WRITING}*"):
                 left.unlink()
-            if not found:
+            if stored is None:
                 self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
             self._number = max(map(part_number, self.path.glob(PARTS)), default=0)
         except BaseException:
@@ -99,6 +111,17 @@ class Folder:
     def close(self) -> None:
         """Releases the lock, so that another process may use the folder."""
         self._lock.close()
+
+    def reuse(self, reused: int, total: int) -> Reuse:
+        """Return how many results come from the folder, for the provenance of a record.
+
+        Args:
+            reused: The number of results that were here before.
+            total: The number of all results.
+        """
+        mixtures = self._mixtures if reused else ()
+        notes, unseen = tuple(self._notes), self._fingerprint.unseen
+        return Reuse(str(self.path), reused, total, mixtures, notes, unseen)
 
     def rows(self) -> dict[int, Trial]:
         """The finished runs, by the numbers of their tasks."""
@@ -158,6 +181,26 @@ class Folder:
                     f"{_short(identity.get(key))}; give another folder, or remove this one"
                 )
         return True
+
+    def _compare(self, *, accept_changed: bool) -> Fingerprint | None:
+        """Compare the stored fingerprint; None if the folder has to store the new one.
+
+        Raises:
+            InputError: If results are stored, the model has changed, and that is not accepted.
+        """
+        kept = read(self.path)
+        self._mixtures = tuple(Mixture.read(each) for each in kept.get("mixtures", ()))
+        then, now = Fingerprint.read(kept.get("fingerprint")), self._fingerprint
+        changes = [] if then is None else then.changes(now)
+        if then is not None and not changes:
+            self._notes = then.notes(now)
+            return then
+        count = len(self.rows())
+        if count:
+            if not accept_changed:
+                check_unchanged(str(self.path), changes, "give a new folder")
+            self._mixtures += (Mixture(count, tuple(changes)),)
+        return None
 
     def _write(
         self,

@@ -9,7 +9,8 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from rtamt import InputTypeError
+from rtamt import InputError, InputTypeError
+from rtamt_gym.results.fingerprint import Fingerprint, listed
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.runs.whole import Whole
 
@@ -28,23 +29,38 @@ class Recipe:
     Args:
         runner: The runner.
         whole: Whether runs are judged once they are over, by a `Whole`.
+        fingerprint: The fingerprint of the runner here, which it must have elsewhere too as far as
+            the files are there. None: it is not compared.
     """
 
-    def __init__(self, runner: Runner, *, whole: bool = False) -> None:
+    def __init__(
+        self, runner: Runner, *, whole: bool = False, fingerprint: Fingerprint | None = None
+    ) -> None:
+        self._fingerprint = fingerprint
         self._whole = whole
         self._system = runner.origin
         self._requirements = runner.requirements
         self._kind = type(runner)
+        self._name, self._duration = runner.name, runner.duration
         self._options = runner.arguments
         spec = self._system.spec if isinstance(self._system, gym.Env) else None
         if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
             self._system = spec
 
     def runner(self) -> Runner | Whole:
-        """Makes the runner."""
+        """Makes the runner.
+
+        Raises:
+            InputError: If a file or a package that it runs is another one than where the recipe
+                was made, as after an edit or on another machine.
+        """
         system = self._system
         made = gym.make(system) if isinstance(system, EnvSpec) else system
         runner = self._kind(made, self._requirements, **self._options)
+        if self._fingerprint is not None:
+            here = runner.fingerprint()
+            if changes := self._fingerprint.common(here).changes(here.common(self._fingerprint)):
+                raise InputError(f"{listed(changes)} since the run began, or on this machine")
         return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
 
     def pickled(self, name: str) -> bytes:
@@ -65,13 +81,20 @@ class Recipe:
             ) from error
         return sent
 
-    def identity(self) -> dict[str, Any]:
+    def identity(self, requirements: Mapping[str, str]) -> dict[str, Any]:
         """What tells rows of this runner from rows of another one, as JSON can write it.
 
-        A function, and an object that JSON cannot write, is there by its name alone.
+        A function, and an object that JSON cannot write, is there by its name alone: its source
+        and what it holds are in the fingerprint of the runner.
+
+        Args:
+            requirements: The text of each requirement, by name.
         """
         system = self._system
         return {
+            "system": self._name,
+            "requirements": dict(requirements),
+            "time limit": self._duration,
             "arguments of the system": _written(system.kwargs)
             if isinstance(system, EnvSpec)
             else {},

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-from rtamt import Explanation, Verdict
+from rtamt import Explanation, InputError, Verdict
 from rtamt_gym import markup
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -20,7 +20,9 @@ from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.asked import asked_said, never_asked
 from rtamt_gym.results.codec import document, plain_results
+from rtamt_gym.results.fingerprint import listed
 from rtamt_gym.results.outcome import BY_END, violated_by_end
+from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.undecided import decides_nothing, undecided_in, undecided_texts
 from rtamt_gym.search.falsification.coverage import Coverage
@@ -177,6 +179,13 @@ class Falsification:
         from rtamt_gym.search.runs.saved_case import SavedCase
 
         check_name(path)
+        then = self.record.provenance.fingerprint
+        if then is not None:
+            now = replace(then, contents=self._runner.fingerprint().contents)
+            if changes := then.changes(now):
+                raise InputError(
+                    f"cannot save the case: {listed(changes)} since the search; search again"
+                )
         # The search stops a run that cannot become the closest, once enough of it is known.
         whole = self.row.ended != "known"
         row = self.row if whole else self.replay().trial(self.input)
@@ -292,7 +301,8 @@ class Falsification:
             lines += _wrapped(f"note: {self.effects}", "")
         if self.failed:
             lines += ["", *failures(self.record)]
-        return lines
+        reused = reuse_lines(self.record.provenance, "simulation")
+        return [*lines, "", *reused] if reused else lines
 
 
 def _wrapped(text: str, indent: str = "  ") -> list[str]:
@@ -306,8 +316,6 @@ def _size(case: Case) -> int:
 
 def with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - what is drawn as a run
     """A run with the waveforms of its case among its signals, and the numbers as its label."""
-    from dataclasses import replace
-
     times = np.arange(run.steps + 1) * float(run.period or 1)
     waves = {
         name: entry.at(times)

@@ -79,6 +79,7 @@ def falsify(
     backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
+    accept_changed: bool = False,
     progress: bool = False,
     **reading: Unpack[EpisodeReading],
 ) -> Falsification:
@@ -148,6 +149,7 @@ def falsify(
             kept for points that have run. ``budget`` may be another one. The first eight
             simulations are kept once the scales that come of them are known; those of the reduction
             are not. `Record.load` reads the folder at any time.
+        accept_changed: As for `sweep`.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
@@ -162,8 +164,9 @@ def falsify(
         SpecificationError: If a requirement is wrong.
         InputError: If there is no such system, requirement or optimizer, the space does not fit, or
             an option is wrong; if an optimizer evaluates no point, or one out of the unit cube; if
-            all simulations failed, with the error of the first; if ``folder`` holds another search,
-            or the optimizer asks for other points than before.
+            all simulations failed, with the error of the first; if ``folder`` holds another search
+            or simulations of a model that has changed, or the optimizer asks for other points than
+            before.
         InputTypeError: If an argument is not of the types above.
 
         An error of the optimizer, and Ctrl-C too, comes with its own type, and with what was found
@@ -246,11 +249,20 @@ def falsify(
     again = partial(make, signals=runner.signals, judged=runner.reading)
     texts = {each: str(spec.standalone()) for each, spec in specs.items()}
     scaling = _scales(scales, specs)
+    fingerprint = runner.fingerprint()
     kept = None
     if folder is not None:
         about = {"space": storage("falsify with folder=").written_space(varied)}
         about |= {"fixed": json.loads(rest.to_json()), "optimizer": name, "seed": seed}
-        kept = _kept(folder, runner, texts, about | {"scales": scaling}, name)
+        identity = {
+            **Recipe(runner).identity(texts),
+            **about,
+            "scales": scaling,
+        }
+        opened = Folder(
+            *(folder, identity, {}, texts, runner.name, fingerprint), accept_changed=accept_changed
+        )
+        kept = KeptSearch(opened, name)
     search = Search(
         *(again, runner, varied, rest, budget, seed, rng, scaling),
         elsewhere=None if here else elsewhere,
@@ -260,7 +272,8 @@ def falsify(
     effects = Effects()
 
     def record() -> Record:
-        return Record(search.rows, texts, runner.name, Provenance.of(specs))
+        reuse = None if kept is None else kept.reuse(len(search.rows))
+        return Record(search.rows, texts, runner.name, Provenance.of(specs, fingerprint, reuse))
 
     def result(
         simplest: Trial | None = None, reductions: int = 0, *, interrupted: bool = False
@@ -303,24 +316,6 @@ def falsify(
         if search.rows:
             _carry(error, result(interrupted=True))
         raise
-
-
-def _kept(
-    folder: str | os.PathLike[str],
-    runner: Runner,
-    texts: Mapping[str, str],
-    about: Mapping[str, Any],
-    optimizer: str,
-) -> KeptSearch:
-    """The folder of a search, which it is told apart by from others."""
-    identity = {
-        "system": runner.name,
-        "requirements": texts,
-        "time limit": runner.duration,
-        **Recipe(runner).identity(),
-        **about,
-    }
-    return KeptSearch(Folder(folder, identity, {}, texts, runner.name), optimizer)
 
 
 def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Generator) -> None:

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from rtamt import InputError
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.fingerprint import Reuse
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.folder import Folder
 from rtamt_gym.search.runs.record import Record
@@ -46,6 +47,7 @@ class KeptSearch:
 
     Attributes:
         scales: The scales that are kept; None: they are not known yet.
+        reused: The numbers of the simulations that were stored before and were used.
 
     Args:
         folder: The folder, which this closes.
@@ -59,12 +61,14 @@ class KeptSearch:
         self._waiting: dict[int, Valued] = {}
         self._since = time.monotonic()
         self.scales: Mapping[str, float] | None = None
+        self.reused: set[int] = set()
         for numbers, rows, also in folder.parts():
             kept = also[_SEARCH]
             worth = zip(kept["least"], kept["values"], kept["violated"], strict=True)
             for number, row, each in zip(numbers, rows, worth, strict=True):
                 self._known[number] = Valued(row, *each)
             self.scales = kept["scales"] if self.scales is None else self.scales
+        self._stored = frozenset(self._known)
 
     def forget(self) -> None:
         """Forgets simulations before scales were known, unless one of them ended the search."""
@@ -84,7 +88,13 @@ class KeptSearch:
                 f"optimizer {self._optimizer} asks for other points than before with the same "
                 "seed, so that the search cannot go on; give another folder"
             )
+        if found is not None and number in self._stored:
+            self.reused.add(number)
         return found
+
+    def reuse(self, total: int) -> Reuse:
+        """Return how many of all simulations were stored before, for the provenance."""
+        return self._folder.reuse(sum(number < total for number in self.reused), total)
 
     def add(self, found: Mapping[int, Valued]) -> None:
         """Keeps finished simulations, by their numbers; writes them soon."""

@@ -17,6 +17,7 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.environments import PACKAGES, make, package_of
+from rtamt_gym.simulation.fingerprints import made_by
 from rtamt_gym.simulation.fmi import Fmus
 from rtamt_gym.simulation.imported import find_object
 
@@ -102,7 +103,9 @@ def named_object(path: str) -> Any:  # noqa: ANN401
     found = find_object(module, name)
     if callable(found) and not inspect.isgeneratorfunction(found) and not _takes_arguments(found):
         with no_exit(path):
-            return found()
+            made = found()
+        made_by(made, found)
+        return made
     return found
 
 

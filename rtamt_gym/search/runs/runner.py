@@ -25,6 +25,7 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.reading import Reading, RunReading, checked_reading, lists_reading
+from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.having_lanes import lanes_of
 from rtamt_gym.search.runs.lanes import NativeLanes
@@ -34,6 +35,7 @@ from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import failed, no_exit
 from rtamt_gym.simulation.environments import make
+from rtamt_gym.simulation.fingerprints import fingerprint_of
 from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.policies import SeededPolicy
@@ -170,6 +172,20 @@ class Runner:
     def origin(self) -> Any:  # noqa: ANN401
         """What another process makes the system of."""
         return self._system
+
+    def fingerprint(self) -> Fingerprint:
+        """Return hashes and versions of the system, its signals and its policy as they are now."""
+        signals = [
+            each if callable(each) else each[0]
+            for each in (self.signals or {}).values()
+            if callable(each) or (isinstance(each, tuple) and callable(each[0]))
+        ]
+        return fingerprint_of([self.origin, self.system, *signals], self._acting)
+
+    @property
+    def _acting(self) -> Sequence[object]:
+        """What acts in the system."""
+        return [self._of_runs["policy"], self._policies]
 
     @property
     def options(self) -> Mapping[str, Any]:

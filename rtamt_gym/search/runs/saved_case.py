@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -20,6 +20,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import ROWS, RunReading
 from rtamt_gym.results.codec import check_name, document, read_as
+from rtamt_gym.results.fingerprint import Fingerprint, check_unchanged
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.results.provenance import versions_in_use
 from rtamt_gym.results.trial import Trial
@@ -32,6 +33,7 @@ from rtamt_gym.search.runs.naming import (
     system_texts,
 )
 from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.simulation.fingerprints import fingerprint_of
 from rtamt_gym.simulation.policies import policy_of
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
@@ -97,6 +99,8 @@ class SavedCase:
         robustness: The robustness that the run had; it was stopped at its certain violation.
         verdict: The verdict that the run had.
         versions: The versions of Python and of packages with which it ran.
+        fingerprint: Hashes and versions of the system and the policy; None in the file of an older
+            version.
         folder: The folder of the file, from which paths are read.
     """
 
@@ -114,6 +118,7 @@ class SavedCase:
     verdict: Verdict
     versions: Mapping[str, str]
     folder: Path = field(compare=False)
+    fingerprint: Fingerprint | None = None
 
     @classmethod
     def of(
@@ -141,7 +146,7 @@ class SavedCase:
         """
         options = runner.options
         outcome = row.outcomes[name]
-        return cls(
+        made = cls(
             system=system_name(runner.system, folder) if system is None else {"object": system},
             name=name,
             requirement=runner.requirements[name],
@@ -161,6 +166,10 @@ class SavedCase:
             versions=versions_in_use(),
             folder=folder,
         )
+        try:
+            return replace(made, fingerprint=made.current())
+        except Exception:  # noqa: BLE001 - a name that cannot be opened here, as `replay` reports
+            return made
 
     @property
     def imports(self) -> tuple[str, ...]:
@@ -168,22 +177,22 @@ class SavedCase:
         policy = [] if self.policy is None else [policy_text(self.policy)]
         return tuple(dict.fromkeys(filter(None, [*system_texts(self.system), *policy])))
 
-    def replay(self) -> Run:
+    def replay(self, *, accept_changed: bool = False) -> Run:
         """Runs the case, and so the code that it names; the run is stopped at a certain violation.
 
+        Args:
+            accept_changed: Whether to run it although the system, its source, its policy, rtamt or
+                the simulator has changed since it was saved, as a regression test does.
+
         Raises:
-            InputError: If there is no such system or policy, with what the file names.
+            InputError: If there is no such system or policy, with what the file names; if one of
+                them has changed.
             RtamtError: As `rtamt_gym.simulate` does.
         """
-        system = named_system(self.system, self.folder)
-        with ExitStack() as stack:
-            if isinstance(system, gym.Env):
-                stack.callback(system.close)
-            policy: Any = None
-            if self.policy is not None and isinstance(system, gym.Env):
-                policy = policy_of(self.policy, system)(self.seed or 0)
-            elif self.policy is not None:
-                policy = named_object(self.policy)
+        with self._opened() as (system, policy):
+            if self.fingerprint is not None and not accept_changed:
+                changes = self.fingerprint.changes(fingerprint_of([system], [policy]))
+                check_unchanged("the case", changes, "save a new case")
             return simulate(
                 system,
                 {self.name: self.requirement},
@@ -195,6 +204,29 @@ class SavedCase:
                 duration=self.duration,
                 **self.reading,
             )
+
+    def current(self) -> Fingerprint:
+        """Return the fingerprint of the system and the policy as they are now; makes both.
+
+        Raises:
+            InputError: If there is no such system or policy.
+        """
+        with self._opened() as (system, policy):
+            return fingerprint_of([system], [policy])
+
+    @contextmanager
+    def _opened(self) -> Iterator[tuple[Any, Any]]:
+        """Yield the system and the policy that the case names."""
+        system = named_system(self.system, self.folder)
+        with ExitStack() as stack:
+            if isinstance(system, gym.Env):
+                stack.callback(system.close)
+            policy: Any = None
+            if self.policy is not None and isinstance(system, gym.Env):
+                policy = policy_of(self.policy, system)(self.seed or 0)
+            elif self.policy is not None:
+                policy = named_object(self.policy)
+            yield system, policy
 
     def gives(self, run: Run) -> bool:
         """Whether a run has the verdict that is expected."""
@@ -238,6 +270,7 @@ class SavedCase:
                 **({"by_end": True} if violated_by_end(self.verdict, self.robustness) else {}),
             },
             "versions": dict(self.versions),
+            **({} if self.fingerprint is None else {"fingerprint": self.fingerprint.plain()}),
         }
         return document("case", kept) + "\n"
 
@@ -263,7 +296,7 @@ class SavedCase:
 
 def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a case from what JSON holds."""
-    _check_keys("a case", kept, _KEYS)
+    _check_keys("a case", kept, _KEYS, ("fingerprint",))
     requirement, expected = kept["requirement"], kept["expected"]
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
     _check_keys('"expected"', expected, ("verdict", "robustness"), ("by_end",))
@@ -298,6 +331,7 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
         "robustness": _number("robustness", expected["robustness"]),
         "verdict": Verdict[expected["verdict"]],
         "versions": kept["versions"],
+        "fingerprint": Fingerprint.read(kept.get("fingerprint")),
     }
 
 

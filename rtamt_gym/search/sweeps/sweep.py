@@ -20,6 +20,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.results.asked import asked_said
+from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.record import Record, check_columns, storage
@@ -214,6 +215,8 @@ class Sweep:
                 heights = self.record.heights(name)
                 if np.unique(heights[~np.isnan(heights)]).size > 1:
                     lines += ["", *self.map(requirement=name).lines()]
+        if reused := reuse_lines(self.record.provenance, "simulation"):
+            lines += ["", *reused]
         return lines
 
 
@@ -236,6 +239,7 @@ def sweep(
     backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
+    accept_changed: bool = False,
     progress: bool = True,
     **reading: Unpack[EpisodeReading],
 ) -> Sweep:
@@ -273,6 +277,10 @@ def sweep(
             is ended, even if it hangs, and has a ``TimeoutError`` in its row.
         folder: A folder for finished simulations. The same call goes on there after an
             interruption, with those that are not finished; `Record.load` reads them at any time.
+            It stores hashes of the model, of its source and of its policy, and versions.
+        accept_changed: Whether to use the simulations in the folder although the model, its source,
+            its policy, rtamt or the simulator has changed since, which is an error otherwise. The
+            record states the mixture, in ``record.provenance.reuse``.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
@@ -284,8 +292,8 @@ def sweep(
     Raises:
         SpecificationError: If a requirement is wrong.
         InputError: If there is no such system or requirement, the space does not fit, or an option
-            is wrong; if ``folder`` holds another campaign; if all simulations failed, with the
-            error of the first.
+            is wrong; if ``folder`` holds another campaign, or simulations of a model that has
+            changed; if all simulations failed, with the error of the first.
         InputTypeError: If an argument is not of the types above, or the system cannot be sent to
             another process.
 
@@ -346,6 +354,7 @@ def sweep(
         backend=backend,
         timeout=timeout,
         folder=folder,
+        accept_changed=accept_changed,
         about=None if folder is None else _also(varied, sampler, seed, "sweep with folder="),
         what=f"sweep of {runner.name}",
         progress=progress,

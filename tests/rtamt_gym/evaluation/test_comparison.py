@@ -150,7 +150,8 @@ def test_returns_of_episodes_that_failed_are_not_compared() -> None:
 def test_a_stop_of_one_side_alone_is_noted() -> None:
     a = evaluation_of({"near": [1.0] * 9})
     stopped = [replace(row, ended="violation") for row in a.record]
-    b = replace(a, record=Record(stopped, a.record.requirements, a.system))
+    of = (a.record.requirements, a.system, a.record.provenance)
+    b = replace(a, record=Record(stopped, *of))
     assert compare(a, a).notes == compare(b, b).notes == ()
     (note,) = compare(a, b).notes
     assert note == (

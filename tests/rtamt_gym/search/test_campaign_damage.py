@@ -12,6 +12,7 @@ import pytest
 
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.results.trial import Trial
@@ -24,7 +25,8 @@ OTHER = "give another folder, or remove this one"
 
 
 def opened(path: Path) -> Folder:
-    return Folder(path, IDENTITY, {"space": None}, {"dry": "always(x > 0)"}, "tank")
+    of = (IDENTITY, {"space": None}, {"dry": "always(x > 0)"}, "tank", Fingerprint())
+    return Folder(path, *of, accept_changed=False)
 
 
 def trial(value: float) -> Trial:

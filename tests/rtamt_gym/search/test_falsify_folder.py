@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from rtamt import InputError
 from rtamt_gym import Falsification, Parameter, Record, Signal, Sweep, falsify
 from rtamt_gym.__main__ import main
+from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.search.falsification.protocol import Evaluate
 from rtamt_gym.search.runs.files import PARTS
 from rtamt_gym.search.runs.files import RECORD as WHOLE
@@ -24,17 +25,17 @@ Output = pytest.CaptureFixture[str]
 SPACE = [Signal("u", -1, 1, points=3), Parameter("x", 0, 1), Parameter("g", values=(1, 2, 4))]
 
 
-def plant_of(interrupted: int, ran: list[float]) -> Callable[..., Any]:
+def plant_of(stops: list[int], ran: list[float]) -> Callable[..., Any]:
     """A system that fails for some inputs, and is interrupted in a simulation.
 
     Args:
-        interrupted: The number of the simulation that is interrupted; 0: none.
+        stops: Holds the number of the simulation that is interrupted; 0: none.
         ran: Gets a parameter of each simulation that begins.
     """
 
     def plant(u: Any, x: float, g: float) -> Iterator[Mapping[str, float]]:  # noqa: ANN401
         ran.append(x)
-        if len(ran) == interrupted:
+        if len(ran) == stops[0]:
             raise KeyboardInterrupt
         for i in range(6):
             yield {"y": 0.8 + u(float(i)) * x, "z": 30 * x + g}
@@ -64,7 +65,7 @@ def search(
         warnings.simplefilter("ignore", FailedSimulationWarning)
         try:
             found = falsify(
-                *(plant_of(interrupted, ran), formula, SPACE),
+                *(plant_of([interrupted], ran), formula, SPACE),
                 **{"period": 1, "duration": 5, "budget": 40, "optimizer": optimizer, **options},
             )
         except KeyboardInterrupt:
@@ -73,9 +74,11 @@ def search(
 
 
 def sober(found: Falsification | None) -> Any:  # noqa: ANN401
-    """All of a result that is no wall time."""
+    """Return all of a result but wall times and the reuse of stored simulations."""
     assert found is not None
-    texts = (str(found), found.requirement, found.falsified, found.interrupted)
+    lines = reuse_lines(found.record.provenance, "simulation")
+    text = str(found).replace("\n".join(["", "", *lines]), "") if lines else str(found)
+    texts = (text, found.requirement, found.falsified, found.interrupted)
     values = (found.found, found.row, found.record, dict(found.scales), found.coverage)
     return (*texts, *values, found.reductions, found.simulations)
 
@@ -240,7 +243,9 @@ def test_a_killed_command_goes_on(
     resumed = capsys.readouterr().out
     assert (tmp_path / "ran").stat().st_size == 32 + 40 - kept + 3  # effects and explanation
     assert main(command) == 0
-    assert capsys.readouterr().out == resumed
+    said = f"\nreused {kept} of 40 simulations from runs\n"
+    assert resumed.count(said) == 1
+    assert capsys.readouterr().out == resumed.replace(said, "")
     assert not list(Path("runs").glob(PARTS))
     assert (Path("runs") / WHOLE).exists()
     assert (
