@@ -11,6 +11,7 @@ Let r be the environment's reward, x the robustness of the episode before the st
 | ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
 | ``progress`` | r + weight * (m' - m), m the middle of the bounds | |
 | ``hierarchical`` | the value of the first negative level, below | the order of the levels |
+| ``verdict`` | 0 | |
 
 Beside every mode, `settle` pays a bonus once all specifications are certainly satisfied, and takes
 a penalty once one is certainly violated, each once an episode, at the step that shows it or at the
@@ -48,6 +49,7 @@ from typing import Any, Literal, TypedDict, TypeVar, assert_never, cast, get_arg
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt import InputError
 from rtamt_gym.checks.arguments import check_amount, check_choice, check_known, check_number
 from rtamt_gym.checks.levels import check_mapping, levels_of
 from rtamt_gym.libraries import library_of
@@ -70,7 +72,7 @@ __all__ = [
     "terminal",
 ]
 
-Mode = Literal["add", "replace", "potential", "terminal", "progress", "hierarchical"]
+Mode = Literal["add", "replace", "potential", "terminal", "progress", "hierarchical", "verdict"]
 """How robustness becomes reward."""
 
 Priority = Literal["safety", "target", "comfort"]
@@ -306,7 +308,7 @@ class Shaping:
 
     Attributes:
         mode: How robustness becomes reward.
-        weight: Factor of the robustness beside the environment's reward.
+        weight: Factor of the robustness beside the environment's reward; 0 pays none.
         clip: Bound of the robustness.
         gamma: Discount of the learner.
         temperature: Temperature of the smooth minimum over the specifications; None: exact.
@@ -356,9 +358,14 @@ class Shaping:
             name: check_number(f"weights[{name!r}]", value)
             for name, value in (weights or {}).items()
         }
+        if mode == "verdict" and bonus == penalty == 0.0:
+            raise InputError(
+                "mode='verdict' pays only bonus= and penalty=, which are both 0; give one of them, "
+                "such as bonus=1.0, penalty=1.0"
+            )
         return cls(
             mode=mode,
-            weight=check_number("weight", weight),
+            weight=check_amount("weight", weight),
             clip=check_number("clip", clip),
             gamma=check_number("gamma", gamma, 1.0),
             temperature=(None if temperature is None else check_number("temperature", temperature)),
@@ -372,6 +379,12 @@ class Shaping:
     def settles(self) -> bool:
         """Whether a bonus or a penalty is paid."""
         return self.bonus > 0.0 or self.penalty > 0.0
+
+    @property
+    def pays_robustness(self) -> bool:
+        """Whether the reward depends on the robustness, and not on verdicts alone."""
+        unweighted = self.mode in {"replace", "hierarchical"}
+        return self.mode != "verdict" and (unweighted or self.weight > 0.0)
 
     def robustness(self, values: Sequence[Numeric]) -> Numeric:
         """Combines the robustness of the specifications into the number that the reward uses."""
@@ -434,5 +447,7 @@ class Shaping:
                 return terminal(reward, after, ended, self.weight)
             case "progress":
                 return progress(reward, before, after, self.weight)
+            case "verdict":
+                return 0.0 * ended
             case _ as never:
                 assert_never(never)

@@ -156,9 +156,14 @@ class Satisfaction:
         self.episodes = 0
         self.violations: dict[str, int] = {}
         self._newest: deque[Outcomes] = deque(maxlen=check_count(Argument("window"), window))
+        self._costs: deque[float] = deque(maxlen=window)
 
-    def add(self, episode: Outcomes) -> None:
+    def add(self, episode: Outcomes, cost: float | None = None) -> None:
         """Adds an episode that has ended.
+
+        Args:
+            episode: The outcome of every requirement.
+            cost: The sum of ``info["cost"]`` over the steps of the episode; None if not known.
 
         Raises:
             InputError: If its requirements differ from the episodes before.
@@ -174,13 +179,18 @@ class Satisfaction:
         for name, outcome in episode.items():
             self.violations[name] += outcome["verdict"] == "VIOLATED"
         self._newest.append(episode)
+        if cost is not None:
+            self._costs.append(cost)
 
     def metrics(self) -> dict[str, float]:
         """The metrics (`metrics_of`) of the newest episodes, and counts since the first one.
 
-        The counts are ``episodes`` and, for each requirement, ``NAME/violations``.
+        The counts are ``episodes`` and, for each requirement, ``NAME/violations``. ``cost`` is the
+        mean cost of an episode, over the newest episodes whose cost is known; absent without any.
         """
         found = metrics_of(self._newest, self.period)
+        if self._costs:
+            found["cost"] = float(np.mean(self._costs))
         found.update({f"{name}/violations": count for name, count in self.violations.items()})
         return {"episodes": self.episodes, **found}
 

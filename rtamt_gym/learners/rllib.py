@@ -19,9 +19,9 @@ EPISODES: Final = "stl_episodes"
 class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no types here
     """Adds ``result["stl"]`` to what ``train`` returns: how often requirements are satisfied.
 
-    The callback for Stable-Baselines3 has the same keys: over the newest ``window`` episodes of
-    all env runners ``satisfied`` (all requirements), ``NAME/satisfied``, ``NAME/violated``,
-    ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
+    The callback for Stable-Baselines3 has the same keys, and ``cost``: over the newest ``window``
+    episodes of all env runners ``satisfied`` (all requirements), ``NAME/satisfied``,
+    ``NAME/violated``, ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
     ``NAME/first_violation`` (the median, in seconds; in samples, if the period is not known); and
     since the start ``NAME/violations`` and ``episodes``. A quantile that is infinite is absent.
 

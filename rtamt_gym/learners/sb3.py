@@ -35,8 +35,10 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
     and so to TensorBoard, CSV and what else that writes, over the newest ``window`` episodes:
     ``stl/satisfied`` (all requirements), ``stl/NAME/satisfied``, ``/violated``, ``/undecided``
     (shares), ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation`` (the median, in
-    seconds; in samples, if the period is not known), and since the start ``stl/NAME/violations``
-    and ``stl/episodes``. The table in the terminal shows the shares of the satisfied alone.
+    seconds; in samples, if the period is not known), with ``cost=`` in the monitor ``stl/cost``
+    (the mean sum of ``info["cost"]`` over an episode), and since the start
+    ``stl/NAME/violations`` and ``stl/episodes``. The table in the terminal shows the shares of the
+    satisfied alone.
 
     **With an environment to evaluate in**, every ``eval_freq`` steps and when training ends, it
     runs :func:`rtamt_gym.evaluate_policy` on the same ``episodes`` seeds each time, and logs
@@ -116,6 +118,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         self.evaluations: list[tuple[int, Evaluation]] = []
         self.best = Best()
         self.confirmed: RatioTest | None = None
+        self._costs: list[float | None] = []
         self._env = _single(env)
         self._freq = check_count(Argument("eval_freq"), eval_freq)
         self._episodes = check_count(Argument("episodes"), episodes)
@@ -130,6 +133,11 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
     def _on_training_start(self) -> None:
         self._next = (self.num_timesteps // self._freq + 1) * self._freq
         self.confirmed = None
+        num = self.training_env.num_envs
+        if self.num_timesteps == 0:
+            self._costs = [0.0] * num
+        elif len(self._costs) != num:  # episodes that began before have costs that are not known
+            self._costs = [None] * num
         if self._env is None:
             return
         as_trained(self.model)  # refuses wrappers that it does not know
@@ -140,7 +148,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
                 "expected an environment of its own to evaluate in, got one that is trained in; "
                 "give the function that makes it"
             )
-        seed, num = self.model.seed, self.training_env.num_envs
+        seed = self.model.seed
         if seed is not None and seed < self._seed + self._episodes and self._seed < seed + num:
             raise InputError(
                 f"expected seeds that training does not use, got {self._seed} to "
@@ -150,10 +158,14 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
 
     def _on_step(self) -> bool:
         ended = False
-        for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
+        pairs = zip(self.locals["dones"], self.locals["infos"], strict=True)
+        for i, (done, info) in enumerate(pairs):
+            known = self._costs[i]
+            cost = known + info["cost"] if known is not None and "cost" in info else None
+            self._costs[i] = 0.0 if done else cost
             if done:
                 ended = True
-                self._count(info)
+                self._count(info, cost)
         if ended and isinstance(self.model, OffPolicyAlgorithm):  # it writes in the midst of steps
             self._log("stl", self.training.metrics())
         if self._env is None or self.num_timesteps < self._next:
@@ -170,12 +182,12 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         if self._env is not None and not evaluated:
             self._evaluate()
 
-    def _count(self, info: Mapping[str, Any]) -> None:
+    def _count(self, info: Mapping[str, Any], cost: float | None) -> None:
         """Counts an episode of training; one without outcomes matters if they are all there is."""
         if "stl_episode" in info:
             if not self.training.episodes:
                 self.training.period = self.training_env.get_attr("period", 0)[0]
-            self.training.add(info["stl_episode"])
+            self.training.add(info["stl_episode"], cost)
         elif self._env is None or self.training.episodes:
             raise InputError(no_outcomes(info))
 

@@ -183,7 +183,7 @@ def _bind(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
             pick = _picker(space, fit(signal, space, "the action space of one environment"))
             return lambda step, _: pick(step.action)
         case "reward":
-            return lambda step, _: step.reward
+            return lambda step, lanes: _from_rewards(signal, step.reward, len(lanes))
         case "info":
             return lambda step, lanes: _from_infos(signal, step.info, lanes)
         case _:
@@ -239,6 +239,19 @@ def _present(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Lanes
         lanes = lanes & np.asarray(values.get(f"_{part}", lanes), np.bool_)
         values = values[part]
     return lanes
+
+
+def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:  # noqa: ANN401
+    if not signal.path:
+        return signal.numbers(rewards, num)
+    where: tuple[Any, ...] = (slice(None), *signal.path)
+    try:
+        return signal.numbers(np.asarray(rewards)[where], num)
+    except IndexError:
+        raise InputError(
+            f"signal {signal.name!r}: the rewards have no {signal}; they have shape "
+            f"{np.shape(rewards)}"
+        ) from None
 
 
 def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401

@@ -29,14 +29,14 @@ class Syntax:
         example: A selector, for messages.
         names: The most names that may stand behind the colon.
         field: Whether a field follows.
-        brackets: What stands in brackets: indices and keys, first a key, or nothing.
+        brackets: What stands in brackets: indices and keys, or first a key.
         common: Whether hints show the example.
     """
 
     example: str
     names: int = 0
     field: Literal["none", "optional", "required"] = "none"
-    brackets: Literal["any", "key", "none"] = "any"
+    brackets: Literal["any", "key"] = "any"
     common: bool = False
 
 
@@ -96,8 +96,6 @@ def parse_selector(
     names = _names(scan, syntax) if syntax.names else ()
     field = _field(scan, syntax)
     path: list[int | str] = []
-    if syntax.brackets == "none" and scan.peek():
-        scan.refuse("the end of the selector")
     while scan.peek():
         scan.expect("[", "'[' or the end of the selector")
         if syntax.brackets == "key" and not path and scan.peek()[:1] not in {"'", '"'}:

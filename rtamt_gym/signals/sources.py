@@ -47,7 +47,18 @@ def _number_at(value: Any, path: tuple[Any, ...]) -> float:  # noqa: ANN401
 
 
 def _bind_reward(signal: ParsedSignal, _env: Env) -> Read:
-    return lambda _obs, _action, reward, _info: signal.number(reward)
+    def read(_obs: object, _action: object, reward: Any, _info: object) -> float:  # noqa: ANN401
+        value = reward
+        try:
+            for part in signal.path:
+                value = value[part]
+        except (KeyError, IndexError, TypeError):
+            raise InputError(
+                f"signal {signal.name!r}: the reward has no {signal}; it is {reward!r}"
+            ) from None
+        return signal.number(value)
+
+    return read
 
 
 def _bind_info(signal: ParsedSignal, _env: Env) -> Read:
@@ -95,9 +106,7 @@ def _by_name(example: str, *, common: bool = False) -> Source:
 STEP: Final = {
     "obs": Source(example="obs[2], obs['key'][0]", bind=_bind_obs, common=True),
     "action": Source(example="action[0]", bind=_bind_action, at_reset=False, common=True),
-    "reward": Source(
-        example="reward", bind=_bind_reward, brackets="none", at_reset=False, common=True
-    ),
+    "reward": Source(example="reward", bind=_bind_reward, at_reset=False, common=True),
     "info": Source(
         example="info['key']", bind=_bind_info, brackets="key", at_reset="maybe", common=True
     ),

@@ -195,7 +195,8 @@ class StlMonitor(
                 that shows that an instant violates p, where the formula is ``always(p)``, so that
                 the sum counts unsafe instants; ``"depth"`` is how deep; ``"latched"`` is 1 from
                 the first violation on; ``"first"`` is 1 only at the step that shows it; the last
-                two charge what only the end decides too
+                two charge what only the end decides too. With ``substeps=True`` the cost of a step
+                is the maximum over its samples
             buffer_length: How many records :attr:`stl_episodes` keeps
             constants: Values of constants that the specifications name, as for `rtamt.parse`, each
                 for all that name it; :attr:`constants` and :meth:`reset` change them later

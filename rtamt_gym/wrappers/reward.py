@@ -62,6 +62,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
       of every specification. The first level that is violated pays its own x', raised by ``clip``
       for every level before it; if none is violated, the last level does. A step that violates a
       level pays less than any step that violates only later ones. r is not part of it.
+    * ``mode="verdict"``: 0. Only ``bonus`` and ``penalty`` are paid, and r is not part of it
 
     Beside it ``bonus`` is paid once when all specifications are certainly satisfied, ``penalty``
     taken once when one is certainly violated, so that over an episode they sum to ``bonus`` if it
@@ -155,7 +156,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
                 ``signals`` of its own
             mode: How robustness becomes reward, see above
             weight: Factor of the robustness beside the reward of the environment; not for
-                ``"replace"`` and ``"hierarchical"``
+                ``"replace"``, ``"hierarchical"`` and ``"verdict"``. 0 leaves the reward of the
+                environment with ``bonus`` and ``penalty``, without shaping
             clip: Bound of the robustness; the interesting margins of every specification should
                 lie inside (``weights`` help). If the robustness that decides the reward is outside
                 at more than 9 of 10 samples of the first 10 episodes, or below -clip at more than

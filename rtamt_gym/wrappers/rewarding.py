@@ -66,7 +66,7 @@ class Rewarding(Observing):
             shaping.weights,
             whole=self._whole,
         )
-        self._watch: ClipWatch | None = ClipWatch(shaping, num)
+        self._watch = ClipWatch(shaping, num) if shaping.pays_robustness else None
         self._followed = self._monitor.constant_changes
 
     @property

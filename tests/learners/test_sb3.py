@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from programs import BOUND, LIMIT, Ride, counts_of, run, score, shares_of, watched
+from programs import BOUND, LIMIT, Ride, cost_of, counts_of, run, score, shares_of, watched
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env
@@ -58,7 +58,7 @@ def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) 
     model, callback = program["model"], program["callback"]
     assert list(model.ep_success_buffer) == [ride.success for ride in trained][-100:]
     assert [book["l"] for book in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
-    metrics = {**shares_of(trained[-100:]), **counts_of(trained)}
+    metrics = {**shares_of(trained[-100:]), **counts_of(trained), **cost_of(trained[-100:])}
     assert callback.training.metrics() == pytest.approx(metrics)
     own = {ride.env for ride in trained}
     # Evaluations read whole episodes: a violation does not end them.

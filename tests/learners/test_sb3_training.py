@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
-from programs import LIMIT, Ride, Rides, counts_of, shares_of, watched
+from programs import LIMIT, Ride, Rides, cost_of, counts_of, shares_of, watched
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
@@ -97,6 +97,27 @@ def test_every_row_that_is_logged_is_that_of_a_count_by_hand(case: str, tmp_path
     for row in table:
         assert stl(row) == pytest.approx(by_hand(ended, row["time/total_timesteps"]))
     assert 0 < table[-1]["stl/satisfied"] < 1
+
+
+def test_cost_that_is_logged_is_the_mean_of_sums_by_hand(tmp_path: Path) -> None:
+    with watched() as rides:
+        inner = monitored(2, cost="violation", on_violation="report")
+        model = learner("PPO", inner, tmp_path, "csv")
+        callback = SatisfactionCallback(window=WINDOW)
+        model.learn(256, callback=callback)
+        model.learn(256, callback=callback, reset_num_timesteps=False)
+        late = SatisfactionCallback(window=WINDOW)
+        model.learn(256, callback=late, reset_num_timesteps=False)
+        model.logger.close()
+    ended = rides.ended(early=False, within=inner)
+    table = rows(tmp_path)
+    for row in table:
+        seen = [ride for ride in ended if ride.last_step <= row["time/total_timesteps"]]
+        if row["time/total_timesteps"] <= 512:
+            assert stl(row)["cost"] == pytest.approx(cost_of(seen[-WINDOW:])["cost"])
+    assert table[-1]["stl/cost"] > 0
+    assert late.training.metrics()["cost"] > 0
+    assert "cost" not in SatisfactionCallback().training.metrics()
 
 
 def test_event_files_of_tensorboard_hold_the_same(tmp_path: Path) -> None:

@@ -98,6 +98,11 @@ def shares_of(rides: Sequence[Ride]) -> dict[str, float]:
     return metrics
 
 
+def cost_of(rides: Sequence[Ride]) -> dict[str, float]:
+    """The mean cost of an episode with ``cost="violation"``, by hand: steps outside."""
+    return {"cost": sum(ride.outside for ride in rides) / len(rides)}
+
+
 def counts_of(rides: Sequence[Ride]) -> dict[str, float]:
     """The counts of training since its start, by hand."""
     return {"episodes": len(rides), "spec/violations": sum(not ride.success for ride in rides)}

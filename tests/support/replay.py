@@ -54,7 +54,12 @@ X = {"x": "obs[0]"}
 
 
 def shaping_options(mode: str, *names: str) -> dict[str, Any]:
-    """A mode, with priorities where it needs them: safety, target and comfort in this order."""
+    """A mode, with priorities where it needs them: safety, target and comfort in this order.
+
+    The mode ``"verdict"`` needs a bonus or a penalty.
+    """
+    if mode == "verdict":
+        return {"mode": mode, "bonus": 2.0, "penalty": 1.0}
     if mode != "hierarchical":
         return {"mode": mode}
     ranks = ("safety", "target", "comfort")

@@ -69,7 +69,7 @@ def test_every_option_gives_what_the_wrappers_give_online(
     }
     if mode is not None:
         options |= {**shaping_options(mode, *SPECS), "weights": {"calm": 0.25}, "clip": 2.0}
-        options |= {"bonus": bonus, "penalty": penalty}
+        options |= {"bonus": bonus + (mode == "verdict"), "penalty": penalty}
     rng = np.random.default_rng(len(values))
     # What has no end in the record is read as cut by a time limit.
     shown = "truncated" if end == "cut" else end

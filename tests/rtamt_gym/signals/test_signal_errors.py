@@ -167,7 +167,7 @@ WORDS = f"expected one of {', '.join(SOURCES)}"
         ("obs[0, 1]", 6, "expected ']', got ','"),
         ("obs[2", 6, "expected ']', got the end of the selector"),
         ("obs[2] + 1", 8, "expected '[' or the end of the selector, got '+'"),
-        ("reward[0]", 7, "expected the end of the selector, got '['"),
+        ("reward.x", 7, "expected '[' or the end of the selector, got '.'"),
         ("info", 5, "expected a key in quotes, info['key'], got the end of the selector"),
         ("info[0]", 6, "expected a key in quotes, info['key'], got '0'"),
         ("info['a", 6, 'expected an index or a key in quotes, got "\'"'),

@@ -39,6 +39,8 @@ class Paid(OneOf):
 
 def options(mode: str, **others: Any) -> dict[str, Any]:  # noqa: ANN401
     found: dict[str, Any] = {"mode": mode, "clip": 2.0, "weights": {"goal": 0.5}, **GIVEN, **others}
+    if mode == "verdict" and not (found.get("bonus") or found.get("penalty")):
+        found["bonus"] = 2.0
     return {**found, **({"priorities": PRIORITIES} if mode == "hierarchical" else {})}
 
 

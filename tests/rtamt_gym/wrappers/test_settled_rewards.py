@@ -32,7 +32,8 @@ OPTIONS: dict[str, Any] = {"period": 1, "on_violation": "report", "at_terminatio
 
 
 def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any, Any]:  # noqa: ANN401
-    return StlReward(env, SPECS, X, **shaping_options(mode, *SPECS), **OPTIONS | options)
+    given = {**shaping_options(mode, *SPECS), **OPTIONS, **options}
+    return StlReward(env, SPECS, X, **given)
 
 
 def steps_of(env: gym.Env[Any, Any]) -> list[tuple[float, dict[str, Any]]]:
@@ -57,9 +58,13 @@ def test_each_is_paid_once_at_the_step_that_decides(
     mode: Mode, series: list[float], end: str, reading: str
 ) -> None:
     options = {"at_termination": reading, "details": True}
-    plain = steps_of(shaped(Replay(series, end), mode, **options))
+    alone = mode == "verdict"
+    plain = steps_of(shaped(Replay(series, end), "replace" if alone else mode, **options))
     paid = steps_of(shaped(Replay(series, end), mode, bonus=7.0, penalty=3.0, **options))
-    extra = [with_both - without for (with_both, _), (without, _) in zip(paid, plain, strict=True)]
+    extra = [
+        with_both - (0.0 if alone else without)
+        for (with_both, _), (without, _) in zip(paid, plain, strict=True)
+    ]
     expected = []
     open_still = True
     for _, info in plain:
@@ -70,6 +75,33 @@ def test_each_is_paid_once_at_the_step_that_decides(
     assert extra == pytest.approx(expected)
     last = plain[-1][1]
     assert sum(extra) == pytest.approx(7.0 * last["is_success"] - 3.0 * last["stl_violated"])
+
+
+def test_weight_of_zero_adds_bonus_and_penalty_to_the_reward_alone() -> None:
+    series = [3.0, 3.0, 9.0, 3.0, 3.0, 3.0]
+    for mode in ("add", "terminal", "progress", "potential"):
+        env = shaped(Replay(series), mode, weight=0, bonus=7.0, clip=1e-3)
+        assert [reward for reward, _ in steps_of(env)] == [1.0, 2.0, 3.0, 4.0, 5.0 + 7.0]
+    env = shaped(Replay([3.0, 0.0, 3.0]), "add", weight=0.0, penalty=3.0)
+    assert [reward for reward, _ in steps_of(env)] == [1.0 - 3.0, 2.0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_rewards_without_robustness_do_not_warn_of_the_clip() -> None:
+    given: Any
+    for given in ({"mode": "verdict", "bonus": 1.0}, {"mode": "add", "weight": 0}):
+        env = StlReward(Replay([99.0] * 3), "always(x > 0)", X, **given, **OPTIONS)
+        for _ in range(12):
+            steps_of(env)
+
+
+def test_verdict_without_bonus_and_penalty_is_an_error() -> None:
+    with pytest.raises(InputError) as error:
+        StlReward(Replay([1.0]), SPECS, X, mode="verdict", **OPTIONS)
+    assert str(error.value) == (
+        "mode='verdict' pays only bonus= and penalty=, which are both 0; give one of them, such as "
+        "bonus=1.0, penalty=1.0"
+    )
 
 
 def test_what_the_reset_decides_is_paid_at_the_first_step() -> None:

@@ -176,6 +176,7 @@ def test_arrays_are_floats_lane_by_lane(mode: Mode, temperature: float | None) -
         temperature=temperature,
         weights={"b": 0.5},
         priorities=priorities if mode == "hierarchical" else None,
+        bonus=1.0,
     )
     lanes = 64
     before, after = rng.normal(scale=3.0, size=(2, 3, lanes))
@@ -290,7 +291,7 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
             {"mode": "multiply"},
             f"expected mode={' or '.join(map(repr, MODES))}, got 'multiply'",
         ),
-        ({"weight": -1.0}, "expected weight= as a finite number above 0, got -1.0"),
+        ({"weight": -1.0}, "expected weight= as a finite number, 0 or more, got -1.0"),
         ({"clip": math.inf}, "expected clip= as a finite number above 0, got inf"),
         ({"clip": math.nan}, "expected clip= as a finite number above 0, got nan"),
         ({"gamma": 1.5}, "expected gamma= as a finite number above 0 and at most 1, got 1.5"),
