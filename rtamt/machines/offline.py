@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -19,8 +20,7 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
-from rtamt.program.instructions import Window
-from rtamt.program.passes import Folded, folded_apart
+from rtamt.program.instructions import Instruction, Load, Window, latencies_of
 from rtamt.program.program import Program
 
 __all__ = ["MakeMachine", "Passes", "result_alone", "run_offline", "run_outputs", "without_nan"]
@@ -33,16 +33,28 @@ _T = TypeVar("_T")
 MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
 
 
+class _Cut(NamedTuple):
+    """A window without end that is cut out of a program.
+
+    Attributes:
+        operands: The program of its operands, which are its outputs in order.
+        fold: The program that folds them, backwards.
+    """
+
+    operands: Program
+    fold: Program
+
+
 class _Plan(NamedTuple):
     """The programs of the passes over a trace.
 
     Attributes:
-        cut: The windows without end that are cut out.
+        cut: The windows without end, in order.
         last: The program that has a variable in place of each of these windows.
         backwards: Whether the last program runs backwards.
     """
 
-    cut: tuple[Folded, ...]
+    cut: tuple[_Cut, ...]
     last: Program
     backwards: bool
 
@@ -141,9 +153,60 @@ def _planned(program: Program, n: int) -> _Plan:
     if all(window.lo is not None for window in windows):
         backwards = any(window.hi is None for window in windows)
         return _Plan((), program.mirrored() if backwards else program, backwards)
-    cut, program = folded_apart(program)
+    cut, program = _cut_out(program)
     first = next(iter(program.outputs.values()))
     return _Plan(cut, program.restricted(first, program.outputs), backwards=False)
+
+
+def _cut_out(program: Program) -> tuple[tuple[_Cut, ...], Program]:
+    """The windows without end, and the program that has a variable in place of each.
+
+    A window may need the variables of those before it; its variable comes behind them.
+    """
+    cut: list[_Cut] = []
+    # Everything before the first window without end has a latency.
+    for register, before in enumerate(program.instructions):
+        if not isinstance(before, Window) or before.hi is not None:
+            continue
+        window = program.window(register)  # the variables of those before are in front of it
+        operands = {str(i): register for i, register in enumerate(window.args)}
+        part = program.restricted(window.args[0], operands)
+        cut.append(_Cut(part, _folding(program, window)))
+        # A variable of a specification cannot have such a name.
+        program = _with_variable(program, register, f"#{len(program.variables)}")
+    return tuple(cut), program
+
+
+def _folding(program: Program, window: Window) -> Program:
+    """The program that folds the operands of a window without end, backwards."""
+    width = len(window.args)
+    names = tuple(str(i) for i in range(width))
+    last = replace(window, args=tuple(range(width))).mirrored()
+    instructions: tuple[Instruction, ...] = (*map(Load, names), last)
+    return replace(
+        program,
+        instructions=instructions,
+        terms=width,
+        latencies=latencies_of(instructions),
+        result=width,
+        outputs={"": width},
+        variables=names,
+        sources=program.sources[-1:] * (width + 1),
+    )
+
+
+def _with_variable(program: Program, cut: int, name: str) -> Program:
+    """The program with a window replaced by a variable, which becomes its first register."""
+    instructions = list(program.instructions)
+    instructions[cut] = Load(name)
+    loaded = replace(
+        program,
+        instructions=tuple(instructions),
+        latencies=latencies_of(instructions),
+        variables=(*program.variables, name),
+    )
+    others = (r for r in range(len(instructions)) if r != cut)
+    return loaded.reordered([cut, *others], program.terms + 1)
 
 
 @functools.lru_cache(maxsize=512)
