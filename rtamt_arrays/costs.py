@@ -79,6 +79,12 @@ class ArrayCosts:
         rows = len(self._names) if self._kind == "first" else 0
         return CostState(monitors, self._o.full((rows, lanes), 0.0, dtype))
 
+    def reset(self, state: CostState, mask: Tensor) -> CostState:
+        """Return the state in which the lanes of the mask have not taken a sample."""
+        pairs = zip(self._monitors, state.monitors, strict=True)
+        monitors = tuple(monitor.reset(each, mask) for monitor, each in pairs)
+        return CostState(monitors, self._o.where(mask, 0.0, state.charged))
+
     def begin(self, state: CostState, sample: Mapping[str, Tensor], mask: Tensor) -> CostState:
         """Lanes of the mask begin with a sample, which costs nothing."""
         pairs = zip(self._monitors, state.monitors, strict=True)

@@ -61,6 +61,12 @@ class ArrayInstants:
         """The state before the first sample."""
         return InstantState(self._newest.init(lanes), self._sofar.init(lanes))
 
+    def reset(self, state: InstantState, mask: Tensor) -> InstantState:
+        """Return the state in which the lanes of the mask have not taken a sample."""
+        return InstantState(
+            self._newest.reset(state.newest, mask), self._sofar.reset(state.sofar, mask)
+        )
+
     def begin(
         self, state: InstantState, sample: Mapping[str, Tensor], mask: Tensor
     ) -> tuple[InstantState, Tensor]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -114,8 +115,19 @@ class ArrayPanel:
         judges = tuple(each.init(lanes) for each in self._judges)
         instants = tuple(each.init(lanes) for each in self._instants)
         dtype = judges[0].rows.dtype
-        held = tuple(self._o.full((lanes,), 0.0, dtype) for _ in self._held)
+        held = tuple(self._o.full((lanes,), math.nan, dtype) for _ in self._held)
         return PanelState(judges, instants, self._costs.init(lanes, dtype), held)
+
+    def reset(self, state: PanelState, mask: Tensor) -> PanelState:
+        """Return the state in which the lanes of the mask have not taken a sample."""
+        judges = zip(self._judges, state.judges, strict=True)
+        instants = zip(self._instants, state.instants, strict=True)
+        return PanelState(
+            tuple(judge.reset(each, mask) for judge, each in judges),
+            tuple(source.reset(each, mask) for source, each in instants),
+            self._costs.reset(state.costs, mask),
+            tuple(self._o.where(mask, math.nan, last) for last in state.held),
+        )
 
     def begin(self, state: PanelState, sample: Mapping[str, Tensor], mask: Tensor) -> Taken:
         """Lanes of the mask begin with a sample, while the others take none."""

@@ -185,11 +185,29 @@ class StepJudge:
         return frozenset({"robustness", "is_success"}) | self._panel.cost_keys
 
     def init(self, lanes: int) -> RequirementState:
-        """The state before the first sample; `begin` is to take that in every lane."""
+        """Return the state before the first sample, which `begin` or `step` takes."""
         panel = self._panel.init(lanes)
         zero = self._o.full((lanes,), 0.0, panel.judges[0].rows.dtype)
         count = panel.judges[0].age
         return RequirementState(panel, zero, zero, count - 1, count)
+
+    def reset(self, state: RequirementState, mask: Tensor) -> RequirementState:
+        """Return the state in which the lanes of the mask have not taken a sample.
+
+        Unlike `begin` it takes none: the next `step` takes the first sample of these lanes.
+
+        Args:
+            state: The state that `init`, `reset`, `begin` or `step` returned.
+            mask: A boolean for each lane.
+        """
+        o = self._o
+        return RequirementState(
+            self._panel.reset(state.panel, mask),
+            o.where(mask, 0.0, state.potential),
+            o.where(mask, 0.0, state.outcome),
+            o.where(mask, -1, state.violated_at),
+            o.where(mask, 0, state.samples),
+        )
 
     def begin(
         self, state: RequirementState, sample: Mapping[str, Tensor | float], mask: Tensor
@@ -213,7 +231,7 @@ class StepJudge:
         samples = o.where(mask, state.samples * 0 + 1, state.samples)
         values = self._panel.values(taken, samples, never, never)
         violated = self._violated(values)
-        zero = state.potential * 0.0
+        zero = o.full(lanes, 0.0, state.potential.dtype)
         before = o.as_integers(violated) - 1  # sample 0, where it is violated
         following = RequirementState(
             taken.panel,

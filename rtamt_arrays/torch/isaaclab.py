@@ -1,9 +1,9 @@
-"""Requirements for environments of Isaac Lab: terms of a ``ManagerBasedRLEnv``.
+"""Requirements in the managers of Isaac Lab and mjlab: terms of a ``ManagerBasedRLEnv``.
 
-`Violated` is a termination term and judges the episodes; `shaped_reward` is a reward term and
-`monitor_state` an observation term, which read what it found. They are written against the
-documented interface of Isaac Lab, and tested on a stand-in with that interface: Isaac Lab itself
-runs in its simulator alone, and was not run.
+`Violated` is a termination term: it judges the episodes. `first_sample` and `monitor_state` are
+observation terms, which take the sample of a reset. `shaped_reward` is a reward term.
+
+They are written against the documented interface of both, and tested on a stand-in.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import torch
-from isaaclab.managers import ManagerTermBase
 
 from rtamt import InputError
+from rtamt.errors import InputTypeError, brief
 from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.panel import Taken
 from rtamt_arrays.requirements import (
@@ -29,51 +28,78 @@ from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.judging.specs import SpecsLike
 
-__all__ = ["Violated", "monitor_state", "shaped_reward"]
+try:
+    from isaaclab.managers import ManagerTermBase
+except ModuleNotFoundError as e:
+    if e.name != "isaaclab":  # Isaac Lab is installed, and its simulator has not been started
+        raise
+
+    class ManagerTermBase:  # type: ignore[no-redef]
+        """The base of a term in mjlab, which takes any class."""
+
+        def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of mjlab
+            self.cfg, self._env = cfg, env
+
+
+__all__ = ["Violated", "first_sample", "monitor_state", "shaped_reward"]
 
 EnvSignal = Callable[[Any], torch.Tensor] | tuple[Callable[[Any], torch.Tensor], float]
-"""A function of the environment with a number of each, and where wanted its value at a reset."""
+"""A function ``(env) -> tensor[num_envs]``, or a pair of it and its value at a reset."""
 
 
 class Violated(ManagerTermBase):
-    """A termination term: where a requirement is certainly violated.
+    """A termination term that ends an episode at the first certain violation.
 
-    Signals are functions ``(env) -> tensor[num_envs]``, as terms are; ``(function, 0.0)`` gives a
-    value for the sample of the reset, which is read when the managers are reset. What the simulator
-    derives, such as poses of bodies, may still be that from before the reset there.
+    With ``time_out=True`` in its configuration the end is a truncation; otherwise, it is a
+    termination. `shaped_reward` pays the reward and writes ``env.extras["stl"]``.
 
-    After each step ``env.extras["stl"]`` has the keys of `rtamt_arrays.jax.brax.StlWrapper`, as
-    tensors of shape (num_envs,), if there is a `shaped_reward` beside. No step asks a tensor for a
-    number.
+    A signal is a function ``(env) -> tensor[num_envs]``, like other terms, or a pair
+    ``(function, value)`` if the function is not defined at a reset, such as an action.
 
-    In a configuration::
+    A reset marks environments and reads nothing, because the simulator may update poses of bodies
+    and contacts only after it. `first_sample` or `monitor_state`, among the observations, then
+    takes sample 0. Without them, the sample after the first step is sample 0.
 
-        class TerminationsCfg:
-            violated = TerminationTermCfg(
-                func=Violated,
-                params={
-                    "specs": "always(tilt < 0.5)",
-                    "signals": {"tilt": tilt},
-                    "options": {"mode": "potential", "gamma": 0.99},
-                },
-            )
+    No method waits for the device.
+
+    Example:
+        ::
+
+            class TerminationsCfg:
+                violated = TerminationTermCfg(
+                    func=Violated,
+                    params={"specs": "always(tilt < 0.5)", "signals": {"tilt": tilt}},
+                )
+
+
+            class PolicyCfg(ObservationGroupCfg):
+                first_sample = ObservationTermCfg(func=first_sample)
 
     Args:
-        cfg: The configuration of the term. Its ``params`` are ``specs`` and ``signals``, and where
-            wanted ``options``: see `rtamt_arrays.requirements.RequirementOptions`. Without
-            ``period`` a step takes ``env.step_dt``.
+        cfg: The configuration of the term. Its ``params`` are ``specs``, ``signals`` and
+            optionally ``options``, a dictionary of `rtamt_arrays.requirements.RequirementOptions`.
+            The default of ``period`` is ``env.step_dt``.
         env: The environment.
 
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
-        InputError: If a parameter is wrong, or a variable has no signal.
+        InputError: If a variable has no signal, an option is wrong, or an option is set that the
+            managers decide: ``observe``, and an ``on_violation`` that differs from ``time_out``.
+
+    Attributes:
+        requirements: The judge of the specifications.
+        width: The number of features that `monitor_state` returns.
     """
 
-    def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of Isaac Lab
+    def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of the simulator
         super().__init__(cfg, env)
         params = cfg.params
         options = RequirementOptions(period=env.step_dt)
-        options.update(params.get("options", {}))
+        chosen: RequirementOptions = params.get("options") or RequirementOptions()
+        options.update(chosen)
+        self._truncates = bool(getattr(cfg, "time_out", False))
+        _check_options(options, truncates=self._truncates)
+        options["on_violation"] = "truncate" if self._truncates else "terminate"
         self.requirements = StepJudge(
             params["specs"],
             ArrayMonitors(partial(episode, device=env.device), partial(online, device=env.device)),
@@ -88,51 +114,76 @@ class Violated(ManagerTermBase):
         self._state = self.requirements.init(env.num_envs)
         self._never = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
         self._nothing = torch.zeros(env.num_envs, device=env.device)
-        self._last: tuple[RequirementState, Taken] | None = None  # of before the step, and of it
-        self.features = self._nothing[:, None].expand(-1, self.requirements.features.box.shape[0])
-        _TERMS[env] = self
+        self._marked: torch.Tensor | None = ~self._never
+        self._open_step: tuple[RequirementState, Taken] | None = None  # its ends are not known yet
+        self._paid: JudgedStep | None = None
+        self.width: int = self.requirements.features.box.shape[0]
+        self._features = self._nothing[:, None].repeat(1, self.width)
 
-    def reset(self, env_ids: Sequence[int] | torch.Tensor | None = None) -> None:
-        """Begins the episodes of these environments; None: of all."""
-        if env_ids is None:
-            mask = ~self._never
-        else:
-            ids = torch.as_tensor(env_ids, dtype=torch.int64, device=self._never.device)
-            mask = self._never.index_fill(0, ids, 1)
-        sample = {}
-        for name in self.requirements.variables:
-            signal = self._signals[name]
-            sample[name] = signal[1] if isinstance(signal, tuple) else signal(self._env)
-        self._state, judged = self.requirements.begin(self._state, sample, mask)
-        self.features = torch.where(mask[:, None], judged.features, self.features)
+    def reset(self, env_ids: Sequence[int] | torch.Tensor | slice | None = None) -> None:
+        """Mark environments whose next sample is the first of an episode.
+
+        Args:
+            env_ids: Indices of environments, or a boolean for each; a slice; or None for all.
+
+        Raises:
+            InputError: If there is an index without an environment, or not a boolean for each.
+            InputTypeError: If ``env_ids`` is not one of these.
+        """
+        mask = self._mask_of(env_ids)
+        self._state = self.requirements.reset(self._state, mask)
+        self._marked = mask if self._marked is None else self._marked | mask
+
+    def take_first(self) -> torch.Tensor:
+        """Take sample 0 of the marked environments, and unmark them.
+
+        Returns:
+            The state of the monitors, of shape (num_envs, features).
+        """
+        if self._marked is not None:
+            sample: dict[str, torch.Tensor | float] = {}
+            for name in self.requirements.variables:
+                signal = self._signals[name]
+                sample[name] = signal[1] if isinstance(signal, tuple) else signal(self._env)
+            self._state, judged = self.requirements.begin(self._state, sample, self._marked)
+            self._features = torch.where(self._marked[:, None], judged.features, self._features)
+            self._marked = None
+        return self._features
 
     def __call__(
         self,
-        env: Any,  # noqa: ANN401 - of Isaac Lab
-        specs: SpecsLike,  # noqa: ARG002 - the parameters, which Isaac Lab hands over every time
+        env: Any,  # noqa: ANN401 - of the simulator
+        specs: SpecsLike,  # noqa: ARG002 - the parameters, which managers pass every time
         signals: Mapping[str, EnvSignal],  # noqa: ARG002
         options: RequirementOptions | None = None,  # noqa: ARG002
     ) -> torch.Tensor:
-        """Takes the sample of the step, and says where a requirement is certainly violated."""
+        """Take the sample of the step, and return where a requirement is certainly violated."""
         sample = {}
         for name in self.requirements.variables:
             signal = self._signals[name]
             sample[name] = signal[0](env) if isinstance(signal, tuple) else signal(env)
         taken = self.requirements.take(self._state, sample)
-        self._last = self._state, taken
+        self._open_step = self._state, taken
+        self._marked = None
         self._conclude(self._state, taken, self._never, self._never)
         violated: torch.Tensor = self.requirements.violated(taken)
         return violated
 
-    def concluded(self, terminated: torch.Tensor, truncated: torch.Tensor) -> torch.Tensor:
-        """What the step pays, once it is known which episodes it ends."""
-        if self._last is None:  # the reward manager asks for a shape before the first step
-            return self._nothing
-        own = ~self.requirements.violated(self._last[1])
-        judged = self._conclude(*self._last, terminated & own, truncated)
-        self._env.extras["stl"] = judged.info
-        reward: torch.Tensor = judged.reward
-        return reward
+    def pay(self, terminated: torch.Tensor, truncated: torch.Tensor) -> JudgedStep | None:
+        """Judge the step, after all terminations are known; None before the first step.
+
+        A second call in the same step returns the same result.
+        """
+        if self._open_step is not None:
+            others = ~self.requirements.violated(self._open_step[1])
+            ends = (
+                (terminated, truncated & others)
+                if self._truncates
+                else (terminated & others, truncated)
+            )
+            self._paid = self._conclude(*self._open_step, *ends)
+            self._open_step = None
+        return self._paid
 
     def _conclude(
         self,
@@ -144,51 +195,171 @@ class Violated(ManagerTermBase):
         self._state, judged = self.requirements.conclude(
             before, taken, self._nothing, terminated, truncated
         )
-        self.features = judged.features
+        self._features = judged.features
         return judged
 
+    def _mask_of(self, env_ids: Sequence[int] | torch.Tensor | slice | None) -> torch.Tensor:
+        """Return a boolean for each environment."""
+        mask = self._never.clone()
+        if env_ids is None or isinstance(env_ids, slice):
+            mask[slice(None) if env_ids is None else env_ids] = True
+            return mask
+        try:
+            ids = torch.as_tensor(env_ids, device=mask.device)
+        except (TypeError, ValueError, RuntimeError) as e:
+            raise _wrong_ids(env_ids) from e
+        if ids.dtype == torch.bool:
+            if ids.shape != mask.shape:
+                raise InputError(
+                    f"env_ids has {tuple(ids.shape)} booleans, expected one for each of the "
+                    f"{len(mask)} environments"
+                )
+            return ids
+        if ids.numel() == 0:
+            return mask
+        if ids.is_floating_point() or ids.is_complex():
+            raise _wrong_ids(env_ids)
+        try:
+            mask[ids.to(torch.int64)] = True
+        except IndexError as e:
+            raise InputError(
+                f"env_ids has an index without an environment: {brief(env_ids)}. Indices go up to "
+                f"{len(mask) - 1}."
+            ) from e
+        return mask
 
-_TERMS: WeakKeyDictionary[Any, Violated] = WeakKeyDictionary()
+
+def _wrong_ids(env_ids: object) -> InputTypeError:
+    return InputTypeError(
+        "expected env_ids as indices of environments, a boolean for each, a slice or None, "
+        f"got {brief(env_ids)}"
+    )
 
 
-def _term_of(env: Any) -> Violated:  # noqa: ANN401 - of Isaac Lab
-    if env not in _TERMS:
+def _check_options(options: RequirementOptions, *, truncates: bool) -> None:
+    """Refuse options whose effect belongs to the managers."""
+    if options.get("observe") is not None:
         raise InputError(
-            "expected a termination term with func=Violated, which judges the episodes, got none; "
-            "its params say the specifications and their signals"
+            f"Violated has no observe={options['observe']!r}. Add monitor_state to the observations"
         )
-    return _TERMS[env]
+    ends = "truncate" if truncates else "terminate"
+    chosen = options.get("on_violation", ends)
+    if chosen != ends:
+        raise InputError(
+            f"on_violation={chosen!r} has no effect: the termination manager ends the episode, and "
+            f"time_out={truncates} means on_violation={ends!r}. Remove the option; set "
+            "time_out=True to truncate, or use a reward or metric of your own to report only"
+        )
 
 
-def shaped_reward(env: Any) -> torch.Tensor:  # noqa: ANN401 - of Isaac Lab
-    """A reward term: what the mode of `Violated` adds to the other rewards.
+def _terms_of(env: Any) -> dict[str, Violated]:  # noqa: ANN401 - of the simulator
+    """Return the `Violated` terms of an environment by name."""
+    manager = env.termination_manager
+    terms = {name: manager.get_term_cfg(name).func for name in manager.active_terms}
+    terms = {name: term for name, term in terms.items() if isinstance(term, Violated)}
+    if not terms:
+        raise InputError(
+            "The environment has no termination term with func=Violated, which judges its "
+            "episodes. Add one; its params are the specifications and their signals."
+        )
+    return terms
 
-    The reward manager multiplies it by its weight and by the time of a step.
+
+def _chosen(terms: Mapping[str, Violated], name: str | None, reader: str) -> str:
+    """Return the name of the term that a reader names, or of the only one."""
+    listed = ", ".join(map(repr, terms))
+    if name is not None and name not in terms:
+        raise InputError(f"{reader} has term={name!r}. The terms with func=Violated are {listed}.")
+    if name is None and len(terms) > 1:
+        raise InputError(
+            f"{reader} does not name a term, and several have func=Violated: {listed}. "
+            f"Add one {reader} for each, with params={{'term': NAME}}."
+        )
+    return next(iter(terms)) if name is None else name
+
+
+def shaped_reward(env: Any, term: str | None = None) -> torch.Tensor:  # noqa: ANN401 - of the simulator
+    """Return the reward of the option ``mode`` of `Violated`, as a reward term; 0 without a mode.
+
+    The reward manager multiplies it by its weight, and by the duration of a step. It does not call
+    a term of weight 0.
+
+    ``env.extras["stl"]`` then has the keys of `rtamt_arrays.jax.brax.StlWrapper`, as tensors of
+    shape (num_envs,). If several terms have ``func=Violated``, it has these keys for each name.
 
     Args:
         env: The environment, which has `Violated` among its terminations.
+        term: The name of the termination term; None if there is one `Violated`.
 
     Returns:
         A tensor of shape (num_envs,).
 
     Raises:
-        InputError: If the environment has no `Violated`.
+        InputError: If the environment has no `Violated`, or several and ``term`` names none.
     """
+    terms = _terms_of(env)
+    name = _chosen(terms, term, "shaped_reward")
     ends = env.termination_manager
-    return _term_of(env).concluded(ends.terminated, ends.time_outs)
+    paid = terms[name].pay(ends.terminated, ends.time_outs)
+    if paid is None:  # a manager may call it for its shape
+        return torch.zeros(env.num_envs, device=env.device)
+    if len(terms) == 1:
+        env.extras["stl"] = paid.info
+    else:
+        env.extras.setdefault("stl", {})[name] = paid.info
+    reward: torch.Tensor = paid.reward
+    return reward
 
 
-def monitor_state(env: Any, features: int = 5) -> torch.Tensor:  # noqa: ANN401 - of Isaac Lab
-    """An observation term: the state of the monitors, as ``observe="state"`` of `rtamt_gym`.
+def first_sample(env: Any) -> torch.Tensor:  # noqa: ANN401 - of the simulator
+    """Take sample 0 of the environments that were reset, as an observation term of width 0.
+
+    It serves every `Violated` of the environment. `monitor_state` does the same for its term.
 
     Args:
         env: The environment, which has `Violated` among its terminations.
-        features: How many numbers there are: five for each specification. Observation managers ask
-            for the shape before there are terminations, and get zeros.
+
+    Returns:
+        A tensor of shape (num_envs, 0), which adds nothing to the observation.
+
+    Raises:
+        InputError: If the environment has no `Violated`.
+    """
+    if hasattr(env, "termination_manager"):  # observations are made before terminations
+        for term in _terms_of(env).values():
+            term.take_first()
+    return torch.zeros(env.num_envs, 0, device=env.device)
+
+
+def monitor_state(
+    env: Any,  # noqa: ANN401 - of the simulator
+    features: int = 5,
+    term: str | None = None,
+) -> torch.Tensor:
+    """Return the state of the monitors, as an observation term: ``observe="state"`` of `rtamt_gym`.
+
+    Like `first_sample`, it takes sample 0 of the environments that were reset.
+
+    Args:
+        env: The environment, which has `Violated` among its terminations.
+        features: The width of the observation: five for each specification. Managers ask for it
+            before the specifications are known.
+        term: The name of the termination term; None if there is one `Violated`.
 
     Returns:
         A tensor of shape (num_envs, features).
+
+    Raises:
+        InputError: If the environment has no `Violated`, or several and ``term`` names none; or if
+            ``features`` is not the number of features.
     """
-    if env not in _TERMS:
+    if not hasattr(env, "termination_manager"):  # observations are made before terminations
         return torch.zeros(env.num_envs, features, device=env.device)
-    return _TERMS[env].features
+    terms = _terms_of(env)
+    chosen = terms[_chosen(terms, term, "monitor_state")]
+    if chosen.width != features:
+        raise InputError(
+            f"monitor_state has features={features}, and its specifications have {chosen.width}. "
+            f"Pass params={{'features': {chosen.width}}}."
+        )
+    return chosen.take_first()

@@ -145,6 +145,64 @@ class RequirementContract:
             ended += over.sum()
         assert ended > LANES
 
+    @pytest.mark.parametrize(("specs", "options"), CASES[2::3])  # one of them has nan="hold"
+    def test_the_step_after_a_reset_takes_the_first_sample(
+        self,
+        specs: Any,  # noqa: ANN401
+        options: dict[str, Any],
+    ) -> None:
+        judge = self.library.judge(specs, {"period": 1, **options})
+        step, begin = self.library.compiled(judge.step), self.library.compiled(judge.begin)
+        reset = self.library.compiled(judge.reset)
+        random, tensor = np.random.default_rng(1), self.library.tensor
+        signals = random.choice(QUARTERS, (12, 2, LANES))
+        if "nan" in options:
+            signals[random.random(signals.shape) < 0.2] = np.nan
+        samples = [
+            {name: tensor(row["xy".index(name)]) for name in judge.variables} for row in signals
+        ]
+        zero, never = tensor(np.zeros(LANES)), tensor(np.zeros(LANES, bool))
+        init = judge.init(LANES)
+        state = init
+        for sample in samples[:6]:
+            state, _ = step(state, sample, zero, never, never)
+        some = random.random(LANES) < 0.5
+        for before, mask in [(init, np.ones(LANES, bool)), (state, some)]:
+            begun, expected = begin(before, samples[6], tensor(mask))
+            _, others = step(before, samples[6], zero, never, never)
+            after, stepped = step(reset(before, tensor(mask)), samples[6], zero, never, never)
+            self.compare_infos(stepped, expected, mask)
+            self.compare_infos(stepped, others, ~mask)
+            for sample in samples[7:]:
+                begun, expected = step(begun, sample, zero, never, never)
+                after, stepped = step(after, sample, zero, never, never)
+                self.compare_infos(stepped, expected, mask)
+                rewards = [np.asarray(each.reward)[mask] for each in (stepped, expected)]
+                np.testing.assert_array_equal(rewards[0], rewards[1])
+
+    def test_an_episode_does_not_depend_on_a_nan_of_the_one_before(self) -> None:
+        options = {"period": 1, "mode": "add", "bonus": 5.0, "penalty": 2.0}
+        judge, tensor = self.library.judge("eventually(x > 1)", options), self.library.tensor
+        zero, never = tensor(np.zeros(LANES)), tensor(np.zeros(LANES, bool))
+        rewards = []
+        for before in (0.0, np.nan):
+            state, sample = judge.init(LANES), {"x": tensor(np.full(LANES, before))}
+            state, _ = judge.begin(state, sample, ~never)
+            state, _ = judge.step(state, sample, zero, never, never)
+            state, _ = judge.begin(state, {"x": zero}, ~never)
+            state, judged = judge.step(state, {"x": zero + 2.0}, zero, never, never)
+            rewards.append(np.asarray(judged.reward))
+        assert np.array_equal(rewards[0], rewards[1])
+        assert np.array_equal(rewards[0], np.full(LANES, 6.0))
+
+    def compare_infos(self, judged: Any, expected: Any, mask: NDArray[np.bool_]) -> None:  # noqa: ANN401
+        """Compare verdicts in the environments of a mask; costs of a reset are 0 and left out."""
+        for key in ("robustness", "stl_lower", "stl_upper", "stl_violated_at"):
+            values = [np.asarray(each.info[key])[mask] for each in (judged, expected)]
+            np.testing.assert_array_equal(values[0], values[1], key)
+        shown = [np.asarray(each.features)[mask] for each in (judged, expected)]
+        np.testing.assert_array_equal(shown[0], shown[1])
+
     def compare(
         self,
         judged: Any,  # noqa: ANN401
