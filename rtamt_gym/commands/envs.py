@@ -61,7 +61,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
     """The length of a step, the time limit and the spaces of an environment."""
-    from rtamt_gym.judging.specs import find_period, read_period
+    from rtamt_gym.signals.periods import (
+        conflicting_times,
+        find_period,
+        read_period,
+        unverified_period,
+    )
     from rtamt_gym.signals.spaces import described
     from rtamt_gym.wrappers.substeps import read_substep_period
 
@@ -74,9 +79,16 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
     period, found = read_period(env), find_period(env.unwrapped)
     if period is None or found is None:
         yield f"{name} does not say how long a step lasts;"
+        if conflict := conflicting_times(env.unwrapped):
+            yield _filled(f"{conflict};")
         yield "for bounds in time give --period in seconds, or --period 1 to count steps"
     else:
         yield _filled(f"{name}: a step lasts {number(period)} s, says env.unwrapped.{found[1]}")
+        if unverified_period(env) is not None:
+            yield _filled(
+                "nothing verifies that: it may be the time of a physics step, of which an action "
+                "takes several; for bounds in time give --period in seconds"
+            )
     within = read_substep_period(env)
     if within is not None and within != period:
         yield f"a step of its simulation, which --substeps samples, lasts {number(within)} s"

@@ -166,8 +166,9 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
     from rtamt_gym.evaluation.tables import show
-    from rtamt_gym.judging.specs import own_requirements, read_period
+    from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
+    from rtamt_gym.signals.periods import read_period
     from rtamt_gym.simulation.environments import make
 
     check_files(options)

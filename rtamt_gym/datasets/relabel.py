@@ -17,16 +17,11 @@ from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.reading import Reading, RecordedReading
-from rtamt_gym.judging.specs import (
-    SpecsLike,
-    check_period,
-    load_specs,
-    read_period,
-    why_no_period,
-)
+from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.shaping import Mode, ShapingNumbers
 from rtamt_gym.signals.columns import Batch, Floats
+from rtamt_gym.signals.periods import read_period, warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import STEP
 from rtamt_gym.wrappers.rewarding import ShapingOptions
@@ -242,6 +237,8 @@ def _period(
             error.add_note("give period=, which needs none")
             raise
         period, why = read_period(env), f"of its environment: {why_no_period(env)}"
+        if period is not None:
+            warn_of_unverified_period(env)
         env.close()
     check_period(specs, period, "the dataset", why)
     return period

@@ -16,8 +16,8 @@ import numpy as np
 from rtamt import InputTypeError, Verdict
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
-from rtamt_gym.judging.specs import read_period
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.simulation.environment_case import baseline_of
 from rtamt_gym.simulation.monitors import monitor_of
 from rtamt_gym.simulation.run import Run

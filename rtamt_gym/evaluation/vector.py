@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,15 +21,17 @@ from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, seconds_of
-from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
+from rtamt_gym.judging.specs import autoreset_mode, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import SimulatedTrace
 from rtamt_gym.signals.columns import SignalColumns
+from rtamt_gym.signals.periods import ask_another, read_period, warn_of_unverified_period
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.step_time import StepTime, StepTimes
 from rtamt_gym.signals.taps import VectorTap, rescaling, tapped
 from rtamt_gym.simulation.crashes import failed, no_exit
 from rtamt_gym.simulation.monitors import with_own_monitor
@@ -92,10 +95,14 @@ class VectorEpisodes(Runner):
         own = own_requirements(self._env)
         self._check_resets()
         self.requirements = load_requirements(requirements, own, self.name)
+        timed = any(each.timed for each in self.requirements.values())
+        if timed and reading.period is None and self.monitor is None:
+            warn_of_unverified_period(self._env)
         self.period = reading.period or read_period(self._env) or ask_another(self._env)
         self.inputs = ()
         limit = spec.max_episode_steps if spec else None
         step = seconds_of(self.period)
+        self._times = StepTimes(self._env, self._comparison(step, reading, timed=timed))
         self.duration = duration or (None if limit is None or step is None else float(step * limit))
         self.unasked = reading.at_termination is None
         self.reading = reading.having(
@@ -137,6 +144,21 @@ class VectorEpisodes(Runner):
         self._columns = SignalColumns(parsed, read_in, same_step=same_step)
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
         self._simulators = self._simulators_of(self._judged)
+
+    def _comparison(
+        self, period: Fraction | None, reading: Reading, *, timed: bool
+    ) -> Callable[[Any], StepTime] | None:
+        """Return what compares the period with an environment; None if a monitor inside does."""
+        if period is None or self.monitor is not None:
+            return None
+
+        def compare(env: Any) -> StepTime:  # noqa: ANN401 - one, or many
+            was_read, stated = reading.period is None, read_period(env)
+            return StepTime(
+                env, float(period), read_period, was_read=was_read, timed=timed, stated=stated
+            )
+
+        return compare
 
     def _simulators_of(self, reading: Reading) -> list[Simulator]:
         """The simulators of the environments."""
@@ -255,7 +277,9 @@ class VectorEpisodes(Runner):
                 inner = self._rescaler.env
                 tap = tapped(self._rescaler)
                 stack.callback(setattr, self._rescaler, "env", inner)
-            waves = Waves(self._env, self._make, self._columns, self._places, lanes, tap)
+            waves = Waves(
+                self._env, self._make, self._columns, self._places, lanes, tap, self._times
+            )
             while todo:
                 yield from waves.play(todo)
 

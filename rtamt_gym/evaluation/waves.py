@@ -17,6 +17,7 @@ from rtamt_gym.judging.specs import autoreset_mode
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.columns import SignalColumns
+from rtamt_gym.signals.step_time import StepTimes
 from rtamt_gym.signals.taps import VectorTap
 from rtamt_gym.simulation.crashes import no_exit
 from rtamt_gym.simulation.models import Model, PolicyBatch
@@ -43,6 +44,7 @@ class Waves:
         lanes: What plays episodes in these systems.
         tap: What has shown the samples that are read, to a monitor of the environment or to a
             wrapper that rescales them; None: the environment itself.
+        times: Compares the period with the environments.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class Waves:
         places: Sequence[Place],
         lanes: Sequence[Lane],
         tap: VectorTap | None,
+        times: StepTimes,
     ) -> None:
         self._env = env
         self._make = make
@@ -60,6 +63,7 @@ class Waves:
         self._places = places
         self._lanes = lanes
         self._tap = tap
+        self._times = times
         self._mode = autoreset_mode(env)
         self._obs: Any = None
 
@@ -109,6 +113,7 @@ class Waves:
             seeds = [first if seed is None else seed for seed in seeds]
         found: Any = self._env.reset(seed=seeds, options=options)  # type: ignore[arg-type]  # a seed for each
         self._obs = found[0]
+        self._times.begin(mask, every=bool(mask.all()))
         shown, infos = found if self._tap is None else self._tap.shown
         table = self._columns.reset(shown, infos, mask)
         for place, task in due.items():
@@ -125,13 +130,14 @@ class Waves:
         try:
             with no_exit("an environment"):
                 result = self._env.step(actions)
+            ended: Mask = np.logical_or(result[2], result[3])
+            self._times.step(ended if self._mode is AutoresetMode.SAME_STEP else begun)
         except Exception as error:
             if len(running) > 1:
                 raise
             self._places[running[0]].error = error
             return None
-        self._obs, _, terminated, truncated, _ = result
-        ended: Mask = np.logical_or(terminated, truncated)
+        self._obs, terminated = result[0], result[2]
         if self._tap is not None:
             actions, result = self._tap.actions, self._tap.result
         table = self._read(result, actions, begun)

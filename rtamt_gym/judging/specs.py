@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
-from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.logger import warn
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import MaxAndSkipObservation
 from numpy.typing import NDArray
 
 import rtamt
@@ -26,16 +22,12 @@ from rtamt_gym.judging.constants import ConstantValue, checked_constants, no_suc
 __all__ = [
     "SpecLike",
     "SpecsLike",
-    "ask_another",
     "autoreset_mode",
     "check_period",
     "checked_mask",
-    "find_period",
     "load_specs",
     "own_requirements",
-    "read_period",
     "recordable",
-    "why_no_period",
 ]
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
@@ -43,16 +35,6 @@ SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 
 SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
-
-AnyEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
-"""An environment, or a vector of them."""
-
-# Gymnasium 1.3 added RepeatAction; RLlib still requires Gymnasium 1.2.
-_SKIPPING: tuple[type[Any], ...] = (
-    MaxAndSkipObservation,
-    getattr(gym.wrappers, "RepeatAction", MaxAndSkipObservation),
-)
-"""The wrappers that make several steps in one."""
 
 
 def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
@@ -127,106 +109,6 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
     if isinstance(specs, Mapping):
         return {name: _text(spec) for name, spec in specs.items()}
     return _text(specs)
-
-
-def read_period(env: AnyEnv) -> float | None:
-    """Reads the seconds between two steps of an environment; None if they are not known.
-
-    They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
-    ``1 / unwrapped.config["policy_frequency"]`` (highway-env); else the same of the one environment
-    that ``unwrapped`` holds as an attribute, if it takes the same actions (PointMaze, AntMaze).
-    The frame rate of the pictures, ``metadata["render_fps"]``, is not the rate of the samples:
-    Pendulum has 30 and steps 20 times.
-
-    A `SyncVectorEnv` has the period of its environments; for an `AsyncVectorEnv` there is
-    `ask_another`. Below a `MaxAndSkipObservation` or a `RepeatAction`, which make several steps in
-    one, the period is not known.
-
-    Raises:
-        InputError: If the environments of a `SyncVectorEnv` have different periods.
-    """
-    simulation = env.unwrapped
-    if isinstance(simulation, AsyncVectorEnv) or _skips(env):
-        return None
-    if isinstance(simulation, SyncVectorEnv):
-        periods = {read_period(each) for each in simulation.envs}
-        if len(periods) > 1:
-            raise InputError(
-                f"expected environments of one period, got {', '.join(sorted(map(str, periods)))} "
-                f"s in {simulation}; give ",
-                Argument("period"),
-                ", or ",
-                Argument("period", 1),
-                " to count steps",
-            )
-        return periods.pop()
-    found = find_period(simulation)
-    return None if found is None else found[0]
-
-
-def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
-    """The seconds between two steps of a simulation, and what says them; None if nothing does."""
-    inside = [
-        (name, held)
-        for name, held in getattr(simulation, "__dict__", {}).items()
-        if isinstance(held, gym.Env) and held is not simulation
-    ]
-    found = _own_period(simulation)
-    if found is not None or len(inside) != 1:
-        return found
-    # One that takes other actions, as below a hierarchy of policies, may step more often.
-    ((name, held),) = inside
-    if _skips(held) or held.action_space != getattr(simulation, "action_space", None):
-        return None
-    found = _own_period(held.unwrapped)
-    path = name if held.unwrapped is held else f"{name}.unwrapped"
-    return None if found is None else (found[0], f"{path}.{found[1]}")
-
-
-def ask_another(env: AnyEnv) -> float | None:
-    """Reads the period of an `AsyncVectorEnv` from one more environment; of all else gives None.
-
-    Its environments cannot be asked: they are shut down when they lack an attribute. So the first
-    of the functions that made them makes another, in this process, as the vector environment
-    itself does at construction; it is not reset, and closed at once. That takes the time and
-    memory of an environment. Environments of different periods are not noticed.
-    """
-    simulation = env.unwrapped
-    if not isinstance(simulation, AsyncVectorEnv):
-        return None
-    try:
-        another = simulation.env_fns[0]()
-    except Exception as error:
-        error.add_note(f"when another environment of {simulation} was made, to read its period;")
-        error.add_note("give period=, which needs none")
-        raise
-    try:
-        return read_period(another)
-    finally:
-        another.close()
-
-
-def why_no_period(env: AnyEnv) -> str:
-    """Says where the period of an environment was looked for, or why it is not known."""
-    if skipping := _skips(env):
-        return f"a {skipping} makes several steps in one"
-    lacking = "there is no dt, tau or config['policy_frequency']"
-    if isinstance(env.unwrapped, AsyncVectorEnv | SyncVectorEnv):
-        return f"{lacking} in its environments, or in an environment inside these"
-    return f"{lacking} in it, or in an environment inside it"
-
-
-def _own_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401
-    for name in ("dt", "tau"):
-        period = _positive(getattr(simulation, name, None))
-        if period is not None:
-            return period, name
-    config = getattr(simulation, "config", None)
-    if isinstance(config, Mapping):
-        frequency = _positive(config.get("policy_frequency"))
-        if frequency is not None:
-            return 1.0 / frequency, "config['policy_frequency']"
-    return None
 
 
 def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
@@ -308,22 +190,6 @@ def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Speci
         "expected the text of a specification, the path of a .stl file or an "
         f"rtamt.Specification, got {spec!r}{several if isinstance(spec, list | tuple) else ''}"
     )
-
-
-def _skips(env: AnyEnv) -> str:
-    """The name of the wrapper that makes several steps in one, if there is one."""
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, _SKIPPING):
-            return type(env).__name__
-        env = env.env
-    return ""
-
-
-def _positive(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    number = float(value)
-    return number if 0.0 < number < math.inf else None
 
 
 def _text(spec: SpecLike) -> str:

@@ -24,17 +24,12 @@ from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import PanelResult
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.judging.specs import (
-    SpecsLike,
-    check_period,
-    load_specs,
-    own_requirements,
-    why_no_period,
-)
+from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
+from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import Read, SignalLike
 from rtamt_gym.simulation.crashes import carry, exited
 from rtamt_gym.simulation.kinds import as_system, driven, refuse_seed
@@ -130,6 +125,9 @@ class Simulator:
                 read = {name: known.get(name) for name in _variables(self.specs)}
                 reading, refuse_nan = with_unknown_start(reading, read)
                 timed = any(spec.timed for spec in self.specs.values())
+                own = self._plain.period is not None and reading.period is None
+                if own and timed and not reading.substeps:
+                    warn_of_unverified_period(system)
                 for each in (self._plain, cast("Environment", ran)):
                     each.refuses_nan, each.timed = refuse_nan, timed
                     each.below, each.rescaled = reading.below, reading.rescaled

@@ -21,10 +21,10 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import read_period
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.signals.step_time import StepTime, step_time_of
+from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.simulation.crashes import exited
 from rtamt_gym.simulation.entries import refuse_unknown
@@ -188,13 +188,15 @@ class Environment(System):
         """Binds the selectors and finds who acts."""
         self._step_period = period or Fraction(1)
         if period is not None:
-            read = self.period is not None and math.isclose(self.period, period)
-            self._watch = step_time_of(
+            was_read = self.period is not None and math.isclose(self.period, period)
+            self._watch = StepTime(
                 self._env,
                 float(period),
-                was_read=read,
+                read_substep_period if self._substeps else read_period,
+                was_read=was_read,
                 timed=self.timed,
                 substeps=self._substeps,
+                stated=self.period if was_read else None,
             )
         if self._substeps:
             self._step_period = exact(read_period(self._env) or 1)
@@ -272,7 +274,7 @@ class Environment(System):
         else:
             self._ends = ExitStack()
             info = self._start(self._ends)
-        if self._watch is not None and self._watch.left:
+        if self._watch is not None:
             self._watch.begin()
         seen = self.observation, None, None, info
         if self._seen is not None:

@@ -17,7 +17,7 @@ from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.infos import last_info, present
 from rtamt_gym.judging.panel import Monitors, Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
-from rtamt_gym.signals.step_time import STEPS, StepTime
+from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap
 from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
 
@@ -33,7 +33,10 @@ class EpisodeMonitoring(Monitoring):
     stl_episodes: deque[dict[str, Any]]
     _panel: Panel
     _history: bool
-    _running = False
+    _watch: StepTime | None = None
+    """What compares the period with the environment; None without a period."""
+    _comparing: Feed
+    """Feeds in the first steps of an episode, and compares the time."""
     _newest: dict[str, float] | None = None
 
     def newest_signals(self) -> dict[str, float]:
@@ -131,24 +134,34 @@ class EpisodeMonitoring(Monitoring):
         feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals])
         if tap is not None:
             feed, feed_reset = _fed_by(tap, feed), _fed_by(tap, feed_reset)
-        self._feed: Feed = self._compared(feed, self._step_time(self.env))
+        self._feed: Feed = self._compared(feed)
         self._feed_reset: Feed = feed_reset
 
-    def _compared(self, feed: Feed, watch: StepTime | None, *, substeps: bool = False) -> Feed:
-        """The function that feeds; at the first steps it is one that looks at the time too."""
-        self._watch = watch
-        if watch is None or self._compared_steps >= STEPS:
+    def _compared(self, feed: Feed, *, substeps: bool = False) -> Feed:
+        """Return the function that feeds; in the first steps of an episode it compares the time."""
+        watch, panel = self._watch, self._panel
+        if watch is None:
             return feed
-        panel = self._panel
 
         def compare_and_feed(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
             watch.step(panel.samples - 1 - watch.samples if substeps else 1)
-            self._compared_steps = STEPS - watch.left
             if not watch.left:
-                self._feed, self._watch = feed, None
+                self._feed = feed
             return feed(*step)
 
-        return compare_and_feed
+        self._comparing = compare_and_feed
+        return compare_and_feed if watch.left else feed
+
+    def _begin_times(self) -> None:
+        """Compare the period after a reset of the environment; the time now is that of sample 0.
+
+        Raises:
+            StateError: If the environment has changed its period since construction.
+        """
+        if self._watch is not None:
+            self._watch.begin()
+            if self._watch.left:
+                self._feed = self._comparing
 
     def _readings(self) -> Sequence[ParsedSignal]:
         """The signals; where somebody wants to see them, such that their values are kept."""
@@ -161,6 +174,7 @@ class EpisodeMonitoring(Monitoring):
         ]
 
     def _refuse_step(self) -> NoReturn:
+        self._refuse_copy()
         raise StateError(
             "expected a running episode, got step() before reset() or after the end of the "
             "episode; call reset()"

@@ -19,7 +19,8 @@ from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.infos import step_info
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
-from rtamt_gym.judging.specs import SpecsLike, read_period, recordable
+from rtamt_gym.judging.specs import SpecsLike, recordable
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
@@ -47,8 +48,10 @@ class StlMonitor(
     included. Observations, actions and rewards pass through unchanged, but for ``observe=``.
 
     The info of :meth:`reset` has ``stl_period`` (float), the seconds between two samples, where
-    there is a period. At the first steps it is compared with the time of the simulation, if that
-    has one: a wrapper inside that makes several steps in one would make bounds last longer.
+    there is a period. After each reset and in the first steps of each episode, the period is
+    compared with what the environment states and with the time of the simulation, if there is one.
+    A copy in mid-episode whose environment is built again (`gymnasium.utils.EzPickle`) refuses
+    :meth:`step` until :meth:`reset`.
 
     Every ``info``, also from :meth:`reset`, gets
 
@@ -151,7 +154,7 @@ class StlMonitor(
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_watch"})
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_comparing"})
 
     @lists_reading(RunReading)
     def __init__(
@@ -253,6 +256,8 @@ class StlMonitor(
         self._tells_more = details or panel.tells_more
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._substeps = read.substeps
+        if panel.period is not None:
+            self._watch = self._step_time(env, float(panel.period))
         self._bind_signals()
         self._books = Books(env)
 
@@ -273,7 +278,7 @@ class StlMonitor(
         self._warn_of_unseen_end(unended=self._abandon())
         obs, info = self.env.reset(seed=seed, options=options)
         self._adopt(change)
-        self._check_period(self.env)
+        self._begin_times()
         panel = self._panel
         panel.reset()
         assessed = self._feed_reset(obs, None, None, info)
@@ -282,7 +287,7 @@ class StlMonitor(
         states = panel.describe() if self._details else None
         told = panel.of_instant, panel.least_progress, self._told_period
         info = step_info(info, *found, states, None, *told)
-        self._running = True
+        self._running, self._rebuilt = True, False
         if self._state is not None:
             values = self.values()
             obs = self._observed(obs, values)
@@ -298,7 +303,8 @@ class StlMonitor(
         """Steps through the environment, feeds one sample, and ends a violated episode.
 
         Raises:
-            StateError: Before :meth:`reset` and after the end of an episode.
+            StateError: Before :meth:`reset`, after the end of an episode, and in a copy that has
+                lost the episode.
             InputError: If a signal is nan or cannot be read; the episode is over then, and with
                 ``substeps=True`` after any error of the environment.
             StateError: If the step has lasted longer or shorter than the period that was read, by
@@ -383,8 +389,7 @@ class StlMonitor(
             super()._bind_signals()
             return
         self._inside = SubSteps(self.env, self._readings(), self._panel)
-        watch = self._step_time(self.env, substeps=True)
-        self._feed: Feed = self._compared(self._panel.read, watch, substeps=True)
+        self._feed: Feed = self._compared(self._panel.read, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them

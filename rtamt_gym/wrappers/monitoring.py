@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, cast, get_args
@@ -22,28 +22,26 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import EpisodeReading, Reading, RunReading
-from rtamt_gym.judging.specs import (
-    SpecsLike,
-    ask_another,
-    check_period,
-    load_specs,
-    own_requirements,
-    why_no_period,
-)
+from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.signals.periods import (
+    ask_another,
+    warn_of_unverified_period,
+    why_no_period,
+)
 from rtamt_gym.signals.signals import (
-    Env,
     SignalLike,
     Source,
     own_signals,
     parse_signals,
 )
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.signals.step_time import StepTime, step_time_of
+from rtamt_gym.signals.step_time import ReadPeriod, StepTime
 from rtamt_gym.signals.taps import rescaling, tapped
 from rtamt_gym.wrappers.books import counts_episodes
+from rtamt_gym.wrappers.copies import clock_times, is_rebuilt
 from rtamt_gym.wrappers.observing import Observing
 from rtamt_gym.wrappers.vector_forms import PufferVectorEnv, is_pool
 
@@ -119,8 +117,9 @@ class Monitoring(Observing):
     """What a violation of each requirement does."""
     _beneath: Any
     """What has shown the samples that are read, if not the environment in the wrapper."""
-    _watch: StepTime | None = None
-    _compared_steps = 0
+    _running = False  # whether an episode runs
+    _rebuilt = False
+    """Whether it is a copy in mid-episode whose environment has lost the episode."""
     _next: ChangedConstants | None = None
     """What the next reset changes."""
     _warned_of_unseen_end = False
@@ -134,7 +133,7 @@ class Monitoring(Observing):
         signals: Mapping[str, SignalLike] | None,
         reading: Reading,
         options: OwnOptions,
-        read_period: Callable[[Any], float | None],
+        read_period: ReadPeriod,
         sources: Mapping[str, Source] = SOURCES,
         agents: Collection[str] = (),
     ) -> Judging:
@@ -172,11 +171,12 @@ class Monitoring(Observing):
         )
         timed = any(spec.timed for spec in loaded.values())
         self._read_period, self._timed = read_period, timed
-        period, self._guards_period = reading.period, False
+        period = reading.period
         self._has_read_period = period is None
         if period is None:
             period = read_period(env)
-            self._guards_period = timed and period is not None
+            if period is not None and timed and not reading.substeps:
+                warn_of_unverified_period(env)
         if period is None and timed:
             period = ask_another(env)
             check_period(loaded, period, env.unwrapped, why_no_period(env))
@@ -284,37 +284,20 @@ class Monitoring(Observing):
         self._constants, self._panel = change
         specs = self._constants.specs
         self._judging = self._judging._replace(specs=specs)
-        self._timed = any(spec.timed for spec in specs.values())
-        self._guards_period = self._timed and self._has_read_period
         self.constant_changes += 1
         self._follow_monitors(self._panel.monitors, self._panel.track_obligations)
         self._bind_signals()
 
-    def _check_period(self, env: Any) -> None:  # noqa: ANN401
-        """Refuses an environment that has changed its period since the wrapper was made.
-
-        Called at a reset, whose time is that of sample 0.
-        """
-        if self._watch is not None:
-            self._watch.begin()
-        period = self._judging.reading.period
-        if self._guards_period and self._read_period(env) != period:
-            raise StateError(
-                f"expected the period of {period} s that {env.unwrapped} had at "
-                f"construction, got {self._read_period(env)} s; wrap it again, or give period="
-            )
-
-    def _step_time(self, env: Env, *, substeps: bool = False) -> StepTime | None:
-        """What compares the first steps of an environment with its own time; None: nothing."""
-        period = self._panel.period
-        if period is None:
-            return None
-        return step_time_of(
+    def _step_time(self, env: Any, period: float) -> StepTime:  # noqa: ANN401 - one, or many
+        """Make what compares the period with an environment."""
+        return StepTime(
             env,
-            float(period),
+            period,
+            self._read_period,
             was_read=self._has_read_period,
             timed=self._timed,
-            substeps=substeps,
+            substeps=self._judging.reading.substeps,
+            stated=self._read_period(env),
         )
 
     def _tell(self) -> None:
@@ -410,11 +393,26 @@ class Monitoring(Observing):
         return self._panel.period
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: self.__dict__[name] for name in self.__dict__ if name not in self._UNPICKLED}
+        state = {
+            name: value for name, value in self.__dict__.items() if name not in self._UNPICKLED
+        }
+        return {**state, "_clock_times": clock_times(self.env)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        times = self.__dict__.pop("_clock_times")
+        if self._running and is_rebuilt(self.env, times):
+            self._running, self._rebuilt = False, True
         self._bind_signals()
+
+    def _refuse_copy(self) -> None:
+        """Refuse a step of a copy whose environment has lost the episode."""
+        if self._rebuilt:
+            raise StateError(
+                f"expected reset() before step(): this is a copy in mid-episode, and copying "
+                f"{self.env.unwrapped} builds it again from the arguments of its constructor, so "
+                "the simulation has lost the episode that the monitor has seen; call reset()"
+            )
 
     def _bind_signals(self) -> None:
         """Makes the functions that read this environment."""

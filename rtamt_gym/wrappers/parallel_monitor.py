@@ -14,8 +14,9 @@ from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import step_info
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
-from rtamt_gym.judging.specs import SpecsLike, read_period
+from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.agents import agent_sources
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
@@ -113,7 +114,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_watch"})
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_comparing"})
     env: Any
 
     @lists_reading(EpisodeReading)
@@ -176,6 +177,8 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         self.stl_episodes = deque(maxlen=buffer_length)
         self._history = history
         self._panel = self._make_panel(judged.specs)
+        if self._panel.period is not None:
+            self._watch = self._step_time(env, float(self._panel.period))
         self._bind_signals()
         self._over = False
 
@@ -201,12 +204,12 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         self._over = False
         obs, infos = self.env.reset(seed=seed, options=options)
         self._adopt(change)
-        self._check_period(self.env)
+        self._begin_times()
         self._panel.reset()
         found = self._feed_reset(obs, None, None, infos)
         self._panel.begin()
         infos = self._inform(self.env.agents, infos, *found, period=self._told_period)
-        self._running = True
+        self._running, self._rebuilt = True, False
         return obs, infos
 
     def step(

@@ -20,8 +20,8 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.judging.specs import read_period
 from rtamt_gym.results.outcome import violated_by_end
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
 
 __all__ = ["Keep", "RecordViolations"]

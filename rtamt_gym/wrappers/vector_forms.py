@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judging.specs import read_period
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.taps import StaysOpen
 
 __all__ = ["PufferVectorEnv", "as_vector_env", "is_pool"]

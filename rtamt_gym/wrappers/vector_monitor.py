@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, Specification, StateError
@@ -18,19 +19,14 @@ from rtamt_gym.judging.ends import assumed
 from rtamt_gym.judging.episodes import EpisodeRecords, record
 from rtamt_gym.judging.infos import last_info, step_info
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
-from rtamt_gym.judging.specs import (
-    SpecsLike,
-    autoreset_mode,
-    checked_mask,
-    read_period,
-    recordable,
-)
+from rtamt_gym.judging.specs import SpecsLike, autoreset_mode, checked_mask, recordable
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_infos import final_infos, final_observations, key_mask, put, put_last
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.signals.step_time import STEPS
+from rtamt_gym.signals.step_time import StepTimes
 from rtamt_gym.signals.taps import StaysOpen
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
@@ -209,7 +205,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_columns", "_times"})
+    _UNPICKLED = frozenset({"_columns"})
     _panel: VectorPanel
     _knows_flags = False
 
@@ -263,6 +259,9 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         check_can_end(options, self._autoreset, env)
         self._panel = panel = self._make_panel(judged.specs)
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
+        period = panel.period
+        make = None if period is None else partial(self._step_time, period=float(period))
+        self._times = StepTimes(env, make)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
@@ -313,11 +312,9 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._warn_of_unseen_end(unended=self._abandon(lanes))
         obs, infos = self.env.reset(seed=seed, options=options)
         self._adopt(change)
-        if mask is None:
-            self._check_period(self.env)
-            if "stl_violated" in infos:  # of environments that cannot be looked into
-                refuse_monitored("StlMonitor", " around each of its environments")
-        self._begin_times(lanes)
+        if mask is None and "stl_violated" in infos:  # of environments that cannot be looked into
+            refuse_monitored("StlMonitor", " around each of its environments")
+        self._times.begin(lanes, every=mask is None)
         shown, said = (obs, infos) if self._beneath is None else self._beneath.shown
         table = self._columns.reset(shown, said, lanes)
         if mask is not None:
@@ -328,7 +325,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._report_period(infos, lanes)
         if self._done is not None:
             self._done = _some(self._done & ~lanes)
-        self._running = True
+        self._running, self._rebuilt = True, False
         if self._state is not None:
             values = self.values()
             obs = self._observed(obs, values)
@@ -359,7 +356,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._require_flags(terminated, truncated)
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
-        self._compare_times(begun if resets is None else resets)
+        self._times.step(begun if resets is None else resets)
         self._table, read = self._read(obs, actions, rewards, infos, begun, resets)
         if begun is not None:
             self._panel.reset(begun)
@@ -438,35 +435,6 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         same_step = self._autoreset is AutoresetMode.SAME_STEP
         env = self.env if self._beneath is None else self._beneath.env
         self._columns = SignalColumns(self._signals, env, same_step=same_step)
-        base = self.env.unwrapped
-        envs = base.envs if isinstance(base, SyncVectorEnv) else ()
-        found = [self._step_time(each) for each in envs]
-        times = [each for each in found if each is not None]
-        # Of the first steps since the construction, and not of those of every copy.
-        self._times = times if len(times) == len(found) > 0 and not self._compared_steps else None
-
-    def _begin_times(self, lanes: Lanes) -> None:
-        for lane, time in enumerate(self._times or ()):
-            if lanes[lane]:
-                time.begin()
-
-    def _compare_times(self, again: Lanes | None) -> None:
-        """Compares the steps of all environments with their own times.
-
-        The step has reset the environments ``again``; None: none.
-        """
-        times = self._times
-        if times is None:
-            return
-        for lane, time in enumerate(times):
-            if again is not None and again[lane]:
-                time.begin()
-            else:
-                time.step()
-            if time.told:  # of all, once
-                break
-        if not all(time.left for time in times):
-            self._times, self._compared_steps = None, STEPS
 
     def _report_period(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
         """Tells the environments of the mask, whose episodes begin, the period; None: none."""
@@ -477,6 +445,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
     def _begun(self) -> Lanes | None:
         """The environments that the next step resets; None if none."""
         if not self._running:
+            self._refuse_copy()
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
             raise StateError(

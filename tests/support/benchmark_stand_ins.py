@@ -54,7 +54,7 @@ class _Door(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(-np.inf, np.inf, (39,), np.float64)
     action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
-    dt = 0.0125
+    control_timestep = 0.0125
 
     def __init__(self, **made: Any) -> None:  # noqa: ANN401
         self.made = made

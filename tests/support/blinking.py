@@ -19,7 +19,7 @@ class Blink(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(0.0, 12.0, (1,), np.float64)
     action_space = spaces.Discrete(2)
-    dt = 0.1
+    control_timestep = 0.1
 
     def __init__(self, keys: tuple[str, ...] = ("success",), *, ends: bool = False) -> None:
         self.keys, self.ends = keys, ends

@@ -19,7 +19,7 @@ class Plant(gym.Env[Any, Any]):
     action_space = spaces.Box(-2.0, 2.0, (2,), np.float64)
     action_names = ("left", "right")
     signals = {"x": "obs[0]", "y": "obs[1]"}  # noqa: RUF012 - as an environment has it
-    dt = 0.1
+    control_timestep = 0.1
 
     def __init__(self) -> None:
         self.parameters = {"gain": 1.0, "from": math.inf}

@@ -38,7 +38,7 @@ class Crew:
     ) -> None:
         self.metadata = {"name": "crew_v0", "render_modes": []}
         self.render_mode = None
-        self.tau = tau
+        self.control_timestep = tau
         self.possible_agents = list(numbers)
         self.agents: list[str] = []
         self.numbers = numbers

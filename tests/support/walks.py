@@ -25,7 +25,7 @@ class Walk(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(-100.0, 100.0, (2,), np.float32)
     action_space = spaces.Discrete(3)
-    dt = 0.5
+    control_timestep = 0.5
 
     def __init__(self, steps: int = 12, goal: float = 3.0, cursed: int | None = None) -> None:
         self._steps, self._goal, self._cursed = steps, goal, cursed

@@ -12,8 +12,8 @@ import rtamt
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import read_period
 from rtamt_gym.search.runs.lanes import NativeLanes
+from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.record import Stop

@@ -39,7 +39,7 @@ class Ramp(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(2, start=1)
-    dt = 0.1
+    control_timestep = 0.1
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

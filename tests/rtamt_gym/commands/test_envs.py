@@ -37,7 +37,7 @@ class Rich(gym.Env[Any, Any]):
         }
     )
     action_space = spaces.Discrete(4)
-    dt = 0.25
+    control_timestep = 0.25
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -117,7 +117,7 @@ def printed(capsys: Output, *arguments: str) -> tuple[list[str], list[list[str]]
 def test_numbers_of_every_kind_are_found_at_every_depth(capsys: Output) -> None:
     assert main(["envs", "RtamtRich-v0"]) == 0
     assert capsys.readouterr().out == (
-        "RtamtRich-v0: a step lasts 0.25 s, says env.unwrapped.dt\n"
+        "RtamtRich-v0: a step lasts 0.25 s, says env.unwrapped.control_timestep\n"
         "an episode has 9 steps at most\n"
         "obs: Dict('arm': Box(shape=(2, 2), dtype=float64), 'lamp': Discrete(3, start=5),\n"
         "  'name': Text(1, 8, charset=ab), 'pair': Tuple(MultiBinary(2), MultiDiscrete([3\n"
@@ -183,7 +183,10 @@ def run_period(env: gym.Env[Any, Any]) -> float:
     simulation: Any = env.unwrapped
     if hasattr(simulation, "config"):
         return 1 / float(simulation.config["policy_frequency"])
-    return float(getattr(simulation, "dt", getattr(simulation, "tau", 1.0)))
+    names = "control_timestep", "dt", "tau"
+    return next(
+        (float(getattr(simulation, name)) for name in names if hasattr(simulation, name)), 1.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -223,6 +226,51 @@ def test_the_length_of_a_step_is_told_with_what_says_it(
     env_id: str, lines: list[str], capsys: Output
 ) -> None:
     assert printed(capsys, env_id)[0] == lines
+
+
+class Stepped(Rich):
+    """An environment that states the times it is given."""
+
+    def __init__(self, **times: Any) -> None:  # noqa: ANN401
+        vars(self).update({"control_timestep": None} | times)
+
+
+@pytest.mark.parametrize(
+    ("times", "lines"),
+    [
+        (
+            ["dt=0.01"],
+            [
+                "RtamtStepped-v0: a step lasts 0.01 s, says env.unwrapped.dt",
+                "nothing verifies that: it may be the time of a physics step, of which an action",
+                "  takes several; for bounds in time give --period in seconds",
+            ],
+        ),
+        (
+            ["dt=0.01", "control_hz=10"],
+            ["RtamtStepped-v0: a step lasts 0.1 s, says env.unwrapped.control_hz"],
+        ),
+        (
+            ["dt=0.1", "tau=0.02"],
+            [
+                "RtamtStepped-v0 does not say how long a step lasts;",
+                "dt (0.1 s) and tau (0.02 s) are different times of a step;",
+                "for bounds in time give --period in seconds, or --period 1 to count steps",
+            ],
+        ),
+    ],
+)
+def test_unverified_and_contradicting_times(
+    times: list[str], lines: list[str], capsys: Output
+) -> None:
+    gym.register("RtamtStepped-v0", Stepped)
+    try:
+        options = [part for each in times for part in ("--env-kwarg", each)]
+        shown, _ = printed(capsys, "RtamtStepped-v0", *options)
+    finally:
+        del gym.registry["RtamtStepped-v0"]
+    assert shown[: len(lines)] == lines
+    assert shown[len(lines)].startswith("obs: ")
 
 
 def test_arguments_of_the_environment_change_what_it_offers(capsys: Output) -> None:

@@ -24,7 +24,7 @@ class Given(gym.Env[Any, Any]):
     options: dict[str, Any]
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(2)
-    dt = 0.1
+    control_timestep = 0.1
 
     def __init__(self, **options: Any) -> None:  # noqa: ANN401
         Given.options = options

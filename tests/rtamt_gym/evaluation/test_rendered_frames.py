@@ -35,7 +35,7 @@ SIGNALS = {"x": "obs[0]"}
 class Shown(Painted):
     """An environment whose pictures have the brightness 3 * step; it counts them."""
 
-    dt = 0.5
+    control_timestep = 0.5
 
     def __init__(self, values: Any, render_mode: str | None = "rgb_array") -> None:  # noqa: ANN401
         super().__init__(values, render_mode=render_mode)

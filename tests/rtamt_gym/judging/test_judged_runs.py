@@ -135,13 +135,10 @@ def test_a_case_that_fails_alone_stays_in_its_row() -> None:
 
 
 def test_a_case_may_change_the_period_that_the_bounds_fit() -> None:
-    class Timed(gym.Wrapper[Any, Any, Any, Any]):
-        dt = 0.3
-
-    env = Timed(gym.make("CartPole-v1"))
-    env.unwrapped.dt = 0.3  # type: ignore[attr-defined]  # it has none of its own
+    env: Any = gym.make("CartPole-v1")
+    env.unwrapped.tau = 0.3
     runner = Runner(env, "eventually[0:0.5](x < 1)", signals={"x": "obs[0]"}, policy=push)
-    trials = dict(runner.run([{"env.dt": 0.25}, {"env.dt": 0.5}, {"env.dt": 0.4}], [1, 2, 3]))
+    trials = dict(runner.run([{"env.tau": 0.25}, {"env.tau": 0.5}, {"env.tau": 0.4}], [1, 2, 3]))
     assert [bool(trials[i].error) for i in range(3)] == [False, False, True]
     assert "0.4" in trials[2].error
 

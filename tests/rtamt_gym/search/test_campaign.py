@@ -47,7 +47,7 @@ class Registered(gym.Env[Any, Any]):
 
     observation_space = gym.spaces.Box(-1e9, 1e9, (2,))
     action_space = gym.spaces.Discrete(1)
-    dt = 1.0
+    control_timestep = 1.0
 
     def __init__(self, reward: float) -> None:
         self._reward = reward

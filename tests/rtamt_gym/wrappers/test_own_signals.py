@@ -32,7 +32,7 @@ class Drift(gym.Env[Any, Any]):
     observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
     signals = OWN
-    dt = 0.5
+    control_timestep = 0.5
 
     def reset(
         self,

@@ -6,6 +6,7 @@ import copy
 import functools
 import pickle
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +15,8 @@ import pytest
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import MaxAndSkipObservation
+from parallel_environments import Crew
+from road_environments import RoadEnv
 from vector_environments import MODES, Make, difference, native, sync, trajectory
 
 from rtamt import InputError, SpecificationError, StateError
@@ -26,7 +29,9 @@ from rtamt_gym import (
     evaluate_policy,
     simulate,
 )
-from rtamt_gym.judging.specs import why_no_period
+from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.signals.periods import why_no_period
 
 pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
 
@@ -122,7 +127,7 @@ def test_many_environments_tell_it_where_episodes_begin(mode: AutoresetMode) -> 
 def test_agents_are_told_it_too() -> None:
     class One:
         possible_agents = agents = ("a",)
-        dt = 0.25
+        control_timestep = 0.25
 
         @property
         def unwrapped(self) -> Any:  # noqa: ANN401
@@ -148,7 +153,7 @@ def test_agents_are_told_it_too() -> None:
     [
         (pole, 0.02, "the steps that its TimeLimit counts"),
         (reacher, 0.02, "data.time"),
-        (highway, 0.2, "time"),
+        (highway, 0.2, "its physics steps"),
     ],
     ids=["counted", "mujoco", "highway"],
 )
@@ -266,17 +271,18 @@ def test_sub_steps_are_compared_with_the_time_of_the_simulation() -> None:
         env.step(env.action_space.sample())
 
 
-def test_only_the_first_steps_are_compared_and_copies_go_on() -> None:
+def test_first_steps_of_each_episode_are_compared() -> None:
     env = StlMonitor(pole(), TIMED, X)
-    env.reset(seed=1)
-    watched = env._feed
-    for step in range(10):
-        assert env._feed is watched
-        env.step(step % 2)
     plain = env._feed
-    assert plain is not watched
-    env.reset(seed=2)
-    assert env._feed is plain
+    for compared in (10, 2, 2):
+        env.reset(seed=1)
+        for step in range(compared):
+            assert env._feed is not plain
+            env.step(step % 2)
+        assert env._feed is plain
+
+
+def test_copies_go_on() -> None:
     early = StlMonitor(pole(), TIMED, X)
     early.reset(seed=1)
     early.step(0)
@@ -300,3 +306,159 @@ def test_a_repeat_action_of_gymnasium_has_no_period() -> None:
         StlMonitor(env, TIMED, X)
     actions(StlMonitor(env, "eventually[0:0.8](x > 1)", X, period=0.08))
     assert issubclass(InputError, Exception)
+
+
+# ---- a period that changes at a reset ----
+
+
+def slower(env: Any) -> None:  # noqa: ANN401
+    """Doubles the time of a step."""
+    simulation = env.unwrapped
+    if hasattr(simulation, "model"):
+        simulation.model.opt.timestep *= 2
+    else:
+        simulation.tau *= 2
+
+
+def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) -> list[str]:  # noqa: ANN401
+    """The warnings of an episode before a change and of some after it."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        warnings.simplefilter("ignore", OpenEndWarning)
+        actions(env, 12)
+        assert not told
+        change()
+        for _ in range(episodes):
+            actions(env, 12)
+    return [str(each.message) for each in told]
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (reacher, "as period= says, got 0.04 s by data.time: bounds last 2 times what they say"),
+        (pole, "which lasted 0.02 s, lasts 0.04 s since this reset; make the monitor again with"),
+    ],
+    ids=["mujoco", "stated"],
+)
+def test_set_period_is_compared_after_every_reset(make: Make, says: str) -> None:
+    wraps: list[Any] = [
+        StlMonitor,
+        functools.partial(StlReward, mode="add"),
+    ]
+    for wrap in wraps:
+        env = wrap(make(), TIMED, X, period=0.02)
+        told = later_warnings(env, lambda: slower(env), episodes=3)  # noqa: B023 - called here
+        assert len(told) == 1
+        assert says in told[0]
+    for mode in MODES:
+        envs: Any = VectorStlMonitor(sync([make] * 2, mode), TIMED, X, period=0.02)
+        second = envs.env.unwrapped.envs[1]
+        told = later_warnings(envs, lambda: slower(second))  # noqa: B023 - called here
+        assert len(told) == 1
+        assert says in told[0]
+
+
+def test_each_change_of_a_set_period_warns() -> None:
+    env = StlMonitor(reacher(), TIMED, X, period=0.02)
+    assert len(later_warnings(env, lambda: slower(env))) == 1
+    slower(env)
+    with pytest.warns(UserWarning, match=r"got 0\.08 s by data\.time"):
+        actions(env, 1)
+    simulation: Any = env.unwrapped
+    simulation.model.opt.timestep, simulation.frame_skip = 0.01, 3
+    with pytest.warns(UserWarning, match=r"got 0\.03 s by data\.time"):
+        actions(env, 1)
+
+
+def test_counted_steps_are_never_compared() -> None:
+    for make in (reacher, pole):
+        env = StlMonitor(make(), TIMED, X, period=1)
+        assert later_warnings(env, lambda: slower(env)) == []  # noqa: B023 - called here
+
+
+def test_configuration_of_a_reset_changes_the_period() -> None:
+    signals = {"x": "obs[0]"}
+    faster = {"config": {"policy_frequency": 5}}
+    env = StlMonitor(RoadEnv(3), "always[0:2](x < 999)", signals, period=1 / 3)
+    env.reset()
+    env.step(0)
+    env.reset(options=faster)
+    with pytest.warns(UserWarning, match=r"got 0\.2 s by its physics steps"):
+        env.step(0)
+    env = StlMonitor(RoadEnv(3), "always[0:2](x < 999)", signals)
+    env.reset()
+    with pytest.raises(StateError, match=r"had at construction, got 0\.2 s"):
+        env.reset(options=faster)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_repeat_of_a_later_episode_is_noticed(mode: AutoresetMode) -> None:
+    env = Repeat(reacher(), times=1)
+    monitor = StlMonitor(env, TIMED, X)
+    actions(monitor, 12)
+    env.times = 3
+    with pytest.raises(StateError, match="bounds last 3 times"):
+        actions(monitor, 1)
+    lanes: list[Repeat] = [Repeat(pole(), times=1) for _ in range(2)]
+    envs: Any = VectorStlMonitor(sync([lambda each=each: each for each in lanes], mode), TIMED, X)
+    trajectory(envs, 40)
+    lanes[1].times = 3
+    with pytest.raises(StateError, match="bounds last 3 times"):
+        trajectory(envs, 40)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_one_of_many_environments_changes_its_period(mode: AutoresetMode) -> None:
+    envs: Any = VectorStlMonitor(sync([pole] * 3, mode), TIMED, X)
+    trajectory(envs, 12)
+    slower(envs.env.unwrapped.envs[2])
+    with pytest.raises(StateError, match=r"had at construction, got 0\.04 s"):
+        trajectory(envs, 60)
+
+
+def test_agents_change_their_period() -> None:
+    read, given = (
+        ParallelStlMonitor(
+            Crew({"a": [0.0, 1.0, 2.0]}, tau=0.5), "always[0:1](x < 9)", {"x": "a: obs[0]"}, **how
+        )
+        for how in ({}, {"period": 0.5})
+    )
+    for env in (read, given):
+        env.reset()
+        env.unwrapped.control_timestep = 0.25
+    with pytest.raises(StateError, match=r"had at construction, got 0\.25 s"):
+        read.reset()
+    with pytest.warns(UserWarning, match=r"which lasted 0\.5 s, lasts 0\.25 s since this reset"):
+        given.reset()
+
+
+@pytest.mark.parametrize(("period", "raises"), [(None, True), (0.02, True), (0.04, False)])
+def test_simulations_change_their_period(period: float | None, raises: bool) -> None:  # noqa: FBT001 - of a table
+    env = pole()
+    runner = Runner(env, TIMED, signals=X, policy=lambda _: 0, period=period)
+    assert [trial.error for _, trial in runner.run([{}] * 2, [1, 2])] == ["", ""]
+    slower(env)
+    slower(env)
+    if raises:
+        ((_, trial),) = runner.run([{}], [3])
+        assert "had at construction, got 0.08 s" in trial.error
+    else:
+        with pytest.warns(UserWarning, match=r"which lasted 0\.02 s, lasts 0\.08 s since"):
+            assert [trial.error for _, trial in runner.run([{}] * 2, [3, 4])] == ["", ""]
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_evaluations_of_many_environments_compare_the_period(mode: AutoresetMode) -> None:
+    makes: list[Make] = [pole, functools.partial(repeated, pole)]
+
+    def play(makes: list[Make], **how: Any) -> Any:  # noqa: ANN401
+        return evaluate_policy(lambda _: 0, sync(makes, mode), TIMED, X, episodes=4, **how)
+
+    with pytest.raises(Exception, match="bounds last 4 times what they say"):
+        play(makes)
+    assert play([pole] * 2).episodes == 4
+    with pytest.warns(UserWarning, match=r"as period= says, got 0\.02 s by data\.time"):
+        evaluate_policy(
+            lambda _: np.zeros(2), sync([reacher], mode), TIMED, X, episodes=2, period=0.1
+        )

@@ -39,7 +39,7 @@ class Distances(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(-9, 9, (1,))
     action_space = spaces.Box(-1, 1, (1,))
-    dt = 0.5
+    control_timestep = 0.5
 
     def __init__(self, length: int = 4, *, at_reset: bool = False, nan_at: int = -1) -> None:
         self.length, self.at_reset, self.nan_at = length, at_reset, nan_at

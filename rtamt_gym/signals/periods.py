@@ -1,0 +1,391 @@
+"""The period of an environment: the seconds between two of its steps, and what states them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from numbers import Real
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
+from gymnasium.wrappers import MaxAndSkipObservation
+
+from rtamt import InputError
+from rtamt.errors import Argument
+from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.signals.simulation_time import clock_of
+
+__all__ = [
+    "StatedTime",
+    "StatedTimes",
+    "ask_another",
+    "conflicting_times",
+    "find_period",
+    "frames_per_action",
+    "read_period",
+    "simulations",
+    "unverified_period",
+    "warn_of_unverified_period",
+    "why_no_period",
+]
+
+AnyEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
+"""An environment, or a vector of them."""
+
+# Gymnasium 1.3 added RepeatAction; RLlib still requires Gymnasium 1.2.
+_SKIPPING: tuple[type[Any], ...] = (
+    MaxAndSkipObservation,
+    getattr(gym.wrappers, "RepeatAction", MaxAndSkipObservation),
+)
+"""The wrappers that make several steps in one."""
+
+_CONTROL_PERIODS = ("control_timestep", "control_dt", "ctrl_dt", "step_dt", "policy_dt")
+_CONTROL_RATES = (
+    "control_hz",
+    "control_freq",
+    "control_frequency",
+    "control_rate",
+    "ctrl_freq",
+    "policy_freq",
+    "policy_frequency",
+)
+"""Names of the time between two actions and of its inverse: the time of a step."""
+
+_STEP_PERIODS = ("dt", "tau")
+"""Names that mean the time of a step in some environments and of a physics step in others."""
+
+_PHYSICS_PERIODS = ("sim_dt", "physics_dt", "sim_timestep", "physics_timestep", "model_timestep")
+_PHYSICS_RATES = (
+    "sim_hz",
+    "sim_freq",
+    "sim_frequency",
+    "simulation_frequency",
+    "physics_freq",
+    "physics_hz",
+)
+"""Names of the time of a physics step and of its inverse."""
+
+_NAMES = _CONTROL_PERIODS + _CONTROL_RATES + _STEP_PERIODS + _PHYSICS_PERIODS + _PHYSICS_RATES
+
+_SLACK = 1e-6
+"""Relative difference between two times that counts as rounding; some are 32-bit floats."""
+
+_TESTED = ("gymnasium.envs.", "rtamt_envs.", "rtamt_gym.benchmarks.")
+"""Packages in whose environments ``dt`` and ``tau`` are the time of a step, as tests verify."""
+
+
+class StatedTime(NamedTuple):
+    """A time that an environment states.
+
+    Attributes:
+        name: The attribute, or the entry of ``config``.
+        period: The time in seconds.
+    """
+
+    name: str
+    period: float
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.period:g} s)"
+
+
+class _Stated(NamedTuple):
+    """The period that an environment states, or why there is none.
+
+    Attributes:
+        time: The time of a step; None if it is not known.
+        assumed: Whether it is a ``dt`` or ``tau`` alone, which may be the time of a physics step.
+        conflict: The times that contradict each other, as a sentence; empty without a conflict.
+    """
+
+    time: StatedTime | None = None
+    assumed: bool = False
+    conflict: str = ""
+
+
+def read_period(env: AnyEnv) -> float | None:
+    """Read the seconds between two steps of an environment; None if they are not known.
+
+    The control rate of the environment comes first, such as ``control_hz`` or
+    ``control_timestep``, as an attribute or an entry of ``unwrapped.config``. In highway-env a step
+    lasts ``(simulation_frequency // policy_frequency) / simulation_frequency`` seconds. Without a
+    control rate, the period is ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot) or ``unwrapped.tau``
+    (CartPole). If ``unwrapped`` has none of these, and holds one environment that takes the same
+    actions (PointMaze, AntMaze), its period counts. ``metadata["render_fps"]`` is the frame rate of
+    the pictures, not the rate of the samples: Pendulum renders 30 frames and makes 20 steps a
+    second.
+
+    A `SyncVectorEnv` has the period of its environments; `ask_another` reads the period of an
+    `AsyncVectorEnv`. The period is not known below a `MaxAndSkipObservation` or a `RepeatAction`,
+    which make several steps in one, nor where the times that the environment states contradict
+    each other; `why_no_period` names the reason.
+
+    Raises:
+        InputError: If the environments of a `SyncVectorEnv` have different periods, or if an
+            environment of highway-env makes no physics step in an action.
+    """
+    simulation = env.unwrapped
+    if isinstance(simulation, AsyncVectorEnv) or _skips(env):
+        return None
+    if isinstance(simulation, SyncVectorEnv):
+        periods = {read_period(each) for each in simulation.envs}
+        if len(periods) > 1:
+            raise InputError(
+                f"expected environments of one period, got {', '.join(sorted(map(str, periods)))} "
+                f"s in {simulation}; give ",
+                Argument("period"),
+                ", or ",
+                Argument("period", 1),
+                " to count steps",
+            )
+        return periods.pop()
+    found = find_period(simulation)
+    return None if found is None else found[0]
+
+
+def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
+    """Return the seconds between two steps of a simulation and what states them, or None."""
+    for path, inner in simulations(simulation):
+        stated = _stated(inner)
+        if stated.time is not None:
+            return stated.time.period, f"{path}{stated.time.name}"
+        if stated.conflict:
+            return None
+    return None
+
+
+def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - any environment
+    """Yield an environment, and the environment that it holds and whose actions it takes.
+
+    Each comes with its path, which is empty or ends with a dot. An environment that takes other
+    actions, as below a hierarchy of policies, may step more often.
+    """
+    yield "", simulation
+    inside = [
+        (name, held)
+        for name, held in getattr(simulation, "__dict__", {}).items()
+        if isinstance(held, gym.Env) and held is not simulation
+    ]
+    if len(inside) != 1:
+        return
+    ((name, held),) = inside
+    if _skips(held) or held.action_space != getattr(simulation, "action_space", None):
+        return
+    path = name if held.unwrapped is held else f"{name}.unwrapped"
+    yield f"{path}.", held.unwrapped
+
+
+def ask_another(env: AnyEnv) -> float | None:
+    """Read the period of an `AsyncVectorEnv` from another environment; None for all other forms.
+
+    Its environments cannot be asked: they are shut down when they lack an attribute. So the first
+    of the functions that made them makes another, in this process, as the vector environment
+    itself does at construction; it is not reset, and closed at once. That takes the time and
+    memory of an environment. Environments of different periods are not noticed.
+    """
+    simulation = env.unwrapped
+    if not isinstance(simulation, AsyncVectorEnv):
+        return None
+    try:
+        another = simulation.env_fns[0]()
+    except Exception as error:
+        error.add_note(f"when another environment of {simulation} was made, to read its period;")
+        error.add_note("give period=, which needs none")
+        raise
+    try:
+        warn_of_unverified_period(another)
+        return read_period(another)
+    finally:
+        another.close()
+
+
+def why_no_period(env: AnyEnv) -> str:
+    """Return where the period of an environment was looked for, or why it is not known."""
+    if skipping := _skips(env):
+        return f"a {skipping} makes several steps in one"
+    simulation = env.unwrapped
+    many = isinstance(simulation, AsyncVectorEnv | SyncVectorEnv)
+    one = simulation.envs[0].unwrapped if isinstance(simulation, SyncVectorEnv) else simulation
+    if conflict := conflicting_times(one):
+        return conflict
+    lacking = "there is no dt, tau or config['policy_frequency']"
+    if many:
+        return f"{lacking} in its environments, or in an environment inside these"
+    return f"{lacking} in it, or in an environment inside it"
+
+
+def conflicting_times(simulation: Any) -> str:  # noqa: ANN401
+    """Return which times of a step contradict each other, as a clause; empty without a conflict."""
+    for path, inner in simulations(simulation):
+        if conflict := _stated(inner).conflict:
+            return f"in {path.removesuffix('.')}, {conflict}" if path else conflict
+    return ""
+
+
+def warn_of_unverified_period(env: Any) -> None:  # noqa: ANN401 - an environment, of whatever form
+    """Warn if the period of an environment is an `unverified_period`."""
+    time = unverified_period(env)
+    if time is not None:
+        warnings.warn(
+            f"a step of {type(env.unwrapped).__name__} is taken to last {time.period:g} s, its "
+            f"{time.name}, which nothing verifies: in some simulators {time.name} is the time of a "
+            "physics step, of which an action takes several. Set period= to the seconds between "
+            "two actions",
+            UserWarning,
+            stacklevel=caller_level(),
+        )
+
+
+def unverified_period(env: Any) -> StatedTime | None:  # noqa: ANN401 - an environment, of whatever form
+    """Return the period of an environment if it is a ``dt`` or ``tau`` that nothing verifies.
+
+    In many simulators ``dt`` is the time of a physics step, of which an action takes several. A
+    control rate or a clock of the simulation verifies it, and the environments of Gymnasium are
+    known.
+    """
+    simulation = env.unwrapped
+    if isinstance(simulation, SyncVectorEnv):
+        simulation = simulation.envs[0].unwrapped
+    elif isinstance(simulation, VectorEnv):  # `PufferVectorEnv` may hold one of its environments
+        one = getattr(simulation, "one", None)
+        simulation = simulation if one is None else one.unwrapped
+    for path, inner in simulations(simulation):
+        if clock_of(inner) is not None:
+            return None
+        time, assumed, _ = _stated(inner)
+        if time is not None:
+            made_by = getattr(getattr(type(inner), "step", None), "__module__", "")
+            known = not assumed or made_by.startswith(_TESTED)
+            return None if known else StatedTime(f"{path}{time.name}", time.period)
+    return None
+
+
+class StatedTimes:
+    """The attributes of an environment on which its period depends, quick to read again.
+
+    Args:
+        env: The environment; which attributes it has is read now.
+    """
+
+    def __init__(self, env: AnyEnv) -> None:
+        inside = [inner for _, inner in simulations(env.unwrapped)]
+        named = [each for name in _NAMES for each in _spellings(name)]
+        self._named = [
+            (inner, name)
+            for inner in inside
+            for name in named
+            if getattr(inner, name, None) is not None
+        ]
+        self._configured = [
+            (inner, name)
+            for inner in inside
+            if isinstance(getattr(inner, "config", None), Mapping)
+            for name in _NAMES
+            if name in inner.config
+        ]
+
+    def read(self) -> list[float | None]:
+        """Return their values now."""
+        return [
+            *(_attribute(inner, name) for inner, name in self._named),
+            *(_positive(inner.config.get(name)) for inner, name in self._configured),
+        ]
+
+
+def frames_per_action(config: Mapping[str, Any]) -> int | None:
+    """Return the physics steps of an action in highway-env; None for other configurations.
+
+    Raises:
+        InputError: If there are none, because the policy is faster than the simulation.
+    """
+    policy = _positive(config.get("policy_frequency"))
+    simulation = _positive(config.get("simulation_frequency"))
+    if policy is None or simulation is None:
+        return None
+    frames = int(simulation // policy)
+    if not frames:
+        raise InputError(
+            f"config['policy_frequency'] is {policy:g} Hz and config['simulation_frequency'] is "
+            f"{simulation:g} Hz, so an action makes no physics step and nothing moves. Set "
+            f"simulation_frequency to {policy:g} or more"
+        )
+    return frames
+
+
+def _stated(simulation: Any) -> _Stated:  # noqa: ANN401
+    """Read every time that an environment states, and compare them."""
+    config = getattr(simulation, "config", None)
+    config = config if isinstance(config, Mapping) else {}
+    frames = frames_per_action(config)
+    if frames is not None:
+        time = frames / float(config["simulation_frequency"])
+        controls = [StatedTime("config['policy_frequency']", time)]
+        physics = _times(simulation, {}, _STEP_PERIODS)
+    else:
+        controls = _times(simulation, config, _CONTROL_PERIODS, _CONTROL_RATES)
+        physics = _times(simulation, config, (*_STEP_PERIODS, *_PHYSICS_PERIODS), _PHYSICS_RATES)
+    steps = [each for each in physics if each.name in _STEP_PERIODS]
+    if not controls and not steps:
+        return _Stated()
+    first, *others = controls or steps
+    for other in others:
+        if not math.isclose(first.period, other.period, rel_tol=_SLACK):
+            return _Stated(conflict=f"{first} and {other} are different times of a step")
+    for each in physics if controls else ():
+        count = first.period / each.period
+        if not round(count) or not math.isclose(count, round(count), rel_tol=_SLACK):
+            return _Stated(
+                conflict=f"{first} is not a multiple of {each}, so the time of a step depends on "
+                "how the environment rounds"
+            )
+    return _Stated(first, assumed=not controls)
+
+
+def _times(
+    simulation: Any,  # noqa: ANN401
+    config: Mapping[str, Any],
+    periods: tuple[str, ...],
+    rates: tuple[str, ...] = (),
+) -> list[StatedTime]:
+    """Read the times of these names from attributes, where most may be in capitals, and ``config``.
+
+    A ``dt`` in a configuration may be anything, and is not read.
+    """
+    times = []
+    for name in (*periods, *rates):
+        values = {each: _attribute(simulation, each) for each in _spellings(name)}
+        if name not in _STEP_PERIODS:
+            values[f"config[{name!r}]"] = _positive(config.get(name))
+        for at, number in values.items():
+            if number is not None:
+                times.append(StatedTime(at, 1.0 / number if name in rates else number))
+    return times
+
+
+def _spellings(name: str) -> tuple[str, ...]:
+    return (name,) if name in _STEP_PERIODS else (name, name.upper())
+
+
+def _attribute(simulation: Any, name: str) -> float | None:  # noqa: ANN401
+    value = getattr(simulation, name, None)
+    if name == "control_timestep" and callable(value):  # as in dm_control
+        value = value()
+    return _positive(value)
+
+
+def _skips(env: AnyEnv) -> str:
+    """Return the name of the wrapper that makes several steps in one, or an empty string."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, _SKIPPING):
+            return type(env).__name__
+        env = env.env
+    return ""
+
+
+def _positive(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    number = float(value)
+    return number if 0.0 < number < math.inf else None
