@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Protocol
 import gymnasium as gym
 from gymnasium.wrappers import TimeLimit
 
-__all__ = ["Clock", "StepCount", "clock_of"]
+__all__ = ["SimulationClock", "StepCount", "clock_of"]
 
 
-class Clock(Protocol):
+class SimulationClock(Protocol):
     """The time of a simulation.
 
     Attributes:
@@ -76,7 +76,7 @@ class StepCount:
         return (self.limit._elapsed_steps or 0) * self.period  # noqa: SLF001 - no public count
 
 
-def clock_of(simulation: Any) -> Clock | None:  # noqa: ANN401 - an environment without wrappers
+def clock_of(simulation: Any) -> SimulationClock | None:  # noqa: ANN401 - an environment without wrappers
     """Return the time of a simulation of MuJoCo or highway-env; None for all others."""
     mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
     if mujoco is not None and isinstance(getattr(simulation, "data", None), mujoco.MjData):

@@ -14,7 +14,7 @@ from rtamt import StateError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.signals.periods import StatedTimes, simulations
-from rtamt_gym.signals.simulation_time import Clock, StepCount, clock_of
+from rtamt_gym.signals.simulation_time import SimulationClock, StepCount, clock_of
 
 __all__ = ["AGAIN", "STEPS", "ReadPeriod", "StepTime", "StepTimes"]
 
@@ -75,7 +75,7 @@ class StepTime:
         # Quicker to read at every reset than the period itself.
         self._times = StatedTimes(env)
         self._values = None if stated is None else self._times.read()
-        self._clock: Clock | None = None
+        self._clock: SimulationClock | None = None
         self._counts_steps = period == 1.0 and not was_read
         if not self._counts_steps:
             inside = [clock_of(each) for _, each in simulations(env.unwrapped)]

@@ -16,7 +16,7 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from rtamt_gym.signals.simulation_time import clock_of
 
-__all__ = ["clock_times", "is_rebuilt"]
+__all__ = ["clock_times", "is_rebuilt", "is_restored"]
 
 
 def clock_times(env: Any) -> list[float]:  # noqa: ANN401 - an environment, of whatever form
@@ -32,10 +32,24 @@ def is_rebuilt(env: Any, times: list[float]) -> bool:  # noqa: ANN401 - an envir
         env: The copy.
         times: The `clock_times` of the original.
     """
-    for level in _levels(env):
-        if getattr(type(level), "__setstate__", None) is EzPickle.__setstate__:
-            return True
-    return clock_times(env) != times
+    return any(map(_starts_again, _levels(env))) or clock_times(env) != times
+
+
+def is_restored(env: Any, times: list[float]) -> bool:  # noqa: ANN401 - an environment, of whatever form
+    """Whether a copy that was rebuilt has got the state of its original since, as its clocks show.
+
+    Args:
+        env: The copy.
+        times: The `clock_times` of the original; a time of 0 shows nothing.
+    """
+    rebuilt = [level for level in _levels(env) if _starts_again(level)]
+    have_clocks = all(clock_of(level) is not None for level in rebuilt)
+    return have_clocks and all(times) and clock_times(env) == times
+
+
+def _starts_again(level: Any) -> bool:  # noqa: ANN401
+    """Whether copying calls the constructor again."""
+    return getattr(type(level), "__setstate__", None) is EzPickle.__setstate__
 
 
 def _levels(env: Any, seen: set[int] | None = None) -> Iterator[Any]:  # noqa: ANN401

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NoReturn, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -173,12 +173,13 @@ class EpisodeMonitoring(Monitoring):
             for each in self._signals
         ]
 
-    def _refuse_step(self) -> NoReturn:
-        self._refuse_copy()
-        raise StateError(
-            "expected a running episode, got step() before reset() or after the end of the "
-            "episode; call reset()"
-        )
+    def _resume(self) -> None:
+        """Go on with the episode of a copy, or refuse a step without an episode."""
+        if not self._resumes():
+            raise StateError(
+                "expected a running episode, got step() before reset() or after the end of the "
+                "episode; call reset()"
+            )
 
     def _how_to_end(self) -> str:
         """What a verdict on all specifications, certain before any end, does to the episode."""

@@ -287,7 +287,7 @@ class StlMonitor(
         states = panel.describe() if self._details else None
         told = panel.of_instant, panel.least_progress, self._told_period
         info = step_info(info, *found, states, None, *told)
-        self._running, self._rebuilt = True, False
+        self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()
             obs = self._observed(obs, values)
@@ -311,7 +311,7 @@ class StlMonitor(
                 the time of the simulation, and a specification has bounds.
         """
         if not self._running:
-            self._refuse_step()
+            self._resume()
         panel, feed = self._panel, self._feed  # self._feed() would be looked up as a method first
         if self._substeps:
             self._running = False  # until it is sure that no sample is missing

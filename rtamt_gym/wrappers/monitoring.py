@@ -41,7 +41,7 @@ from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import ReadPeriod, StepTime
 from rtamt_gym.signals.taps import rescaling, tapped
 from rtamt_gym.wrappers.books import counts_episodes
-from rtamt_gym.wrappers.copies import clock_times, is_rebuilt
+from rtamt_gym.wrappers.copies import clock_times, is_rebuilt, is_restored
 from rtamt_gym.wrappers.observing import Observing
 from rtamt_gym.wrappers.vector_forms import PufferVectorEnv, is_pool
 
@@ -118,8 +118,8 @@ class Monitoring(Observing):
     _beneath: Any
     """What has shown the samples that are read, if not the environment in the wrapper."""
     _running = False  # whether an episode runs
-    _rebuilt = False
-    """Whether it is a copy in mid-episode whose environment has lost the episode."""
+    _lost: list[float] | None = None
+    """In a copy whose environment has lost the episode, the times of the original's clocks."""
     _next: ChangedConstants | None = None
     """What the next reset changes."""
     _warned_of_unseen_end = False
@@ -402,17 +402,26 @@ class Monitoring(Observing):
         self.__dict__.update(state)
         times = self.__dict__.pop("_clock_times")
         if self._running and is_rebuilt(self.env, times):
-            self._running, self._rebuilt = False, True
+            self._running, self._lost = False, times
         self._bind_signals()
 
-    def _refuse_copy(self) -> None:
-        """Refuse a step of a copy whose environment has lost the episode."""
-        if self._rebuilt:
+    def _resumes(self) -> bool:
+        """Whether a step may go on with the episode of a copy.
+
+        Raises:
+            StateError: If the environment of the copy has lost the episode.
+        """
+        if self._lost is None:
+            return False
+        if not is_restored(self.env, self._lost):
             raise StateError(
                 f"expected reset() before step(): this is a copy in mid-episode, and copying "
                 f"{self.env.unwrapped} builds it again from the arguments of its constructor, so "
-                "the simulation has lost the episode that the monitor has seen; call reset()"
+                "the simulation has lost the episode that the monitor has seen; call reset(), or "
+                "restore the state of the simulation with its time"
             )
+        self._running, self._lost = True, None
+        return True
 
     def _bind_signals(self) -> None:
         """Makes the functions that read this environment."""

@@ -209,7 +209,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         found = self._feed_reset(obs, None, None, infos)
         self._panel.begin()
         infos = self._inform(self.env.agents, infos, *found, period=self._told_period)
-        self._running, self._rebuilt = True, False
+        self._running, self._lost = True, None
         return obs, infos
 
     def step(
@@ -222,7 +222,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             InputError: If a signal is nan or cannot be read; the episode is over then.
         """
         if not self._running:
-            self._refuse_step()
+            self._resume()
         panel, env = self._panel, self.env
         here = [*env.agents]
         obs, rewards, terminations, truncations, infos = env.step(actions)

@@ -325,7 +325,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._report_period(infos, lanes)
         if self._done is not None:
             self._done = _some(self._done & ~lanes)
-        self._running, self._rebuilt = True, False
+        self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()
             obs = self._observed(obs, values)
@@ -444,8 +444,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
 
     def _begun(self) -> Lanes | None:
         """The environments that the next step resets; None if none."""
-        if not self._running:
-            self._refuse_copy()
+        if not self._running and not self._resumes():
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
             raise StateError(

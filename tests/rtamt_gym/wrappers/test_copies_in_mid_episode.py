@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from environments import restored
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from gymnasium.vector import SyncVectorEnv
@@ -198,6 +199,29 @@ def test_copy_between_episodes_has_the_usual_error(copied: Copy) -> None:
         pass
     with pytest.raises(StateError, match=r"got step\(\) before reset\(\) or after the end"):
         act(copied(env))
+
+
+@copies
+def test_restored_copy_goes_on(copied: Copy) -> None:
+    def lanes() -> Any:  # noqa: ANN401
+        return VectorStlMonitor(SyncVectorEnv([reacher] * 2), SPEC, SIGNALS)
+
+    for env in (monitored(reacher), lanes()):
+        inside = [env] if isinstance(env, StlMonitor) else env.env.unwrapped.envs
+        env.reset(seed=1)
+        with pytest.raises(StateError, match="restore the state of the simulation with its time"):
+            act(copied(env))
+        for _ in range(3):
+            act(env)
+        twin = copied(env)
+        others = [twin] if isinstance(env, StlMonitor) else twin.env.unwrapped.envs
+        restored(others[0], inside[0])
+        if len(others) > 1:
+            with pytest.raises(StateError, match="this is a copy in mid-episode"):
+                act(twin)
+            restored(others[1], inside[1])
+        for _ in range(3):
+            assert difference(act(twin), act(env)) == ""
 
 
 def test_lost_episode_is_not_recorded() -> None:
