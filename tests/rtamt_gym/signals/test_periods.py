@@ -311,7 +311,8 @@ def stating(**times: Any) -> Any:  # noqa: ANN401 - an environment with attribut
     ids=str,
 )
 def test_control_rate_precedes_physics_step(times: Any, period: float, name: str) -> None:  # noqa: ANN401
-    assert find_period(stating(**times)) == (pytest.approx(period), name)
+    found: Any = find_period(stating(**times))
+    assert found == (pytest.approx(period), name)
 
 
 @pytest.mark.parametrize(

@@ -418,12 +418,11 @@ def test_one_of_many_environments_changes_its_period(mode: AutoresetMode) -> Non
 
 
 def test_agents_change_their_period() -> None:
-    read, given = (
-        ParallelStlMonitor(
-            Crew({"a": [0.0, 1.0, 2.0]}, tau=0.5), "always[0:1](x < 9)", {"x": "a: obs[0]"}, **how
-        )
-        for how in ({}, {"period": 0.5})
-    )
+    def wrapped(**how: Any) -> Any:  # noqa: ANN401
+        crew = Crew({"a": [0.0, 1.0, 2.0]}, tau=0.5)
+        return ParallelStlMonitor(crew, "always[0:1](x < 9)", {"x": "a: obs[0]"}, **how)
+
+    read, given = wrapped(), wrapped(period=0.5)
     for env in (read, given):
         env.reset()
         env.unwrapped.control_timestep = 0.25
