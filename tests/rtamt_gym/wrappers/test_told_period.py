@@ -348,7 +348,7 @@ def test_set_period_is_compared_after_every_reset(make: Make, says: str) -> None
     ]
     for wrap in wraps:
         env = wrap(make(), TIMED, X, period=0.02)
-        told = later_warnings(env, lambda: slower(env), episodes=3)  # noqa: B023 - called here
+        told = later_warnings(env, functools.partial(slower, env), episodes=3)
         assert len(told) == 1
         assert says in told[0]
     for mode in MODES:
@@ -400,8 +400,9 @@ def test_repeat_of_a_later_episode_is_noticed(mode: AutoresetMode) -> None:
     env.times = 3
     with pytest.raises(StateError, match="bounds last 3 times"):
         actions(monitor, 1)
-    lanes: list[Repeat] = [Repeat(pole(), times=1) for _ in range(2)]
-    envs: Any = VectorStlMonitor(sync([lambda each=each: each for each in lanes], mode), TIMED, X)
+    lanes = [Repeat(pole(), times=1) for _ in range(2)]
+    makes: list[Make] = [lambda: lanes[0], lambda: lanes[1]]
+    envs: Any = VectorStlMonitor(sync(makes, mode), TIMED, X)
     trajectory(envs, 40)
     lanes[1].times = 3
     with pytest.raises(StateError, match="bounds last 3 times"):
