@@ -95,7 +95,7 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
 def _variables_2(root: Element, description: Description) -> None:
     parent = SubElement(root, "ModelVariables")
     for each in description.variables:
-        scalar = SubElement(parent, "ScalarVariable", _attributes(each, description.step))
+        scalar = SubElement(parent, "ScalarVariable", _attributes(each))
         SubElement(scalar, _TYPES[2][each.kind], {**_limits(each), **_start(each)})
     structure = SubElement(root, "ModelStructure")
     places = {str(i): each for i, each in enumerate(description.variables, 1)}
@@ -118,7 +118,7 @@ def _variables_3(root: Element, description: Description) -> None:
         unit="s",
     )
     for each in description.variables:
-        attributes = {**_attributes(each, description.step), **_limits(each), **_start(each)}
+        attributes = {**_attributes(each), **_limits(each), **_start(each)}
         SubElement(parent, _TYPES[3][each.kind], attributes)
     structure = SubElement(root, "ModelStructure")
     places = {str(each.reference): each for each in description.variables}
@@ -143,10 +143,11 @@ def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
     return {"Output": "", "InitialUnknown": " ".join(constants)}
 
 
-def _attributes(variable: UnitVariable, step: float | None) -> dict[str, str]:
-    # An importer may interpolate continuous inputs, which would add values between samples.
+def _attributes(variable: UnitVariable) -> dict[str, str]:
+    # Inputs hold their values between samples or events. An importer may interpolate continuous
+    # inputs, which adds values that nobody recorded, and may step over their events.
     variability, initial = {
-        "input": ("continuous" if step is None else "discrete", None),
+        "input": ("discrete", None),
         "output": ("discrete", "calculated"),
         "parameter": ("fixed", "exact"),
         "local": ("constant", "exact"),

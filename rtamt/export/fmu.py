@@ -47,8 +47,11 @@ def export_fmu(
     A constant in a bound of an interval gives the monitor its form, so it can be read, not set;
     constants that no formula uses are left out.
 
+    Inputs are discrete in the model description, so that importers hold their values and do not
+    interpolate.
+
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its begin. Robustness, bounds and verdict are to the bit what `DenseEpisodeMonitor` says after
+    its start. Robustness, bounds and verdict are to the bit what `DenseEpisodeMonitor` says after
     these events; a named formula is what `DenseMonitor` has settled of it last, or, where that
     cannot wait, what `DenseEpisodeMonitor` says of it.
 

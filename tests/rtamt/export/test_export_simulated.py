@@ -12,7 +12,7 @@ from fmpy import simulate_fmu
 from fmus import library, write_fmu
 from numpy.typing import NDArray
 
-from rtamt import EpisodeMonitor, Monitor, Verdict, export_fmu, judge, parse
+from rtamt import DenseEpisodeMonitor, EpisodeMonitor, Monitor, Verdict, export_fmu, judge, parse
 from rtamt.export import Fmi
 
 TEXT = """
@@ -85,6 +85,36 @@ def test_pulse_of_one_sample_is_seen(tmp_path: Path, fmi: Fmi, pulse: int) -> No
     assert judgement.verdict is Verdict.VIOLATED
     assert found["verdict"][-1] == -1
     assert identical([float(found["robustness"][-1])], [judgement.robustness])
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(
+    "text", ["always(x < 1)", "always(x > 0 implies eventually[0:0.02](y > 0))"]
+)
+@pytest.mark.parametrize("seed", range(4))
+def test_dense_monitor_sees_events_between_steps(
+    tmp_path: Path, fmi: Fmi, text: str, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    instants = np.sort(rng.permutation(989)[:40] + 1)
+    times = [0.0, *(float(f"{k / 1000:.3f}") for k in instants)]
+    rows = [(t, *(rng.random(2) < (0.03, 0.5)).astype(float)) for t in times]
+    rows.append((0.99, 0.0, 1.0 - rows[-1][2]))
+    export_fmu(text, tmp_path / "monitor.fmu", dense=True, fmi=fmi)
+    outputs = ("robustness", "lower", "upper", "verdict")
+    found = simulate_fmu(
+        tmp_path / "monitor.fmu",
+        input=np.array(rows, dtype=[(name, np.float64) for name in ("time", "x", "y")]),
+        stop_time=1.0,
+        output_interval=0.1,
+        output=outputs,
+    )
+    monitor = DenseEpisodeMonitor(text)
+    for t, x, y in rows:
+        values = {"x": x, "y": y}
+        monitor.update({name: [(t, values[name])] for name in monitor.variables})
+    expected = [monitor.robustness, monitor.lower, monitor.upper, float(monitor.verdict)]
+    assert identical([float(found[name][-1]) for name in outputs], expected)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
