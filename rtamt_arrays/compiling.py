@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rtamt import Align, Formula, Period, Specification
 from rtamt.language.parser import as_specification
-from rtamt.program.lowering import compile_program
+from rtamt.program.lowering import compile_program, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import as_align, as_period
 
@@ -24,6 +24,7 @@ def program_of(spec: Spec, period: Period | None, align: Align | None, *, online
         online: Whether a future without an end is refused.
     """
     specification = as_specification(spec)
+    refuse_rates(specification, "rtamt_arrays")
     program = compile_program(
         specification, as_period(period), align=as_align(align), online=online
     )

@@ -15,7 +15,7 @@ from rtamt.language.ranges import is_whole, range_text
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.options import Spec, checked_end
-from rtamt.program.lowering import compile_program
+from rtamt.program.lowering import compile_program, refuse_rates
 from rtamt.program.timing import Period, as_period
 
 __all__ = ["impossible", "named_requirements", "prepared"]
@@ -44,6 +44,8 @@ def prepared(
     seconds = as_period(period)
     assumed = None if assume is None else as_specification(assume)
     every = [*named.values(), *([assumed] if assumed else [])]
+    for spec in every:
+        refuse_rates(spec, "symbolic checking")
     whole = {
         name
         for spec in every

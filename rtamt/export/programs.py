@@ -27,6 +27,7 @@ from rtamt.program.encoding import (
     encoded_terms,
 )
 from rtamt.program.instructions import Const
+from rtamt.program.lowering import refuse_rates
 from rtamt.program.memory import limit_discrete, limit_episode
 from rtamt.program.placement import place
 from rtamt.program.polarity import positive
@@ -85,6 +86,7 @@ def sampled_programs(
     caller: Callable[..., object], spec: Specification, period: Period, options: SampleOptions
 ) -> Programs:
     """The programs of a unit that takes samples; ``spec`` has traced constants."""
+    refuse_rates(spec, "an exported monitor")
     *_, seconds, program = compiled(caller, spec, period, options, online=False)
     step = Fraction(seconds or 1)
     running = program.running(*program.specification.formulas.values())

@@ -49,7 +49,7 @@ class LaneReader:
     def values(self, values: ArrayLike) -> Floats:
         """The values as a contiguous array of shape (lanes, variables), copied only if need be."""
         table = array_of_numbers(values, "the lanes")
-        names = self._program.variables
+        names = self._program.inputs
         if table.shape != (self._num, len(names)):
             hint = "; lanes that a mask leaves out have rows too"
             raise wrong_shape(table, str(self._num), names, "a row for each lane and ", hint)

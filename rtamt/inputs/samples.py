@@ -29,6 +29,7 @@ from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbe
 from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
+from rtamt.inputs.rates import Rates
 from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program
 from rtamt.program.ranges import of_ends, ranges_of
@@ -65,6 +66,8 @@ class SampleReader:
         bounds: Whether what reads the samples gives bounds, so that they need not be known.
 
     Attributes:
+        variables: The variables that a caller gives, in order.
+        rates: Computes the values that follow them in each sample.
         intervals_fit: Whether there is memory for samples that are not known; else they are
             refused.
 
@@ -74,7 +77,7 @@ class SampleReader:
 
     __slots__ = (
         *("_known", "_messages", "_where"),
-        *("bounds", "intervals_fit", "nan", "program", "variables"),
+        *("bounds", "intervals_fit", "nan", "program", "rates", "variables"),
     )
 
     def __init__(
@@ -87,11 +90,12 @@ class SampleReader:
     ) -> None:
         self.nan: NanPolicy = _checked(nan, bounds=bounds)
         self.program = program
-        self.variables = program.variables
+        self.variables = program.inputs
+        self.rates = Rates(program)
         self.bounds = bounds
         self.intervals_fit = True
-        self._known = frozenset(program.variables)
-        self._messages = Messages(program.specification, program.variables)
+        self._known = frozenset(self.variables)
+        self._messages = Messages(program.specification, self.variables)
         self._where = "" if lane is None else f" of lane {lane}"
 
     def read(
@@ -123,7 +127,7 @@ class SampleReader:
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
                     break
             else:
-                return cast("SampleValues", list(args))
+                return self._with_rates(cast("SampleValues", list(args)), previous)
         if args and named:
             raise InputError("expected values by position or by keyword, got both")
         if not args:
@@ -140,7 +144,12 @@ class SampleReader:
                 f"expected {_count(self.variables)} ({', '.join(self.variables)}), "
                 f"got {len(counted)}"
             )
-        return self._sample(counted, sample, previous)
+        return self._with_rates(self._sample(counted, sample, previous), previous)
+
+    def _with_rates(
+        self, values: SampleValues, previous: Sequence[float | Between]
+    ) -> SampleValues:
+        return values + self.rates.of_sample(values, previous) if self.rates else values
 
     def _sample(
         self, values: Sequence[object], sample: int, previous: Sequence[float | Between]
@@ -208,7 +217,7 @@ class SampleReader:
             names: The variables that have a value.
             previous: The sample before; empty if there is none.
         """
-        held = dict(zip(self.variables, previous, strict=True)) if len(previous) else {}
+        held = dict(zip(self.variables, previous, strict=False))  # rates follow
         defaults: Mapping[str, float] = self.program.specification.defaults
         return {v: held.get(v, defaults[v]) for v in self.variables if v in defaults.keys() - names}
 
@@ -275,6 +284,19 @@ class SampleReader:
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
+        given, length = self._given(data, sample, previous, n=n, extra=extra)
+        return given + self.rates.of_columns(given, previous), length
+
+    def _given(
+        self,
+        data: TraceColumns,
+        sample: int = 0,
+        previous: Sequence[float] = (),
+        *,
+        n: int | None = None,
+        extra: bool = False,
+    ) -> tuple[list[Floats], int]:
+        """The columns of the variables without the rates."""
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
@@ -331,19 +353,34 @@ class SampleReader:
                 {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}
                 for end in ("lower", "upper")
             ]
-        found = [self.columns(half, n=n, extra=extra) for half in halves]
+        found = [self._given(half, n=n, extra=extra) for half in halves]
         (lower, length), (upper, _) = found[0], found[-1]
         if self.nan != "unknown" and upper is not lower:
-            lower, upper = self.without_nan(lower), self.without_nan(upper)
+            lower, upper = self._filled(lower), self._filled(upper)
         if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
             upper = [np.where(np.isnan(column), np.inf, column) for column in upper]
             lower = [np.where(np.isnan(column), -np.inf, column) for column in lower]
-        return lower, upper, length
+        if not self.rates:
+            return lower, upper, length
+        if upper is lower:
+            lower = upper = lower + self.rates.of_columns(lower)
+            return lower, upper, length
+        least, greatest = self.rates.of_bounds(lower, upper)
+        return lower + least, upper + greatest, length
 
     def without_nan(
         self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
     ) -> list[Floats]:
         """The columns with the last value in place of each nan, or the error that refuses it."""
+        given = list(columns[: len(self.variables)])
+        filled = self._filled(given, sample, previous)
+        if all(held is column for held, column in zip(filled, given, strict=True)):
+            return list(columns)
+        return filled + self.rates.of_columns(filled, previous)
+
+    def _filled(
+        self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
+    ) -> list[Floats]:
         return [
             self._without_nan(column, name, sample, previous[i : i + 1])
             for i, (name, column) in enumerate(zip(self.variables, columns, strict=True))
@@ -388,7 +425,7 @@ class SampleReader:
 
     def refuse(self, values: Sequence[float | Between], sample: int) -> NoReturn:
         """Raise the error that names the first variable or term which is nan at a sample."""
-        for name, value in zip(self.variables, values, strict=True):
+        for name, value in zip(self.program.variables, values, strict=True):
             if value != value:  # noqa: PLR0124 - nan
                 self.refuse_nan(name, sample)
         refuse_term(self.program, values, f"sample {sample}{self._where}")
@@ -425,7 +462,7 @@ def refuse_term(program: Program, values: Sequence[float | Between], place: str)
         where = ", ".join(
             f"{v} = {x!r}"
             for v, x in zip(program.variables, values, strict=True)
-            if v in source.variables
+            if program.rates.get(v, v) in source.variables
         )
         raise InputError(f"'{source}' is not a number at {place}, where {where}")
     raise InputError(

@@ -294,6 +294,9 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
         operands = "operand" if most == 1 else "operands"
         msg = f"expected {expected} {operands} for '{op.symbol}', got {len(args)}"
         raise SpecificationError(msg)
+    if name == "rate" and not isinstance(args[0].leaf, str):
+        msg = f"expected a variable in rate(x), got '{args[0]}'"
+        raise SpecificationError(msg)
     if interval is not None and not op.timed:
         msg = f"'{op.symbol}' takes no interval, got {interval}"
         raise SpecificationError(msg)

@@ -155,6 +155,16 @@ _ROWS = (
     _function("min", "the least of two terms or more", 2, None),
     _function("max", "the greatest of two terms or more", 2, None),
     Operator(
+        ("rate",),
+        "call",
+        13,
+        "the change of a variable since the sample before, per second; 0 at the first sample",
+        lambda b, x: b.rate(x),
+        operands="term",
+        result="term",
+        sampled=True,
+    ),
+    Operator(
         ("-",), "prefix", 12, "unary minus", _apply("neg"), (1, 1), "term", "term", name="neg"
     ),
     _arithmetic("*", 11, "product", "mul", "left-flat"),

@@ -58,6 +58,7 @@ FUNCTIONS: Final = {
     "min": "the least of {}",
     "max": "the greatest of {}",
     "neg": "minus {}",
+    "rate": "the rate of {}",
 }
 """Of functions; what is not a variable or a number stands in brackets, as a list does. Inside of
 arithmetic a function is written as in the formula."""

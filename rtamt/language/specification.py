@@ -294,8 +294,11 @@ class Specification:
 
     @cached_property
     def timed(self) -> bool:
-        """Whether any formula has an interval."""
-        return any(n.interval is not None for n in self.nodes())
+        """Whether any formula has an interval or a rate of change."""
+        return any(
+            n.interval is not None or (n.op is not None and n.op.name == "rate")
+            for n in self.nodes()
+        )
 
     def nodes(self) -> Iterator[Node]:
         """Every different node of all formulas, operands before what uses them."""

@@ -28,6 +28,9 @@ class Builder(Protocol):
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """The fold over offsets lo to hi from now, cut to the trace; None is unbounded."""
 
+    def rate(self, x: int) -> int:
+        """The change per second of the variable in a register."""
+
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         """Half-open until: p holds from now on up to, not at, the moment q holds."""
 

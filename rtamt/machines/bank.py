@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from rtamt.program.program import Program
 __all__ = ["PythonDiscreteBank", "PythonEpisodeBank"]
 
 
+_Machine = PythonDiscreteMachine | PythonUncertainEpisode
 _M = TypeVar("_M", PythonDiscreteMachine, PythonUncertainEpisode)
 
 
@@ -56,6 +57,16 @@ class _PythonBank(StateFields, Generic[_M]):
         return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
 
 
+def _inputs(machine: _Machine, width: int) -> Sequence[float | Between]:
+    """The last sample of a machine without the rates; 0 before the first."""
+    return machine.inputs[:width] or [0.0] * width
+
+
+def _rates(machine: _Machine, values: Sequence[float | Between]) -> list[Any]:
+    """The rates of the next sample of a machine, which follow its values."""
+    return machine.reader.rates.of_sample(values, machine.inputs)
+
+
 class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
     """Machines on samples in lockstep."""
 
@@ -66,9 +77,11 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
         table, chosen = self._reader.values(values), self._reader.mask(mask)
         lanes = self._chosen(chosen)
-        inputs = np.array([m.inputs or [0.0] * table.shape[1] for m in self._machines])
+        inputs = np.array([_inputs(m, table.shape[1]) for m in self._machines])
         table = self._reader.without_nan(table, chosen, self.samples, inputs)
         rows = table.tolist()
+        for lane in lanes:
+            rows[lane] += _rates(self._machines[lane], rows[lane])
         terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
         for lane, known in zip(lanes, terms, strict=True):
             self._machines[lane].take(known, rows[lane])
@@ -82,7 +95,7 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
         super().__init__(
             (PythonUncertainEpisode(program, reader.lane(i)) for i in range(num)), reader
         )
-        self._variables = program.variables
+        self._variables = program.inputs
 
     def update(
         self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
@@ -92,14 +105,15 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
         chosen = self._reader.mask(mask)
         lanes = self._chosen(chosen)
         self._require_open(lanes)
-        last = [m.inputs or [0.0] * table.shape[1] for m in self._machines]
+        last = [_inputs(m, table.shape[1]) for m in self._machines]
         least, greatest = (np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
         ends = self._reader.ends(table, above, chosen, self.samples, (least, greatest))
         lower, upper_ends = (each.tolist() for each in ends)
-        samples = [
-            self._machines[lane].terms([*map(in_between, lower[lane], upper_ends[lane])])
-            for lane in lanes
-        ]
+        samples = []
+        for lane in lanes:
+            machine = self._machines[lane]
+            row = [*map(in_between, lower[lane], upper_ends[lane])]
+            samples.append(machine.terms(row + _rates(machine, row)))
         for lane, sample in zip(lanes, samples, strict=True):
             self._machines[lane].take(sample)
         return self._each("result")
@@ -118,7 +132,7 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        rows = [m.inputs or [0.0] * len(self._variables) for m in self._machines]
+        rows = [_inputs(m, len(self._variables)) for m in self._machines]
         return np.array([[isinstance(x, Between) for x in row] for row in rows], dtype=np.bool_)
 
     @property

@@ -43,7 +43,7 @@ def machine_with_neutrals(make: MakeEpisodeMachine) -> MakeEpisodeMachine:
         if readings is None:
             return make(program, reader)
         worst, best = readings
-        return _NeutralMachine(make(worst, reader), make(best, reader))
+        return _NeutralMachine(make(worst, reader), make(best, reader), len(program.inputs))
 
     return made
 
@@ -93,10 +93,17 @@ def _restore(pairs: Sequence[tuple[_S, MachineState]]) -> None:
 
 
 class _NeutralMachine:
-    """A machine that bounds an episode, from the two readings of its neutral predicates."""
+    """A machine that bounds an episode, from the two readings of its neutral predicates.
 
-    def __init__(self, worst: EpisodeMachine, best: EpisodeMachine) -> None:
+    Args:
+        worst: The machine of one reading.
+        best: The machine of the other.
+        width: The number of values of a sample, without rates.
+    """
+
+    def __init__(self, worst: EpisodeMachine, best: EpisodeMachine, width: int) -> None:
         self._worst, self._best = worst, best
+        self._width = width
         self._moved: float | None = None  # the robustness, if the trace was cut
         self._readout: Readout | None = None
 
@@ -126,7 +133,7 @@ class _NeutralMachine:
 
     def update(self, *args: object, **named: object) -> float:
         robustness = self._best.update(*args, **named)
-        self._worst.update(list(self._best.inputs))
+        self._worst.update(list(self._best.inputs[: self._width]))
         self._show()
         return robustness
 

@@ -191,6 +191,7 @@ def _folding(program: Program, window: Window) -> Program:
         result=width,
         outputs={"": width},
         variables=names,
+        rates={},
         sources=program.sources[-1:] * (width + 1),
     )
 

@@ -80,7 +80,7 @@ class Implications:
         self._spec, *_, program = self._compiled
         self._period, self._options = period, options
         self.texts = texts_of(self._spec.formula)
-        self.variables = program.variables
+        self.variables = program.inputs
 
     def __bool__(self) -> bool:
         return bool(self.texts)

@@ -289,7 +289,14 @@ def explain(
     causes: tuple[Cause, ...] = ()
     if steps[-1].outside is None:
         columns_of = dict(zip(program.variables, columns, strict=True))
-        causes = tuple(Cause(v, at, float(columns_of[v][at])) for v in formula.variables)
+        rates = {
+            n.args[0].leaf for n in formula.nodes() if n.op is not None and n.op.name == "rate"
+        }
+        causes = tuple(
+            Cause(v, i, float(columns_of[v][i]))
+            for v in formula.variables
+            for i in ([at - 1, at] if v in rates and at else [at])
+        )
     period = None if seconds is None else float(seconds)
     return Explanation(steps, causes, period, start, circumstances)
 

@@ -319,7 +319,7 @@ def judge(
     limit_beyond(program, length, unknown=greatest is not least)
     unknown = []
     if greatest is not least:
-        pairs = zip(program.variables, least, greatest, strict=True)
+        pairs = zip(program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
     made, hides = BACKENDS[backend], reads_hidden(specification.formula, interface)
     ran, run = None, made.episode_run

@@ -72,9 +72,10 @@ def evaluate_many(
     checked = [not np.isnan(column).any() for column in columns]
     for trace, n in enumerate(ends):
         row = [column[trace, :n] for column in columns]
+        row += reader.rates.of_columns(row)
         try:
             if not all(checked):
-                row, _ = reader.block(dict(zip(reader.variables, row, strict=True)), 0, ())
+                row = reader.without_nan(row)
             robustness[trace, :n] = passes.run(row, n)[""]
         except RtamtError as error:
             raise type(error)(f"trace {trace}: ", error) from None

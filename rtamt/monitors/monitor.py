@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError, StateError
 from rtamt.inputs.between import Between
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.backend import BACKENDS, read_only
+from rtamt.machines.backend import factories_of, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.online import (
@@ -134,7 +134,9 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
     def _made(self, reader: SampleReader) -> DiscreteMachine:
         limit_discrete(self.program)
-        return BACKENDS[self.backend].discrete_machine(self.program, reader, (self.program.result,))
+        return factories_of(self.backend, self.program).discrete_machine(
+            self.program, reader, (self.program.result,)
+        )
 
     @property
     def values(self) -> dict[str, float]:
@@ -279,12 +281,12 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         self._history: array[float] | None = None
         if history:
             self._history = array("d")
-            self.update = _recording(self._machine, self._history)
+            self.update = _recording(self._machine, self._history, len(self.variables))
 
     def _made(self, reader: SampleReader) -> EpisodeMachine:
         limit_episode(self.program, unknown=reader.nan == "unknown")
         reader.intervals_fit = intervals_fit(self.program)
-        return BACKENDS[self.backend].episode_machine(self.program, reader)
+        return factories_of(self.backend, self.program).episode_machine(self.program, reader)
 
     @property
     def fed_machine(self) -> EpisodeMachine | None:
@@ -414,16 +416,16 @@ for _slot in _SHOWN:
     setattr(EpisodeMonitor, _slot.__name__, read_only(_slot))
 
 
-def _recording(machine: EpisodeMachine, history: array[float]) -> Callable[..., float]:
+def _recording(machine: EpisodeMachine, history: array[float], width: int) -> Callable[..., float]:
     """The machine's update, which puts every sample that it takes in into the history.
 
-    What is not known is nan there.
+    A sample has ``width`` values, without rates. What is not known is nan there.
     """
     update, keep = machine.update, history.extend
 
     def recorded(*args: object, **named: object) -> float:
         robustness = update(*args, **named)
-        keep([x if isinstance(x, float) else math.nan for x in machine.inputs])
+        keep([x if isinstance(x, float) else math.nan for x in machine.inputs[:width]])
         return robustness
 
     return recorded

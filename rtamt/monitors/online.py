@@ -131,7 +131,7 @@ class Sampled(Online[_M, Program]):
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables: the declared ones in order of declaration, then the others."""
-        return self.program.variables
+        return self.program.inputs
 
     @property
     def period(self) -> Fraction | None:

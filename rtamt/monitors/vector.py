@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.lanes import LaneReader
-from rtamt.machines.backend import BACKENDS
+from rtamt.machines.backend import factories_of
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (
     EpisodeValues,
@@ -130,7 +130,9 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
         limit_discrete(self.program, self.num)
-        return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
+        return factories_of(self.backend, self.program).discrete_bank(
+            self.program, self.num, reader
+        )
 
     def __repr__(self) -> str:
         what = f"{self.num} lanes of {self.specification.formula}"
@@ -216,7 +218,7 @@ class VectorEpisodeMonitor(
     def _made(self, reader: LaneReader) -> EpisodeBank:
         limit_episode(self.program, self.num, unknown=self._nan == "unknown")
         self._intervals_fit = intervals_fit(self.program, self.num)
-        return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
+        return factories_of(self.backend, self.program).episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
         "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."

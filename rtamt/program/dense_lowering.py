@@ -18,7 +18,7 @@ from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
 from rtamt.program.interface import STANDARD, Interface
-from rtamt.program.lowering import ProgramBuilder
+from rtamt.program.lowering import ProgramBuilder, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period, seconds_text
 
@@ -191,6 +191,8 @@ class DenseBuilder(ProgramBuilder):
         """Write one node; operators on neighbouring samples are refused."""
         if node.op is not None and node.op.sampled:
             symbol = node.op.symbol
+            if symbol == "rate":
+                refuse_rates(self.specification, "dense time, in which values change in steps,")
             ways = "eventually[0:d]" if node.op.future else "once[0:d]"
             raise self.specification.error(
                 node,

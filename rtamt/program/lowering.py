@@ -26,7 +26,7 @@ from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, alignment, samples
 
-__all__ = ["ProgramBuilder", "compile_program"]
+__all__ = ["ProgramBuilder", "compile_program", "refuse_rates"]
 
 
 class ProgramBuilder:
@@ -49,6 +49,7 @@ class ProgramBuilder:
         self.sources: list[Node] = []
         self.is_term: list[bool] = []
         self.registers: dict[tuple[Instruction, bool, str], int] = {}
+        self.rates: dict[str, str] = {}
         self.node: Node
         self.term = False
 
@@ -64,10 +65,12 @@ class ProgramBuilder:
             latencies=tuple(self.latencies),
             result=known[specification.formula],
             outputs={name: known[f] for name, f in specification.formulas.items()},
-            variables=specification.variables,
+            variables=(*specification.variables, *self.rates),
             sources=tuple(self.sources),
             specification=specification,
             aligned=tuple(self.aligned),
+            rates=self.rates,
+            seconds=1.0 if self.period is None else float(self.period),
         )
         terms_first = sorted(range(len(raw.instructions)), key=lambda r: not self.is_term[r])
         program = raw.reordered(terms_first, raw.terms).pruned()
@@ -140,6 +143,16 @@ class ProgramBuilder:
                 raise self.specification.error(self.node, f"{self.node} is not a number")
             return self.constant(value)
         return self._emit(Map(function, args), term=self.term)
+
+    def rate(self, x: int) -> int:
+        """The rate of change of a variable, which readers of samples compute."""
+        loaded = self.instructions[x]
+        if not isinstance(loaded, Load):
+            msg = f"register {x} is not a variable"
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
+        name = f"rate({loaded.variable})"
+        self.rates[name] = loaded.variable
+        return self._emit(Load(name), term=True)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """The fold over offsets lo to hi from now; if both are 0, the last operand itself."""
@@ -227,3 +240,22 @@ def _cached(
     if online:
         return _cached(specification, text, period, interface, align, online=False).online()
     return ProgramBuilder(specification, period, interface, align).program()
+
+
+def refuse_rates(specification: Specification, reader: str) -> None:
+    """Check that a specification reads no rate of change.
+
+    Args:
+        specification: The specification.
+        reader: The name of what cannot compute rates, for the error.
+
+    Raises:
+        SpecificationError: If it reads one.
+    """
+    for node in specification.nodes():
+        if node.op is not None and node.op.name == "rate":
+            raise specification.error(
+                node,
+                f"{reader} does not support '{node}'",
+                "declare the rate as a variable, and give its values",
+            )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, assert_never
 
 from rtamt.errors import Argument, Message
@@ -48,6 +48,9 @@ class Program:
         sources: The node that each register was compiled from, for errors and listings.
         specification: The specification that was compiled.
         aligned: What each interval became whose bounds were rounded; see `timing.alignment`.
+        rates: The rates of change among the variables, by name, with the variable of each. Readers
+            of samples compute them (`rtamt.inputs.rates`).
+        seconds: The time between samples by which rates divide.
     """
 
     instructions: tuple[Instruction, ...]
@@ -59,6 +62,15 @@ class Program:
     sources: tuple[Node, ...]
     specification: Specification
     aligned: tuple[str, ...] = ()
+    rates: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 1.0
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The variables that a caller gives: all but the rates."""
+        if not self.rates:
+            return self.variables
+        return tuple(name for name in self.variables if name not in self.rates)
 
     @property
     def latency(self) -> int | None:
@@ -243,8 +255,8 @@ class Program:
         for register in range(len(self.instructions) - 1, -1, -1):
             spans = times.pop(register, set())
             match self.instructions[register]:
-                case Load(variable) if any(begin == 0 for begin, _ in spans):
-                    found.add(variable)
+                case Load(variable) if any(b <= (variable in self.rates) <= e for b, e in spans):
+                    found.add(self.rates.get(variable, variable))  # a rate reads it one sample late
                 case Map(_, args):
                     for a in args:
                         times.setdefault(a, set()).update(spans)

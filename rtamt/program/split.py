@@ -62,6 +62,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
         instructions=tuple(instructions),
         latencies=latencies_of(instructions),
         variables=tuple(names.values()),
+        rates={},
     )
     needed: int | None = 1
     for register in initial_registers(formulas):

@@ -29,7 +29,7 @@ __all__ = ["RowTable", "has_time_bounds"]
 
 
 def has_time_bounds(spec: Specification) -> bool:
-    """Return whether a specification has a finite bound other than 0.
+    """Return whether a specification has a finite bound other than 0, or a rate of change.
 
     Example:
         >>> from rtamt import parse
@@ -38,6 +38,8 @@ def has_time_bounds(spec: Specification) -> bool:
         >>> has_time_bounds(parse("next(rise(x > 0))"))
         False
     """
+    if any(node.op is not None and node.op.name == "rate" for node in spec.nodes()):
+        return True
     intervals = [node.interval for node in spec.nodes() if node.interval is not None]
     return any(begin or end for begin, end in map(spec.bounds, intervals))
 

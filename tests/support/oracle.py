@@ -235,6 +235,9 @@ def term(t: Node, trace: Trace, i: int) -> float:
     if t.op is None:
         return trace[t.leaf][i] if isinstance(t.leaf, str) else float(t.leaf or 0.0)
     first, *rest = (term(arg, trace, i) for arg in t.args)
+    if t.op.name == "rate":
+        before = term(t.args[0], trace, max(i - 1, 0))
+        return 0.0 if first == before else first - before
     if t.op.name in _UNARY:
         value = _ieee(_UNARY[t.op.name], first)
     else:

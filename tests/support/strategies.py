@@ -40,7 +40,9 @@ INFINITIES = (*QUARTERS, math.inf, -math.inf)
 # Strategies are made once: making them is what drawing costs most.
 _leaf = st.sampled_from([variable(name) for name in VARIABLES] * 3 + [None])
 _quarter = st.sampled_from(QUARTERS).map(number)
-_term_name = st.sampled_from((None,) * 2 * len(TERMS) + TERMS)
+# Dense time, arrays, checks and exported monitors draw terms too, and do not support rates.
+_drawn = tuple(name for name in TERMS if name != "rate")
+_term_name = st.sampled_from((None,) * 2 * len(_drawn) + _drawn)
 _atom_name = st.sampled_from(ATOMS)
 _formula_name = st.sampled_from((None,) * (len(FORMULAS) // 3) + FORMULAS)
 _dense_name = st.sampled_from((None,) * (len(DENSE) // 3) + DENSE)
@@ -69,6 +71,7 @@ _GUARDS: Mapping[str, Callable[..., tuple[Node, ...]]] = {
     "pow": lambda x, y: (abs(x) + 0.5, y.min(2)),
     "log": lambda x, base: (abs(x) + 0.5, abs(base) + 2),
     "/": lambda x, y: (x, abs(y) + 0.5),
+    "rate": lambda x: (variable("a"),),  # noqa: ARG005
 }
 
 

@@ -256,6 +256,7 @@ class _Reader:
             "exp": "the exponential of ",
             "ln": "the natural logarithm of ",
             "neg": "minus ",
+            "rate": "the rate of ",
         }.items():
             if text.startswith(words):
                 return make(name, (self.operand(text.removeprefix(words)),))

@@ -334,6 +334,8 @@ def _way_out(row: Operator, args: Sequence[Node]) -> str:
         return f"write {row.symbol}({operands})"
     if row.operands == "term" and any(isinstance(a, Formula) for a in args):
         return "arithmetic and comparisons take variables, numbers and functions of them"
+    if row.name == "rate":
+        return "the rate of a sum is the sum of the rates: rate(x) + rate(y)"
     if max(a.depth for a in args) >= MAX_DEPTH:
         return "group long chains in brackets, or write several specifications"
     return "a name stands for its whole formula; write several specifications"  # it is too large

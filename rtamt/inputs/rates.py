@@ -1,0 +1,102 @@
+"""The rates of change that a program reads: values that readers derive from two samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+
+from rtamt.inputs.arrays import Floats
+from rtamt.inputs.between import Between
+from rtamt.program.program import Program
+
+__all__ = ["Rates"]
+
+
+class Rates:
+    """Computes the rates of a program.
+
+    The rate at sample 0 is 0, and so is the rate between two equal values, infinite ones included.
+    """
+
+    __slots__ = ("_places", "_seconds")
+
+    def __init__(self, program: Program) -> None:
+        self._places = [program.variables.index(name) for name in program.rates.values()]
+        self._seconds = program.seconds
+
+    def __bool__(self) -> bool:
+        return bool(self._places)
+
+    def of_sample(
+        self, values: Sequence[float | Between], previous: Sequence[float | Between]
+    ) -> list[float | Between]:
+        """Return the rates at a sample.
+
+        Args:
+            values: The sample.
+            previous: The sample before; empty if there is none.
+        """
+        if not previous:
+            return [0.0] * len(self._places)
+        return [self._rate(values[place], previous[place]) for place in self._places]
+
+    def _rate(self, value: float | Between, before: float | Between) -> float | Between:
+        if not (isinstance(value, Between) or isinstance(before, Between)):
+            return 0.0 if value == before else (value - before) / self._seconds
+        low, high = _ends(value)
+        low_before, high_before = _ends(before)
+        lower = (low - high_before) / self._seconds
+        upper = (high - low_before) / self._seconds
+        if lower != lower or upper != upper:  # noqa: PLR0124 - nan
+            return Between(-np.inf, np.inf)
+        return lower if lower == upper != 0 else Between(lower, upper)
+
+    def of_columns(self, columns: Sequence[Floats], previous: Sequence[float] = ()) -> list[Floats]:
+        """Return the rates at each sample of a block; nan where a value is.
+
+        Args:
+            columns: The values of the variables.
+            previous: The sample before the block; empty if there is none.
+        """
+        return [self._column(columns[place], previous[place : place + 1]) for place in self._places]
+
+    def _column(self, column: Floats, previous: Sequence[float]) -> Floats:
+        before = np.concatenate([previous if len(previous) else column[:1], column[:-1]])
+        with np.errstate(invalid="ignore", over="ignore"):
+            rates = (column - before) / self._seconds
+        rates[column == before] = 0.0
+        if len(rates) and not len(previous):
+            rates[0] = 0.0
+        return cast("Floats", rates)
+
+    def of_bounds(
+        self, lower: Sequence[Floats], upper: Sequence[Floats]
+    ) -> tuple[list[Floats], list[Floats]]:
+        """Return the least and the greatest rates on a trace whose values lie between columns."""
+        low_rates: list[Floats] = []
+        high_rates: list[Floats] = []
+        for place in self._places:
+            low, high = lower[place], upper[place]
+            known = low == high
+            known[1:] &= known[:-1].copy()
+            known[:1] = True
+            exact = self._column(low, ())
+            with np.errstate(invalid="ignore", over="ignore"):
+                least = (low[1:] - high[:-1]) / self._seconds
+                greatest = (high[1:] - low[:-1]) / self._seconds
+            absent = np.isnan(least) | np.isnan(greatest)
+            for rates, ends, unknown in (
+                (low_rates, least, -np.inf),
+                (high_rates, greatest, np.inf),
+            ):
+                ends[absent] = unknown
+                rates.append(np.where(known, exact, np.concatenate([exact[:1], ends])))
+        return low_rates, high_rates
+
+
+def _ends(value: float | Between) -> tuple[float, float]:
+    if isinstance(value, Between):
+        return cast("tuple[float, float]", (value.lower, value.upper))
+    return value, value
