@@ -113,7 +113,7 @@ class Waves:
             seeds = [first if seed is None else seed for seed in seeds]
         found: Any = self._env.reset(seed=seeds, options=options)  # type: ignore[arg-type]  # a seed for each
         self._obs = found[0]
-        self._times.begin(mask, every=bool(mask.all()))
+        self._times.begin(mask)
         shown, infos = found if self._tap is None else self._tap.shown
         table = self._columns.reset(shown, infos, mask)
         for place, task in due.items():

@@ -231,8 +231,8 @@ def warn_of_unverified_period(env: Any) -> None:  # noqa: ANN401 - an environmen
         warnings.warn(
             f"a step of {type(env.unwrapped).__name__} is taken to last {time.period:g} s, its "
             f"{time.name}, which nothing verifies: in some simulators {time.name} is the time of a "
-            "physics step, of which an action takes several. Set period= to the seconds between "
-            "two actions",
+            "physics step, of which an action takes several. Set period= (--period) to the seconds "
+            "between two actions",
             UserWarning,
             stacklevel=caller_level(),
         )

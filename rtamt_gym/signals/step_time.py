@@ -165,7 +165,7 @@ class StepTime:
 class StepTimes:
     """The same for a vector environment: each environment of a `SyncVectorEnv` by itself.
 
-    Of all other vector environments, what they state is compared after a reset of all.
+    All other vector environments state one period, which is compared at every reset of some.
 
     Args:
         env: The vector environment.
@@ -186,17 +186,13 @@ class StepTimes:
             self._alone = make(env)
         self._compared: set[int] = set()
 
-    def begin(self, lanes: NDArray[Any], *, every: bool = False) -> None:
+    def begin(self, lanes: NDArray[Any]) -> None:
         """Compare the environments of a mask, which were reset.
-
-        Args:
-            lanes: The mask.
-            every: Whether it was a reset of the vector environment as a whole.
 
         Raises:
             StateError: As `StepTime.begin` does.
         """
-        if self._alone is not None and every:
+        if self._alone is not None:
             self._alone.begin()
         if self._times:
             for lane in lanes.nonzero()[0].tolist():
@@ -218,5 +214,5 @@ class StepTimes:
                 if again is None or not again[lane]:
                     self._times[lane].step()
             self._compared = {lane for lane in self._compared if self._times[lane].left}
-        if again is not None:
+        if again is not None and again.any():
             self.begin(again)

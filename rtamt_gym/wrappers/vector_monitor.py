@@ -314,7 +314,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._adopt(change)
         if mask is None and "stl_violated" in infos:  # of environments that cannot be looked into
             refuse_monitored("StlMonitor", " around each of its environments")
-        self._times.begin(lanes, every=mask is None)
+        self._times.begin(lanes)
         shown, said = (obs, infos) if self._beneath is None else self._beneath.shown
         table = self._columns.reset(shown, said, lanes)
         if mask is not None:

@@ -235,6 +235,19 @@ def test_highway_period_is_distance_over_speed(policy: float, simulation: float)
         assert obs[0] == pytest.approx(SPEED * step * float(monitor.period or 0))
 
 
+def test_real_highway_period_is_distance_over_speed() -> None:
+    action = {"type": "ContinuousAction"}
+    config = {"policy_frequency": 4, "vehicles_count": 1, "action": action}
+    env: Any = gym.make("highway_env:highway-v0", config=config, disable_env_checker=True)
+    env.reset(seed=0)
+    begin = env.unwrapped.vehicle.position[0]
+    for _ in range(2):
+        env.step(np.zeros(2, np.float32))
+    moved = env.unwrapped.vehicle.position[0] - begin
+    assert moved / env.unwrapped.vehicle.speed == pytest.approx(2 * (read_period(env) or 0))
+    env.close()
+
+
 def test_highway_verdicts_count_the_time_of_the_physics() -> None:
     # 75 m in 3 s: "within 3 s, more than 70 m" holds, and "more than 80 m" does not.
     signals = {"d": "obs[0]"}
@@ -357,7 +370,7 @@ def test_unverified_dt_warns() -> None:
     says = (
         "a step of Counted is taken to last 0.125 s, its dt, which nothing verifies: in some "
         "simulators dt is the time of a physics step, of which an action takes several. Set "
-        "period= to the seconds between two actions"
+        "period= (--period) to the seconds between two actions"
     )
 
     class Counted(Point):

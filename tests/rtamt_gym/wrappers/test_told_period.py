@@ -418,6 +418,26 @@ def test_one_of_many_environments_changes_its_period(mode: AutoresetMode) -> Non
         trajectory(envs, 60)
 
 
+def test_native_environments_change_their_period() -> None:
+    def go_on(envs: Any) -> None:  # noqa: ANN401
+        for _ in range(60):  # which resets each of them
+            envs.step(envs.action_space.sample())
+
+    bare: Any = native(3)
+    envs = VectorStlMonitor(bare, TIMED, X, period=0.02)
+    envs.reset(seed=1)
+    bare.tau = 0.04
+    with pytest.warns(UserWarning, match=r"lasts 0\.04 s since this reset") as told:
+        go_on(envs)
+    assert len([each for each in told if "since this reset" in str(each.message)]) == 1
+    bare.tau = 0.02
+    read = VectorStlMonitor(bare, TIMED, X)
+    read.reset(seed=1)
+    bare.tau = 0.04
+    with pytest.raises(StateError, match=r"had at construction, got 0\.04 s"):
+        go_on(read)
+
+
 def test_agents_change_their_period() -> None:
     def wrapped(**how: Any) -> Any:  # noqa: ANN401
         crew = Crew({"a": [0.0, 1.0, 2.0]}, tau=0.5)
