@@ -50,7 +50,7 @@ def finish_banks(
 def note_verdicts(
     banks: Sequence[protocols.EpisodeBank],
     mask: NDArray[np.bool_] | None,
-    decided_at: NDArray[np.int64],
+    settled_at: NDArray[np.int64],
     violated: NDArray[np.bool_],
     failed: NDArray[np.bool_],
     first: NDArray[np.int64],
@@ -60,7 +60,7 @@ def forget_verdicts(
     mask: NDArray[np.bool_] | None,
     specs: int,
     num: int,
-    decided_at: NDArray[np.int64],
+    settled_at: NDArray[np.int64],
     violated: NDArray[np.bool_],
     failed: NDArray[np.bool_],
     first: NDArray[np.int64],
@@ -70,7 +70,7 @@ def outcomes_of_banks(
     banks: Sequence[protocols.EpisodeBank],
     lanes: NDArray[np.int64],
     failed: NDArray[np.bool_],
-    decided_at: NDArray[np.int64],
+    settled_at: NDArray[np.int64],
 ) -> tuple[
     NDArray[np.float64],
     NDArray[np.int8],

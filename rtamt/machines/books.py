@@ -32,8 +32,9 @@ class BankOutcomes(NamedTuple):
     Attributes:
         robustness: 0 without a sample.
         verdicts: 1, -1 or 0; 0 without a sample.
-        decided_at: The sample that decided the verdict, -1 while it is open.
-        decided: Whether it is decided.
+        settled_at: The sample that decided the verdict, or the last one if only the end did; -1
+            while it is open.
+        settled: Whether it is not open.
         satisfied: Whether the verdict is 1.
         by_end: Whether the verdict is -1 at a robustness that holds.
         success: Whether all verdicts of the lane are 1; of shape (lanes,).
@@ -42,8 +43,8 @@ class BankOutcomes(NamedTuple):
 
     robustness: Floats
     verdicts: NDArray[np.int8]
-    decided_at: LaneCounts
-    decided: Lanes
+    settled_at: LaneCounts
+    settled: Lanes
     satisfied: Lanes
     by_end: Lanes
     success: Lanes
@@ -69,10 +70,10 @@ class BookFunctions:
         least: ``(banks, value, failed)``: the least over the banks; where ``failed`` is true, -0.0
             stands for the value. nan where a lane has no sample.
         finish: ``(banks, mask, end)``: ends the episodes of the mask.
-        note: ``(banks, mask, decided_at, violated, failed, first, violated_at)``: writes the
+        note: ``(banks, mask, settled_at, violated, failed, first, violated_at)``: writes the
             verdicts that are new, in lanes of the mask.
-        forget: ``(mask, decided_at, violated, failed, first, violated_at)``.
-        outcomes: ``(banks, lanes, failed, decided_at)``: the outcomes of the lanes with these
+        forget: ``(mask, settled_at, violated, failed, first, violated_at)``.
+        outcomes: ``(banks, lanes, failed, settled_at)``: the outcomes of the lanes with these
             numbers.
         spread: ``(columns, lanes, num)``: writes arrays of all num lanes from values of those with
             these numbers.
@@ -113,7 +114,7 @@ def _finish(banks: Banks, mask: Lanes | None, end: End) -> None:
 def _note(
     banks: Banks,
     mask: Lanes | None,
-    decided_at: LaneCounts,
+    settled_at: LaneCounts,
     violated: Lanes,
     failed: Lanes,
     first: LaneCounts,
@@ -121,10 +122,10 @@ def _note(
 ) -> None:
     verdicts = _verdicts(banks, failed)
     last = banks[0].samples - 1
-    new = (verdicts != 0) & (decided_at < 0) & (last >= 0)
+    new = (verdicts != 0) & (settled_at < 0) & (last >= 0)
     if mask is not None:
         new &= mask
-    decided_at[new] = np.broadcast_to(last, new.shape)[new]
+    settled_at[new] = np.broadcast_to(last, new.shape)[new]
     broken = new & (verdicts < 0)
     violated |= broken
     lanes = broken.any(axis=0) & (violated_at < 0)
@@ -134,25 +135,25 @@ def _note(
 
 def _forget(
     mask: Lanes | None,
-    decided_at: LaneCounts,
+    settled_at: LaneCounts,
     violated: Lanes,
     failed: Lanes,
     first: LaneCounts,
     violated_at: LaneCounts,
 ) -> None:
     which = slice(None) if mask is None else mask
-    decided_at[:, which] = first[which] = violated_at[which] = -1
+    settled_at[:, which] = first[which] = violated_at[which] = -1
     violated[:, which] = failed[:, which] = False
 
 
 def _outcomes(
-    banks: Banks, lanes: LaneCounts, failed: Lanes, decided_at: LaneCounts
+    banks: Banks, lanes: LaneCounts, failed: Lanes, settled_at: LaneCounts
 ) -> BankOutcomes:
     _check_lanes(lanes, len(banks[0].samples))
     begun = banks[0].samples[lanes] > 0
     robustness = np.where(begun, np.array([bank.robustness[lanes] for bank in banks]), 0.0)
     verdicts = np.where(begun, _verdicts(banks, failed)[:, lanes], np.int8(0))
-    when, satisfied = decided_at[:, lanes], verdicts > 0
+    when, satisfied = settled_at[:, lanes], verdicts > 0
     by_end = (verdicts < 0) & ~np.signbit(robustness)
     success: Lanes = np.logical_and.reduce(satisfied)
     undecided: Lanes = np.logical_or.reduce(verdicts == 0)

@@ -253,23 +253,23 @@ def _finish(banks: Sequence[EpisodeBank], mask: Lanes | None, end: End) -> None:
 
 def _forget(
     mask: Lanes | None,
-    decided_at: NDArray[np.int64],
+    settled_at: NDArray[np.int64],
     violated: Lanes,
     failed: Lanes,
     first: NDArray[np.int64],
     violated_at: NDArray[np.int64],
 ) -> None:
-    specs, num = decided_at.shape
-    _native.forget_verdicts(mask, specs, num, decided_at, violated, failed, first, violated_at)
+    specs, num = settled_at.shape
+    _native.forget_verdicts(mask, specs, num, settled_at, violated, failed, first, violated_at)
 
 
 def _outcomes(
     banks: Sequence[EpisodeBank],
     lanes: NDArray[np.int64],
     failed: Lanes,
-    decided_at: NDArray[np.int64],
+    settled_at: NDArray[np.int64],
 ) -> BankOutcomes:
-    return BankOutcomes(*_native.outcomes_of_banks(banks, lanes, failed, decided_at))
+    return BankOutcomes(*_native.outcomes_of_banks(banks, lanes, failed, settled_at))
 
 
 def _spread(columns: list[LaneColumn], lanes: NDArray[np.int64], num: int) -> None:

@@ -33,12 +33,15 @@ class VerdictBook:
         monitors: One or more, of as many lanes. They may be fed by themselves too, before `note`.
 
     Attributes:
-        decided_at: The sample that decided a verdict, counted from 0; -1 while it is open.
+        settled_at: The sample at which a verdict was settled, counted from 0: the sample that
+            decided it, or the last one if only the end did; -1 while it is open.
+        open_at_end: Whether a verdict was open when its trace ended: if it is settled now, only the
+            end decided it.
         violated: Whether a specification is violated.
         failed: Whether it is violated because `fail` said so.
         first: The place of the monitor that was violated first in a lane, of several at one
             sample that of the first; -1 while none is.
-        violated_at: The sample that showed it; -1 while there is none.
+        violated_at: The sample at which that was settled; -1 while none is.
 
     Raises:
         InputError: Without a monitor, or on monitors of different numbers of lanes.
@@ -49,7 +52,7 @@ class VerdictBook:
         >>> book = VerdictBook([far, near])
         >>> for sample in ([[0], [0]], [[0], [2]]):
         ...     _ = book.feed(np.array(sample, float), [(0,), (0,)])
-        >>> book.decided_at.tolist(), book.first.tolist(), book.violated_at.tolist()
+        >>> book.settled_at.tolist(), book.first.tolist(), book.violated_at.tolist()
         ([[-1, -1], [-1, 1]], [-1, 1], [-1, 1])
         >>> book.least("robustness")
         array([ 1., -1.])
@@ -67,13 +70,22 @@ class VerdictBook:
             raise InputError(f"expected one or more monitors of as many lanes, got {got}")
         (self.num,) = lanes
         shape = len(self.monitors), self.num
-        self.decided_at: NDArray[np.int64] = np.full(shape, -1, np.int64)
+        self.settled_at: NDArray[np.int64] = np.full(shape, -1, np.int64)
+        self.open_at_end: Lanes = np.zeros(shape, np.bool_)
         self.violated: Lanes = np.zeros(shape, np.bool_)
         self.failed: Lanes = np.zeros(shape, np.bool_)
         self.first: NDArray[np.int64] = np.full(self.num, -1, np.int64)
         self.violated_at: NDArray[np.int64] = np.full(self.num, -1, np.int64)
         self._fails = False  # whether any lane may have failed
         self._found = self._banks()
+
+    @property
+    def decided_at(self) -> NDArray[np.int64]:
+        """The sample that decided a verdict, counted from 0; a fresh array.
+
+        It is -1 while the verdict is open, and where only the end decided it.
+        """
+        return np.where(self.open_at_end, np.int64(-1), self.settled_at)
 
     def feed(
         self, table: Floats, columns: Sequence[tuple[int, ...]], mask: ArrayLike | None = None
@@ -115,8 +127,11 @@ class VerdictBook:
         """
         banks, functions = self._found
         chosen = self._mask(mask)
+        functions.note(banks, None, *self._arrays())
+        was_open = self.settled_at < 0
         functions.finish(banks, chosen, checked_end(end))
         functions.note(banks, chosen, *self._arrays())
+        self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
         """Count verdicts that are open in the lanes of the mask as violated by the last sample.
@@ -129,7 +144,9 @@ class VerdictBook:
         """
         chosen, begun = self._mask(mask), self.monitors[0].samples > 0
         lanes = begun if chosen is None else begun & chosen
-        self.failed |= lanes & (self.decided_at < 0)
+        failed = lanes & (self.settled_at < 0)
+        self.failed |= failed
+        self.open_at_end |= failed
         self._fails = True
         self.note()
 
@@ -144,6 +161,7 @@ class VerdictBook:
         banks, functions = self._found
         functions.reset(banks, chosen)
         functions.forget(chosen, *self._arrays())
+        self.open_at_end &= False if chosen is None else ~chosen
         self._fails = self._fails and chosen is not None
 
     def least(self, value: LaneValue) -> Floats:
@@ -162,7 +180,7 @@ class VerdictBook:
 
         Returns:
             Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0),
-            both 0 without a sample, ``decided_at`` and whether there is one, ``decided``,
+            both 0 without a sample, ``settled_at`` and whether there is one, ``settled``,
             ``satisfied``, and ``by_end``, whether the verdict is -1 at a robustness that holds;
             and of shape (lanes,) ``success``, whether all are satisfied, and ``undecided``, whether
             a verdict is open.
@@ -171,7 +189,7 @@ class VerdictBook:
             IndexError: If there is no such lane.
         """
         banks, functions = self._found
-        return functions.outcomes(banks, self._numbers(lanes), self.failed, self.decided_at)
+        return functions.outcomes(banks, self._numbers(lanes), self.failed, self.settled_at)
 
     def spread(self, columns: Sequence[LaneColumn], lanes: NDArray[np.int64]) -> None:
         """Write arrays of all lanes, and masks, into dictionaries, from values of some lanes.
@@ -206,7 +224,7 @@ class VerdictBook:
         self.__dict__.update(state)
         self._found = self._banks()
         # Unpickled arrays have copies of the dtypes, which machines do not know.
-        for name in ("decided_at", "violated", "failed", "first", "violated_at"):
+        for name in ("settled_at", "open_at_end", "violated", "failed", "first", "violated_at"):
             held = state[name]
             fresh = np.empty(held.shape, held.dtype.type)
             fresh[...] = held
@@ -218,7 +236,7 @@ class VerdictBook:
     def _arrays(
         self,
     ) -> tuple[NDArray[np.int64], Lanes, Lanes, NDArray[np.int64], NDArray[np.int64]]:
-        return self.decided_at, self.violated, self.failed, self.first, self.violated_at
+        return self.settled_at, self.violated, self.failed, self.first, self.violated_at
 
     def _banks(self) -> tuple[tuple[EpisodeBank, ...], BookFunctions]:
         """The machines of the monitors, and the functions that read them fastest."""

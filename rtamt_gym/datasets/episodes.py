@@ -61,7 +61,8 @@ class RelabelledEpisode(RecordedEpisode):
         outcomes: For each specification ``{"robustness", "verdict", "satisfied", "decided_at"}``,
             as in ``info["stl_episode"]`` of a monitored environment.
         violated_by: The specification that was violated first; None if none was.
-        violated_at: The sample that showed it; None if none was violated.
+        violated_at: The sample that showed it, the last one if only the end did; None if none was
+            violated.
     """
 
     outcomes: dict[str, dict[str, Any]] = field(default_factory=dict)

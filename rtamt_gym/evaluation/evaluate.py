@@ -335,7 +335,7 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
             if outcome is None or row.ended != "terminated":
                 continue
             # What the last sample has decided, or the end: one episode shows it.
-            last = outcome.decided_at == row.simulated
+            last = outcome.decided is None or outcome.decided_at == row.simulated
             if outcome.verdict is Verdict.SATISFIED and last:
                 again = partial(runner.simulate, {}, row.seed, stop="end")
                 try:

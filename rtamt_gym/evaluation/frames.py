@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import gymnasium as gym
 import numpy as np
 
-from rtamt import InputTypeError, Verdict
+from rtamt import InputTypeError
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.results.trial import Trial
@@ -117,9 +117,9 @@ class Filming:
         env: gym.Env[Any, Any] = runner.system
         step = float(self._period or 1) * (per_step := _samples_per_step(env))
         violations = [
-            outcome.decided_at
+            outcome.violated_at
             for outcome in row.outcomes.values()
-            if outcome.verdict is Verdict.VIOLATED and outcome.decided_at is not None
+            if outcome.violated_at is not None
         ]
         film = Film(
             lambda: _picture(env),

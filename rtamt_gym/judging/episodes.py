@@ -17,14 +17,14 @@ __all__ = ["EpisodeRecords", "record"]
 
 def record(
     outcomes: Mapping[str, Any] | SpecRows,
+    violated: Lanewise,
     violated_by: Lanewise,
     violated_at: Lanewise,
     samples: Lanewise,
     terminated: Lanewise,
     truncated: Lanewise,
 ) -> dict[str, Any]:
-    """The record of an episode, or of several; ``violated_at`` is -1 if none was violated."""
-    violated = violated_at >= 0
+    """Return the record of an episode, or of several; the arguments are those of `last_info`."""
     return {
         "samples": samples,
         "terminated": terminated,

@@ -16,7 +16,6 @@ __all__ = [
     "SpecRows",
     "Where",
     "end_info",
-    "known_outcome",
     "last_info",
     "outcome",
     "present",
@@ -123,37 +122,39 @@ def spec_state(
     return made
 
 
-def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:
-    """The outcome of one specification, an entry of ``info["stl_episode"]``.
-
-    ``decided_at`` is the sample that decided the verdict, -1 while it is open. What the end alone
-    violates, at a robustness that holds, has ``by_end``.
-    """
-    by_end = np.less(verdict, 0) > np.signbit(robustness)
-    by_end = by_end if by_end.ndim else bool(by_end)
-    return known_outcome(robustness, verdict, verdict > 0, decided_at, decided_at >= 0, by_end)
-
-
-def known_outcome(
+def outcome(
     robustness: Lanewise,
     verdict: Lanewise,
     satisfied: Lanewise,
-    decided_at: Lanewise,
+    settled_at: Lanewise,
     decided: Lanewise,
+    ended: Lanewise,
     by_end: Lanewise,
 ) -> dict[str, Any]:
-    """An `outcome` of which all is known."""
+    """Return the outcome of a specification, an entry of ``info["stl_episode"]``.
+
+    Args:
+        robustness: The robustness of the episode.
+        verdict: -1 violated, 0 undecided, 1 satisfied.
+        satisfied: Whether the verdict is 1.
+        settled_at: The sample that decided the verdict, or the last one if only the end did.
+        decided: Whether a sample decided the verdict.
+        ended: Whether only the end did.
+        by_end: Whether the verdict is -1 beside a robustness that holds.
+    """
     return {
         "robustness": robustness,
         "verdict": VERDICTS[verdict],
         "satisfied": satisfied,
-        "decided_at": Where(decided, decided_at),
+        "decided_at": Where(decided, settled_at),
+        "ended_at": Where(ended, settled_at),
         "by_end": Where(by_end, by_end),
     }
 
 
 def last_info(
     outcomes: Mapping[str, Any] | SpecRows,
+    violated: Lanewise,
     violated_by: Lanewise,
     violated_at: Lanewise,
     success: Lanewise,
@@ -164,13 +165,13 @@ def last_info(
 
     Args:
         outcomes: An `outcome` for each specification.
-        violated_by: The specification that was violated first.
-        violated_at: The sample that showed it; -1 if none was violated.
+        violated: Whether a specification is violated.
+        violated_by: The specification that was violated first, if one is.
+        violated_at: The sample that showed it, or the last one if only the end did.
         success: Whether all specifications are satisfied.
         undecided: Whether the verdict on one is open.
         reported: Whether the environment has its own ``is_success``, which is kept.
     """
-    violated = violated_at >= 0
     return {
         "stl_episode": outcomes,
         "stl_violated_by": Where(violated, violated_by),

@@ -34,9 +34,9 @@ __all__ = ["Monitors", "Panel", "PanelResult"]
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
-PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None]
+PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | None]
 """What a specification has become: its name, its robustness with the lower and the upper bound, its
-verdict, and the sample that made the verdict certain, or None."""
+verdict, the sample that decided the verdict, or None, and the last sample if only the end did."""
 
 
 class Panel:
@@ -49,7 +49,7 @@ class Panel:
         variables: The names that each specification reads.
         of_instant: True if the robustness is that of an instant, as with ``view="step"``; else
             None.
-        settled: How many verdicts are decided.
+        settled: How many verdicts are decided, by a sample or by the end.
         number: The class of the numbers of an `Assessment`.
         violated_by: The specification that was violated first; None while none is.
 
@@ -93,8 +93,9 @@ class Panel:
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
         self._stages = StageProgress(specs, judges, reading) or None
         self._reading = reading
-        self._decided: dict[str, int] = {}
-        self._failed: frozenset[str] = frozenset()  # by the end alone
+        self._settled: dict[str, int] = {}  # the sample that decided; the last if only the end did
+        self._ended: frozenset[str] = frozenset()  # what only the end decided
+        self._failed: frozenset[str] = frozenset()  # what `finish("failure")` violated
         self.of_instant = True if reading.view == "step" else None
         self.settled = 0
         self.violated_by: str | None = None
@@ -134,8 +135,11 @@ class Panel:
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None while there is none."""
-        return None if self.violated_by is None else self._decided[self.violated_by]
+        """The sample that showed the first violation; None while there is none.
+
+        It is the last sample if only the end decided it.
+        """
+        return None if self.violated_by is None else self._settled[self.violated_by]
 
     @property
     def progress(self) -> dict[str, float]:
@@ -169,7 +173,7 @@ class Panel:
         """The specifications that are certainly violated."""
         return [
             name
-            for name in self._decided
+            for name in self._settled
             if self._verdict(name, self.monitors[name][1]) is Verdict.VIOLATED
         ]
 
@@ -187,7 +191,7 @@ class Panel:
     @property
     def undecided(self) -> list[str]:
         """The specifications whose verdict is open."""
-        return [name for name in self.monitors if name not in self._decided]
+        return [name for name in self.monitors if name not in self._settled]
 
     @property
     def robustness(self) -> float:
@@ -329,19 +333,19 @@ class Panel:
             self._owing.reset()
         if self._stages is not None:
             self._stages.reset()
-        self._decided = {}
-        self._failed = frozenset()
+        self._settled = {}
+        self._ended = self._failed = frozenset()
         self.settled = 0
         self.violated_by = None
 
     def note(self) -> None:
         """Records the verdicts that the last sample, or the end of the trace, has decided."""
         for name, (_, judge) in self.monitors.items():
-            if judge.verdict != 0 and name not in self._decided:
-                self._decided[name] = judge.samples - 1
+            if judge.verdict != 0 and name not in self._settled:
+                self._settled[name] = judge.samples - 1
                 if judge.verdict < 0 and self.violated_by is None:
                     self.violated_by = name
-        self.settled = len(self._decided)
+        self.settled = len(self._settled)
 
     def cut_windows(self) -> frozenset[str]:
         """Open verdicts that a complete trace satisfies, and a cut one leaves open.
@@ -362,6 +366,7 @@ class Panel:
         ``"failure"``: what is not decided yet is violated at the last sample, whatever its
         robustness is.
         """
+        was_open = frozenset(self.undecided)
         if end == "failure":
             self._fail()
         else:
@@ -370,15 +375,16 @@ class Panel:
             if self._stages is not None:
                 self._stages.finish(end)
             self.note()
+        self._ended |= was_open & self._settled.keys()
         return self.read()
 
     def _fail(self) -> None:
         self._failed = frozenset(self.undecided)
         for name in self.undecided:
-            self._decided[name] = self.samples - 1
+            self._settled[name] = self.samples - 1
             if self.violated_by is None:
                 self.violated_by = name
-        self.settled = len(self._decided)
+        self.settled = len(self._settled)
 
     def take_costs(self) -> dict[str, np.float64] | None:
         """The costs of the step that ends; None if they are not measured."""
@@ -419,29 +425,26 @@ class Panel:
 
     def outcomes(self) -> dict[str, dict[str, Any]]:
         """The outcome of every specification so far: ``info["stl_episode"]``."""
-        decided = self._decided
-        made = {
-            name: present(
-                outcome(
-                    np.float64(judge.robustness),
-                    self._verdict(name, judge),
-                    decided.get(name, -1),
-                )
-            )
-            for name, (_, judge) in self.monitors.items()
-        }
+        made = {}
+        for name, (_, judge) in self.monitors.items():
+            robustness, verdict = np.float64(judge.robustness), self._verdict(name, judge)
+            at, ended = self._settled.get(name), name in self._ended
+            decided = at is not None and not ended
+            by_end = verdict < 0 and not np.signbit(robustness)
+            found = outcome(robustness, verdict, verdict > 0, at, decided, ended, bool(by_end))
+            made[name] = present(found)
         for name, progress in self.progress.items():
             made[name]["progress"] = np.float64(progress)
         return made
 
     def results(self) -> list[PanelResult]:
         """What every specification has become so far."""
-        failed, found = self._failed, []
+        found: list[PanelResult] = []
         for name, (_, judge) in self.monitors.items():
-            by_end = name in failed
-            bounds = judge.robustness, judge.lower, -0.0 if by_end else judge.upper
-            verdict = Verdict.VIOLATED if by_end else judge.verdict
-            found.append((name, bounds, verdict, self._decided.get(name)))
+            bounds = judge.robustness, judge.lower, self._upper(name, judge)
+            at = self._settled.get(name)
+            moments = (None, at) if name in self._ended else (at, None)
+            found.append((name, bounds, self._verdict(name, judge), *moments))
         return found
 
     def state(self) -> tuple[Any, ...]:
@@ -451,11 +454,12 @@ class Panel:
             for source in self._sources
         ]
         stages = None if self._stages is None else self._stages.state()
-        return self._described, sources, dict(self._decided), self.violated_by, stages
+        settled = dict(self._settled), self._ended
+        return self._described, sources, settled, self.violated_by, stages
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state`; raises an `InputError` if it is one of other specifications."""
-        described, sources, decided, violated_by, stages = state
+        described, sources, settled, violated_by, stages = state
         if described != self._described:
             raise InputError(
                 f"expected a state of the specifications {self._described}, got one of {described}"
@@ -467,9 +471,9 @@ class Panel:
                 source.__setstate__(held)
         if self._stages is not None:
             self._stages.restore(stages)
-        self._decided = dict(decided)
+        self._settled, self._ended = dict(settled[0]), settled[1]
         self._failed = frozenset()
-        self.settled = len(self._decided)
+        self.settled = len(self._settled)
         self.violated_by = violated_by
 
 

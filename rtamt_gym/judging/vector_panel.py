@@ -18,7 +18,7 @@ from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
 from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.infos import VERDICTS, SpecRows, known_outcome, spec_state
+from rtamt_gym.judging.infos import VERDICTS, SpecRows, outcome, spec_state
 from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.reading import Reading
@@ -108,8 +108,17 @@ class VectorPanel:
 
     @property
     def violated_at(self) -> NDArray[np.int64]:
-        """The sample that showed the first violation; -1 where there is none."""
+        """The sample that showed the first violation; -1 where there is none.
+
+        It is the last sample of the episode where only the end decided it.
+        """
         return self._book.violated_at
+
+    def any_violated(self, at: Numbers | None = None) -> Lanes:
+        """Whether each of the environments `at` violates a specification; None: of all."""
+        rows = self._book.violated if at is None else self._book.violated.take(at, axis=1)
+        violated: Lanes = np.logical_or.reduce(rows)
+        return violated
 
     def violated_by(self, at: Numbers) -> NDArray[np.object_]:
         """The specification that was violated first in each of `at`; None where none is."""
@@ -123,11 +132,11 @@ class VectorPanel:
 
     def undecided(self, at: Numbers) -> NDArray[np.bool_]:
         """Whether verdicts are open: a row for each specification, a column for each of `at`."""
-        return self._book.decided_at.take(at, axis=1) < 0
+        return self._book.settled_at.take(at, axis=1) < 0
 
     def knows(self, above: Mapping[str, float]) -> NDArray[np.bool_]:
         """Whether every robustness is known, as `Panel.knows` says, for each environment."""
-        known = np.ones(len(self.violated_at), np.bool_)
+        known = np.ones(self._book.num, np.bool_)
         for name, (_, judge) in self.monitors.items():
             lower = judge.lower
             known &= (lower == judge.upper) | (lower > above.get(name, math.inf))
@@ -289,12 +298,14 @@ class VectorPanel:
     def ends(self, at: Numbers) -> tuple[SpecRows, Lanes, Lanes]:
         """The outcomes in the environments `at`, whether all hold, and whether one is open."""
         ends = self._book.outcomes(at)
-        found = known_outcome(
+        ended = ends.settled & self._book.open_at_end.take(at, axis=1)
+        found = outcome(
             ends.robustness,
             ends.verdicts,
             ends.satisfied,
-            ends.decided_at,
-            ends.decided,
+            ends.settled_at,
+            ends.settled ^ ended,
+            ended,
             ends.by_end,
         )
         more = {name: {"progress": progress[at]} for name, progress in self.progress.items()}

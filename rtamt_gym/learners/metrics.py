@@ -48,8 +48,8 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts
     * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite, as
       charts have no place for it
-    * ``NAME/first_violation``: median of the times at which violations became certain, in seconds;
-      absent without a violation
+    * ``NAME/first_violation``: median of the times of violations, in seconds: of the sample that
+      decided each, or of the last one if only the end did; absent without a violation
 
     A quantile is one of the values: the least that this share of them does not exceed. Without
     episodes there are no metrics.
@@ -82,7 +82,8 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
             there = [outcome["verdict"] == verdict for outcome in outcomes]
             found[f"{name}/{verdict.lower()}"] = _share(there)
         robustness = quantiles([float(outcome["robustness"]) for outcome in outcomes])
-        at = [each["decided_at"] for each in outcomes if each["verdict"] == "VIOLATED"]
+        violated = [each for each in outcomes if each["verdict"] == "VIOLATED"]
+        at = [each["ended_at" if "ended_at" in each else "decided_at"] for each in violated]
         times = [each * float(1 if period is None else period) for each in at]
         found.update(_measured(name, robustness, times))
     return found
@@ -233,8 +234,9 @@ def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
     """The outcome of environment i."""
     found = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
-    if key_mask(columns, "decided_at", i + 1)[i]:
-        found["decided_at"] = columns["decided_at"][i]
+    for key in ("decided_at", "ended_at"):
+        if key_mask(columns, key, i + 1)[i]:
+            found[key] = columns[key][i]
     return found
 
 

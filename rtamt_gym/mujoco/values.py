@@ -72,7 +72,8 @@ class PanelValues:
     def outcomes(self) -> dict[str, dict[str, Any]]:
         """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
 
-        ``decided_at`` is the sample that decided the verdict, absent while it is open.
+        ``decided_at`` is the sample that decided the verdict; it is absent while the verdict is
+        open. If only the end decided it, ``ended_at``, the last sample, stands in its place.
         """
         return self.panel.outcomes()
 

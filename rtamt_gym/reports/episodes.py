@@ -88,7 +88,7 @@ class PlayedEpisode:
         )
 
     def _violated(self) -> Moment | None:
-        """When a violation was certain; of a file that knows the time alone at the next sample."""
+        """The moment that decided a violation, with its sample, which some files lack."""
         at = self.outcome.decided
         if at is None or at.time is None or self.outcome.verdict is not Verdict.VIOLATED:
             return None

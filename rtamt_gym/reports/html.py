@@ -179,8 +179,8 @@ class _View:
                 "" if trial.progress is None else progress_text(trial.progress) for trial in trials
             ],
             "asked": [_asked(trial) for trial in trials],
-            "decided_at": texts.aligned(
-                [None if t.decided_at is None else t.decided_at.time for t in trials]
+            "violated_at": texts.aligned(
+                [None if t.violated_at is None else t.violated_at.time for t in trials]
             ),
             "duration": texts.aligned([trial.duration for trial in trials]),
             "reward": texts.aligned([trial.reward for trial in trials]),

@@ -92,7 +92,8 @@ class ShownTrial:
         label: What tells it from others: ``seed 17``, ``simulation 4`` or the name of a file.
         verdict: What became of the requirement.
         robustness: The robustness at the end; None if there is none.
-        decided_at: When a violation became certain; None if it did not, or nobody knows.
+        violated_at: When a violation showed, at the last sample if only the end decided it; None
+            without a violation, or if nobody knows.
         duration: How long the episode was; None if nobody knows.
         reward: The sum of the environment's rewards; None for a system without.
         seed: The seed of the reset; None for a system without.
@@ -109,7 +110,7 @@ class ShownTrial:
     label: str
     verdict: Word
     robustness: float | None = None
-    decided_at: Moment | None = None
+    violated_at: Moment | None = None
     duration: float | None = None
     reward: float | None = None
     seed: int | None = None
@@ -176,7 +177,7 @@ class ShownEpisode:
         upper: The greatest robustness that was still possible.
         predicates: The robustness of each predicate of the requirement, by its text.
         deciding: The samples that decided.
-        decided_at: When the violation became certain; None if it did not.
+        decided_at: The moment of the sample that decided a violation; None if none did.
         seed: As `ShownTrial.seed`.
         case: As `ShownTrial.case`.
         explanation: The way from the requirement down to the deciding sample, for a terminal;
@@ -223,7 +224,7 @@ class ShownRequirement:
         verdicts: What became of the requirement where it has each of these.
         quantiles: The robustness below which 5, 25, 50, 75 and 95 % of the episodes lie, by the
             text of the share (``"0.05"``); empty if no episode has one.
-        first_violations: When violations became certain, earliest first.
+        first_violations: `ShownTrial.violated_at` of the violations, earliest first.
         trials: What became of it in each episode, worst first.
         left_out: How many episodes ``trials`` leaves out, which shows the worst 500.
         statistics: Numbers of the robustness that no chart shows, such as the conditional value at

@@ -128,7 +128,9 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
     """As many pictures as fit into so many letters: evenly spread, with the violation's."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
-    at = None if episode.decided_at is None else episode.decided_at.time
+    at = None
+    if episode.verdict == "violated":
+        at = episode.times[-1] if episode.decided_at is None else episode.decided_at.time
     for i, frame in enumerate(frames):
         if len(places) and frame.time == at:
             places[np.abs(places - i).argmin()] = i

@@ -9,7 +9,7 @@ from typing import Any
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of
+from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of, rounded_moment
 from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
 from rtamt_gym.reports.rows import TRIALS, cases_of, judged, made_of, requirement_of
@@ -116,11 +116,12 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
     step = saved.reading.get("view") == "step"
     # What another verdict would stand on is not what this one stands on.
     stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
+    violated = None if run is None else run.outcomes[name].violated
     trial = ShownTrial(
         "the case found",
         WORDS[saved.verdict],
         six(saved.robustness),
-        worst[0].decided_at if worst else None,
+        None if violated is None else rounded_moment(violated),
         None if run is None else six(run.duration),
         seed=saved.seed,
         case=case_texts(saved.case),

@@ -89,14 +89,13 @@ def trials_of(
     """
     trials = []
     for place, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
-        violated = outcome is not None and word(outcome) == "violated"
-        at = outcome.decided if violated and outcome is not None else None
+        at = None if outcome is None else outcome.violated
         trials.append(
             ShownTrial(
                 label=label(place, row),
                 verdict=word(outcome),
                 robustness=None if outcome is None else six(outcome.robustness),
-                decided_at=None if at is None else rounded_moment(at),
+                violated_at=None if at is None else rounded_moment(at),
                 duration=None if row.ended == "recorded" else six(row.simulated),
                 reward=None if row.reward is None else six(row.reward),
                 seed=row.seed,
@@ -151,7 +150,7 @@ def requirement_of(
     heights = [height for height, _ in known]
     asked = [each.asked for each in trials if each.asked is not None]
     violations = sorted(
-        each.decided_at.time or 0.0 for each in trials if each.decided_at is not None
+        each.violated_at.time or 0.0 for each in trials if each.violated_at is not None
     )
     return ShownRequirement(
         name=name,

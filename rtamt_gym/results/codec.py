@@ -106,6 +106,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         "lower": found.lower,
         "upper": found.upper,
         "decided_at": found.decided,
+        **({} if found.ended is None else {"ended_at": found.ended}),
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
     if found.by_end:
@@ -195,13 +196,12 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
     """Reads what `plain_outcome` has made."""
     if kept["verdict"] == "ERROR":
         return Failure(kept["error"])
-    at = kept["decided_at"]
     return Outcome(
         float(kept["robustness"]),
         float(kept["lower"]),
         float(kept["upper"]),
         Verdict[kept["verdict"]],
-        None if at is None else Moment(at["sample"], number_of(at["seconds"])),
+        _moment(kept["decided_at"]),
         text=kept.get("text", ""),
         not_recorded=tuple(kept.get("not_recorded", ())),
         way_out=kept.get("way_out", ""),
@@ -212,7 +212,12 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         unknown=tuple(kept.get("unknown", ())),
         progress=number_of(kept.get("progress")),
         late_start=_late_start(kept.get("late_start")),
+        ended=_moment(kept.get("ended_at")),
     )
+
+
+def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
+    return None if kept is None else Moment(kept["sample"], number_of(kept["seconds"]))
 
 
 def _late_start(kept: Mapping[str, Any] | None) -> LateStart | None:

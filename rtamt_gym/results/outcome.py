@@ -73,8 +73,8 @@ class Outcome:
         lower: The least robustness that was still possible then.
         upper: The greatest robustness that was still possible then.
         verdict: The verdict at the end.
-        decided: When the verdict became certain; None: it did not, or only the end of a recorded
-            trace made it so.
+        decided: The moment of the sample that decided the verdict; None if it is open, or if only
+            the end decided it.
         text: The verdict in words; empty if nothing was to be explained.
         not_recorded: What an open verdict needs and the trace does not have.
         way_out: What would decide an open verdict; else empty.
@@ -88,6 +88,8 @@ class Outcome:
         progress: How far it has come in its stages, from 0 to 1; 1 only if it is satisfied. None
             if it has none (`rtamt.patterns.stages`), in dense time, and where nobody has counted.
         late_start: Where its trace starts, if that is later than the recording; else None.
+        ended: The moment of the last sample of a run, if only the end decided the verdict; else
+            None, as of a recorded trace.
     """
 
     robustness: float
@@ -105,6 +107,7 @@ class Outcome:
     unknown: tuple[str, ...] = ()
     progress: float | None = None
     late_start: LateStart | None = None
+    ended: Moment | None = None
 
     def __repr__(self) -> str:
         shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]
@@ -120,19 +123,22 @@ class Outcome:
         period: Fraction | None,
         stands_on: Evidence[Asked] | None = None,
         progress: float | None = None,
+        *,
+        ended: int | None = None,
     ) -> Self:
         """The outcome of a run of samples.
 
         Args:
             bounds: The robustness, the least and the greatest that was still possible.
             verdict: The verdict.
-            sample: The sample that made it certain, or None.
+            sample: The sample that decided it, or None.
             period: Seconds between samples, or None.
             stands_on: How often it was put to the test; None: nobody has counted.
             progress: How far it has come in its stages, or None.
+            ended: The last sample, if only the end decided it; else None.
         """
         robustness, lower, upper = bounds
-        decided = None if sample is None else Moment.of(sample, period)
+        decided, last = (None if at is None else Moment.of(at, period) for at in (sample, ended))
         asked, vacuous = (
             (None, False) if stands_on is None else (stands_on.asked, stands_on.vacuous)
         )
@@ -141,6 +147,7 @@ class Outcome:
             asked=asked,
             vacuous=vacuous,
             progress=progress,
+            ended=last,
         )
 
     @classmethod
@@ -153,6 +160,21 @@ class Outcome:
     def decided_at(self) -> float | None:
         """The time of ``decided`` in seconds, the number of its sample if there is no period."""
         return None if self.decided is None else self.decided.time
+
+    @property
+    def settled(self) -> Moment | None:
+        """``decided``, or ``ended`` if only the end decided the verdict."""
+        return self.decided or self.ended
+
+    @property
+    def violated(self) -> Moment | None:
+        """``settled`` of a violation; None without one."""
+        return self.settled if self.verdict is Verdict.VIOLATED else None
+
+    @property
+    def violated_at(self) -> float | None:
+        """The time of ``violated``, as ``decided_at`` is the time of ``decided``."""
+        return None if self.violated is None else self.violated.time
 
     @property
     def never_asked(self) -> bool:

@@ -55,8 +55,8 @@ class RequirementResult:
         undecided: How many leave it open, as one does that was stopped or cut short before.
         failed: How many an error has ended.
         robustness: The robustness at the end of every episode, in their order; nan where it failed.
-        first_violations: The times at which violations became certain, in seconds (the numbers of
-            samples if there is no period), in the order of the episodes.
+        first_violations: The times of violations in seconds (the numbers of samples if there is no
+            period), in the order of the episodes: `Outcome.violated_at`, nan if that is None.
         saved: The simulated seconds between the stop and the time limit, summed over the episodes
             that were stopped because the verdict on this requirement became certain; 0 without a
             time limit.
@@ -299,7 +299,7 @@ def result_of(
     ranked = sorted(
         (rank(outcome, trial.seed), trial.seed or 0, outcome.robustness) for trial, outcome in found
     )
-    violations = [each.decided_at for _, each in found if each.verdict is Verdict.VIOLATED]
+    violations = [each.violated_at for _, each in found if each.verdict is Verdict.VIOLATED]
     return RequirementResult(
         name,
         formula,

@@ -195,11 +195,21 @@ def together(outcomes: Iterable[Outcome]) -> Outcome:
     """The outcome of all requirements at once, whose robustness is the least of theirs."""
     outcomes = list(outcomes)
     verdict = min(each.verdict for each in outcomes)
-    decided = [each for each in outcomes if each.verdict is verdict and each.decided is not None]
-    when = {Verdict.VIOLATED: min, Verdict.SATISFIED: max}.get(verdict)
+    settled = [each for each in outcomes if each.verdict is verdict]
     robustness, lower, upper = (
         min((getattr(each, key) for each in outcomes), key=order)
         for key in ("robustness", "lower", "upper")
     )
-    last = when(decided, key=lambda each: each.decided_at or 0) if when and decided else None
-    return Outcome(robustness, lower, upper, verdict, last.decided if last else None)
+    # The first violation that a sample decided is one of all; all are satisfied after the last.
+    if verdict is Verdict.VIOLATED:
+        decided = min((each for each in settled if each.decided), key=_time, default=None)
+    else:
+        decided = max(settled, key=_time) if all(each.decided for each in settled) else None
+    if decided is not None:
+        return Outcome(robustness, lower, upper, verdict, decided.decided)
+    ended = next((each.ended for each in settled if each.ended), None)
+    return Outcome(robustness, lower, upper, verdict, ended=ended)
+
+
+def _time(outcome: Outcome) -> float:
+    return outcome.decided_at or 0.0

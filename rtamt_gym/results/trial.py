@@ -80,6 +80,13 @@ MEASURES: Final = (
     Measure("verdict", lambda outcome: outcome.verdict.name, "text"),
     Measure("decided_at", lambda outcome: outcome.decided_at),
     Measure("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
+    Measure("ended_at", lambda outcome: outcome.ended and outcome.ended.time, optional=True),
+    Measure(
+        "ended_sample",
+        lambda outcome: outcome.ended and outcome.ended.sample,
+        "whole",
+        optional=True,
+    ),
     Measure("violated", lambda outcome: BY_END if outcome.by_end else None, "text", optional=True),
     Measure("asked", lambda outcome: outcome.occasions, "whole", optional=True),
     Measure("progress", lambda outcome: outcome.progress, optional=True),
@@ -190,7 +197,13 @@ class Trial:
             measured: dict[str, Any] = {c.name: cells.get(f"{c.name}({name})") for c in MEASURES}
             if measured["verdict"] is None:
                 continue
-            at, sample = measured["decided_at"], measured["decided_sample"]
+            decided, ended = (
+                None if at is None else Moment(sample, at if timed else None)
+                for at, sample in (
+                    (measured["decided_at"], measured["decided_sample"]),
+                    (measured["ended_at"], measured["ended_sample"]),
+                )
+            )
             evidence = json.loads(measured["evidence"] or "{}")
             asked = asked_of(evidence)
             outcomes[name] = Outcome(
@@ -198,10 +211,11 @@ class Trial:
                 measured["lower"],
                 measured["upper"],
                 Verdict[measured["verdict"]],
-                None if at is None else Moment(sample, at if timed else None),
+                decided,
                 asked=() if asked is None and name in unconditional else asked,
                 vacuous=evidence.get("vacuous", False),
                 progress=measured["progress"],
+                ended=ended,
             )
         # Files of before have no returns.
         own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}

@@ -50,6 +50,7 @@ def documented(traces: Iterable[Kept]) -> list[dict[str, Any]]:
 
 _NEWER = {
     "decided_at",
+    "ended_at",
     "text",
     "asked",
     "vacuous",

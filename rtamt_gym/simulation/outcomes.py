@@ -47,8 +47,10 @@ def report(episodes: Sequence[Episode]) -> list[str]:
         for name, course in run.courses.items():
             first = name == next(iter(run.courses))
             stopped = run.last_sample if run.ended in STOPPED else None
-            at = stopped if stops else course.decided_at
-            when = "-" if at is None else sample_text(at, run.period)
+            if stops:
+                when = "-" if stopped is None else sample_text(stopped, run.period)
+            else:
+                when = course.decided_text(run.period) or "-"
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
             asked = (times_text(course.outcome(run.period)) or "-",) if asks else ()
             of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name, *asked)

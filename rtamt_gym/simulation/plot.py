@@ -16,7 +16,6 @@ from rtamt_gym import drawing
 from rtamt_gym.judging.reading import View
 from rtamt_gym.results.outcome import verdict_text
 from rtamt_gym.simulation.record import Course, RunRecord
-from rtamt_gym.tables import sample_text
 
 __all__ = ["draw"]
 
@@ -81,8 +80,8 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
         _draw_course(ax, name, course, run, end)
         text = f"{verdict_text(course.verdict, course.final)}, {course.final_text('+.3g')}"
-        if course.decided_at is not None:
-            text += f", at {sample_text(course.decided_at, run.period)}"
+        if decided := course.decided_text(run.period):
+            text += f", at {decided}"
         drawing.show_verdict(ax, course.verdict, text)
     axes[-1].set_xlim(begin, end)
     axes[-1].annotate(

@@ -85,8 +85,8 @@ class Course(_ComparesArrays):
         upper: The greatest robustness still possible, at every sample.
         final: The robustness at the end.
         verdict: The verdict at the end.
-        decided_at: The sample that made the verdict certain, counted from the start of the episode,
-            or None.
+        decided_at: The sample that decided the verdict, counted from the start of the episode;
+            None if it is open, or if only the end decided it.
         unit: The unit of the bounds in the formula that have none.
         semantics: How predicates count, as for `rtamt.Monitor`.
         inputs: Variables that the system reads.
@@ -94,6 +94,8 @@ class Course(_ComparesArrays):
         asked: How often it was put to the test, as `Outcome.asked` has it.
         vacuous: Whether it was satisfied without an answer.
         progress: How far it has come in its stages at the end, as `Outcome.progress` has it.
+        ended_at: The last sample, counted in the same way, if only the end decided the verdict;
+            else None.
     """
 
     formula: str
@@ -110,6 +112,7 @@ class Course(_ComparesArrays):
     asked: tuple[Asked | DenseAsked, ...] | None = None
     vacuous: bool = False
     progress: float | None = None
+    ended_at: int | None = None
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -133,11 +136,18 @@ class Course(_ComparesArrays):
     def outcome(self, period: Fraction | None) -> Outcome:
         """What the specification has become, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
-        found = Outcome.at(bounds, self.verdict, self.decided_at, period)
+        found = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
         return replace(found, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
 
+    def decided_text(self, period: Fraction | None) -> str:
+        """Return when the verdict was decided: a time, a sample or "the end"; empty if open."""
+        if self.decided_at is not None:
+            return sample_text(self.decided_at, period)
+        return "" if self.verdict is Verdict.UNDECIDED else "the end"
+
     def __repr__(self) -> str:
-        at = "" if self.decided_at is None else f" at sample {self.decided_at}"
+        decided = self.decided_text(None)
+        at = f" at {decided}" if decided else ""
         verdict = verdict_text(self.verdict, self.final)
         return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
 
@@ -219,8 +229,14 @@ class RunRecord(_ComparesArrays):
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None if there is none."""
-        return None if self.violated_by is None else self.courses[self.violated_by].decided_at
+        """The sample that showed the first violation; None if there is none.
+
+        It is the last sample if only the end decided it.
+        """
+        if self.violated_by is None:
+            return None
+        course = self.courses[self.violated_by]
+        return course.ended_at if course.decided_at is None else course.decided_at
 
     @property
     def saved(self) -> int | None:
@@ -236,9 +252,7 @@ class RunRecord(_ComparesArrays):
                 markup.plain(name),
                 markup.verdict(course.verdict, verdict_text(course.verdict, course.final)),
                 markup.plain(course.final_text(".6g")),
-                markup.plain(
-                    "" if course.decided_at is None else sample_text(course.decided_at, self.period)
-                ),
+                markup.plain(course.decided_text(self.period)),
                 markup.curve(course.robustness, f"robustness of {name}"),
                 markup.code(course.formula),
             ]

@@ -146,6 +146,7 @@ class Recorder:
                 None if name not in stands_on else stands_on[name].asked,
                 name in stands_on and stands_on[name].vacuous,
                 outcomes[name].get("progress"),
+                outcomes[name].get("ended_at"),
             )
         return courses
 

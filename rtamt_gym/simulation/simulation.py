@@ -432,15 +432,17 @@ class Simulation:
         results, period = self._panel.results(), self._bound.period
         stands_on, progress = self._stands_on(record, results), self._panel.progress
         return {
-            name: Outcome.at(bounds, verdict, decided, period, stands_on[name], progress.get(name))
-            for name, bounds, verdict, decided in results
+            name: Outcome.at(
+                bounds, verdict, decided, period, stands_on[name], progress.get(name), ended=ended
+            )
+            for name, bounds, verdict, decided, ended in results
         }
 
     def _stands_on(
         self, record: Tally | Recorder, results: Sequence[PanelResult]
     ) -> Mapping[str, Evidence[Asked]]:
         """How often the samples of a whole run have put the specifications to the test."""
-        verdicts = {name: verdict for name, _, verdict, _ in results}
+        verdicts = {name: verdict for name, _, verdict, *_ in results}
         questions = self._bound.questions
         samples = record.columns() if questions else {}
         return questions.answers(samples, len(record), self._reading, verdicts)

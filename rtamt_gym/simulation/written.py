@@ -18,7 +18,7 @@ from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
 __all__ = ["plain_run", "run_fields"]
 
 
-_OF_OUTCOME: Final = ("decided_at", "asked", "vacuous", "progress")
+_OF_OUTCOME: Final = ("decided_at", "ended_at", "asked", "vacuous", "progress")
 """What is written of a course as outcomes have it."""
 
 
@@ -26,16 +26,18 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
     """A run in full as JSON holds it; without arrays the names of its signals."""
     kept = {each.name: getattr(run, each.name) for each in fields(run)}
     kept["signals"] = run.signals if arrays else list(run.signals)
+    outcomes = run.outcomes
     kept["courses"] = {
         name: {
             each.name: getattr(course, each.name)
             for each in fields(course)
             if each.name not in _OF_OUTCOME and (arrays or each.name not in CURVES)
         }
-        | {"decided_at": course.outcome(run.period).decided}
-        | dict(course.outcome(run.period).evidence or {})
+        | {"decided_at": outcomes[name].decided}
+        | ({} if course.ended_at is None else {"ended_at": outcomes[name].ended})
+        | dict(outcomes[name].evidence or {})
         | ({} if course.progress is None else {"progress": course.progress})
-        | ({"by_end": True} if course.outcome(run.period).by_end else {})
+        | ({"by_end": True} if outcomes[name].by_end else {})
         for name, course in run.courses.items()
     }
     found: dict[str, Any] = plain(kept)
@@ -75,13 +77,12 @@ def run_fields(
 
 
 def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
-    at = kept["decided_at"]
     return Course(
         formula=kept["formula"],
         **curves,
         final=number_of(kept["final"]),
         verdict=Verdict[kept["verdict"]],
-        decided_at=at["sample"] if isinstance(at, dict) else at,  # of version 1 a sample
+        decided_at=_sample(kept["decided_at"]),
         unit=kept.get("unit", "s"),
         semantics=kept.get("semantics", "standard"),
         inputs=tuple(kept.get("inputs", ())),
@@ -89,7 +90,12 @@ def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
         asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
         progress=number_of(kept.get("progress")),
+        ended_at=_sample(kept.get("ended_at")),
     )
+
+
+def _sample(kept: Mapping[str, int] | int | None) -> int | None:
+    return kept["sample"] if isinstance(kept, Mapping) else kept  # version 1 wrote a sample
 
 
 def _array(kept: Sequence[float | str]) -> Floats:

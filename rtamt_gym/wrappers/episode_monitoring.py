@@ -23,8 +23,8 @@ from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
 
 __all__ = ["EpisodeMonitoring"]
 
-EpisodeOutcomes = tuple[dict[str, Any], str | None, int]
-"""The outcomes, the specification that was violated first, and the sample; -1 if none was."""
+EpisodeOutcomes = tuple[dict[str, Any], bool, str | None, int | None]
+"""The outcomes; whether a specification is violated, which was first, and at which sample."""
 
 
 class EpisodeMonitoring(Monitoring):
@@ -208,13 +208,9 @@ class EpisodeMonitoring(Monitoring):
         self._seen_success |= reported
 
     def _found(self) -> EpisodeOutcomes:
-        """The outcomes, the specification that was violated first, and the sample; -1 if none."""
         panel = self._panel
-        return (
-            panel.outcomes(),
-            panel.violated_by,
-            -1 if panel.violated_at is None else panel.violated_at,
-        )
+        by = panel.violated_by
+        return panel.outcomes(), by is not None, by, panel.violated_at
 
     def _record(self, found: EpisodeOutcomes, *, terminated: bool, truncated: bool) -> None:
         made = record(*found, self._panel.samples, bool(terminated), bool(truncated))

@@ -69,13 +69,14 @@ class StlMonitor(
 
     * ``stl_episode`` (dict): ``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``;
       ``verdict`` is ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``, ``decided_at`` the sample
-      that decided it, absent from an open verdict; ``by_end`` is True, and else absent, where the
-      end alone violates it (``at_termination="failure"``), at a robustness that holds
+      that decided it, absent from an open verdict; if only the end decided it, ``ended_at``, the
+      last sample, stands in its place; ``by_end`` is True, and else absent, where
+      ``at_termination="failure"`` violates it beside a robustness that holds
     * ``stl_success`` (bool): all specifications are satisfied
     * ``stl_undecided`` (bool): the verdict on one is open
     * ``is_success`` (bool): ``stl_success``, unless the environment reports its own, which is kept
     * ``stl_violated_by`` (str), ``stl_violated_at`` (int): the specification that was violated
-      first and the sample that showed it; absent if none was
+      first and the sample that showed it, the last one if only the end did; absent if none was
 
     Floats are ``numpy.float64``.
 

@@ -78,7 +78,7 @@ class _LaneMonitoring(Monitoring):
         """
         panel = self._panel
         states = panel.describe() if self._details else None
-        violated = panel.violated_at >= 0
+        violated = panel.any_violated()
         bounds = panel.robustness, panel.lower, panel.upper
         added = step_info(
             {}, *bounds, violated, states, None, panel.of_instant, panel.least_progress
@@ -116,7 +116,8 @@ class _LaneMonitoring(Monitoring):
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, ended.nonzero()[0]
         outcomes, success, undecided = panel.ends(at)
-        found = outcomes, panel.violated_by(at), panel.violated_at.take(at)
+        violated = panel.any_violated(at)
+        found = outcomes, violated, panel.violated_by(at), panel.violated_at.take(at)
         reported: Lanes | None = None
         has = np.zeros(len(at), np.bool_)
         if "is_success" in infos:
@@ -139,7 +140,8 @@ class _LaneMonitoring(Monitoring):
             found = len(at) > 0
             if found:
                 panel.finish(cut, self._at_truncation)
-                ends = panel.outcomes(at), panel.violated_by(at), panel.violated_at[at]
+                violated = panel.any_violated(at)
+                ends = panel.outcomes(at), violated, panel.violated_by(at), panel.violated_at[at]
                 self._episodes.append(at, record(*ends, panel.samples[at], ~cut[at], cut[at]))
         self._running = False
         return found

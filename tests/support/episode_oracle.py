@@ -61,7 +61,10 @@ class Report:
 
 @dataclass
 class _Judgement:
-    """Of one specification after the newest sample."""
+    """Of one specification after the newest sample.
+
+    ``decided_at`` is the last sample, and ``by_end`` true, where only the end decided.
+    """
 
     robustness: float
     lower: float
@@ -276,7 +279,9 @@ def _outcome(it: _Judgement) -> dict[str, Any]:
     }
     if it.verdict < 0 and holds(it.overall):  # nothing but a failure does that
         found["by_end"] = True
-    return found if it.decided_at is None else {**found, "decided_at": it.decided_at}
+    if it.decided_at is None:
+        return found
+    return {**found, "ended_at" if it.by_end else "decided_at": it.decided_at}
 
 
 def _blame(decided: Mapping[str, _Judgement], prefix: str) -> dict[str, Any]:

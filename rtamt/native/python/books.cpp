@@ -145,11 +145,11 @@ bool finish(const nb::tuple& objects, nb::handle mask, const std::string& end) {
 }
 
 // Whether a verdict that was open is decided. Few are: it is found without a branch for each lane.
-RTAMT_LOOP void find_new(const std::int64_t* decided_at, const double* lower, const double* upper,
+RTAMT_LOOP void find_new(const std::int64_t* settled_at, const double* lower, const double* upper,
                          const std::uint8_t* failed, std::size_t num, bool* found) {
     std::uint64_t any = 0;
     for (std::size_t lane = 0; lane < num; ++lane) {
-        const auto open = static_cast<std::uint64_t>(decided_at[lane]);
+        const auto open = static_cast<std::uint64_t>(settled_at[lane]);
         any |= open & (~bits_of(lower[lane]) | bits_of(upper[lane]) |
                        (std::uint64_t{failed[lane]} << 63));
     }
@@ -161,11 +161,11 @@ int verdict_in(const UncertainBank& bank, std::size_t lane, bool failed) {
 }
 
 // Writes the verdicts that are new, in lanes of the mask, into the book.
-void note(const nb::tuple& objects, nb::handle mask, nb::handle decided_at, nb::handle violated, nb::handle failed,
+void note(const nb::tuple& objects, nb::handle mask, nb::handle settled_at, nb::handle violated, nb::handle failed,
           nb::handle first, nb::handle violated_at) {
     const Banks banks = banks_of(objects);
     const std::size_t num = banks.front()->machine.num();
-    auto* decided = elements_of<std::int64_t>(decided_at, banks.size() * num);
+    auto* decided = elements_of<std::int64_t>(settled_at, banks.size() * num);
     auto* broken = elements_of<std::uint8_t>(violated, banks.size() * num);
     const auto* ended = elements_of<std::uint8_t>(failed, banks.size() * num);
     auto* by = elements_of<std::int64_t>(first, num);
@@ -196,10 +196,10 @@ void note(const nb::tuple& objects, nb::handle mask, nb::handle decided_at, nb::
 }
 
 // Forgets the lanes of the mask in the book.
-void forget(nb::handle mask, std::size_t specs, std::size_t num, nb::handle decided_at,
+void forget(nb::handle mask, std::size_t specs, std::size_t num, nb::handle settled_at,
             nb::handle violated, nb::handle failed, nb::handle first, nb::handle violated_at) {
     const std::uint8_t* chosen = mask_of(mask, num);
-    auto* decided = elements_of<std::int64_t>(decided_at, specs * num);
+    auto* decided = elements_of<std::int64_t>(settled_at, specs * num);
     auto* broken = elements_of<std::uint8_t>(violated, specs * num);
     auto* ended = elements_of<std::uint8_t>(failed, specs * num);
     auto* by = elements_of<std::int64_t>(first, num);
@@ -245,12 +245,12 @@ nb::object grid(const char* dtype, std::size_t rows, std::size_t columns, T*& el
 
 // The outcomes of these lanes, as `BankOutcomes` in rtamt/machines/books.py names them.
 nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed,
-                   nb::handle decided_at) {
+                   nb::handle settled_at) {
     const Banks banks = banks_of(objects);
     const std::size_t num = banks.front()->machine.num(), specs = banks.size();
     const Chosen chosen(lanes, num);
     const auto* ended = elements_of<std::uint8_t>(failed, specs * num);
-    const auto* decided = elements_of<std::int64_t>(decided_at, specs * num);
+    const auto* decided = elements_of<std::int64_t>(settled_at, specs * num);
     double* robustness = nullptr;
     std::int8_t* verdicts = nullptr;
     std::int64_t* when = nullptr;
@@ -416,14 +416,14 @@ void bind_books(nb::module_& m) {
           "The least robustness, or bound, over the banks, of every lane.");
     m.def("finish_banks", finish, nb::arg("banks"), nb::arg("mask").none(), nb::arg("end"),
           "End the episodes of the lanes; false, and nothing is done, if one has no sample.");
-    m.def("note_verdicts", note, nb::arg("banks"), nb::arg("mask").none(), nb::arg("decided_at"), nb::arg("violated"),
+    m.def("note_verdicts", note, nb::arg("banks"), nb::arg("mask").none(), nb::arg("settled_at"), nb::arg("violated"),
           nb::arg("failed"), nb::arg("first"), nb::arg("violated_at"),
           "Write the verdicts that are new into a book.");
     m.def("forget_verdicts", forget, nb::arg("mask").none(), nb::arg("specs"), nb::arg("num"),
-          nb::arg("decided_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
+          nb::arg("settled_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
           nb::arg("violated_at"), "Forget the lanes of the mask in a book.");
     m.def("outcomes_of_banks", outcomes, nb::arg("banks"), nb::arg("lanes"), nb::arg("failed"),
-          nb::arg("decided_at"), "The outcomes of these lanes.");
+          nb::arg("settled_at"), "The outcomes of these lanes.");
     m.def("spread_lanes", spread, nb::arg("columns"), nb::arg("lanes"), nb::arg("num"),
           "Write arrays of all lanes into dictionaries; return how many columns were written.");
     m.def("reset_banks", reset_all, nb::arg("banks"), nb::arg("mask").none(),

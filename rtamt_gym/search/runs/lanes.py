@@ -314,8 +314,8 @@ class _Batch:
             name: [judge.robustness, judge.lower, judge.upper, judge.verdict]
             for name, (_, judge) in panel.monitors.items()
         }
-        decided = {
-            name: np.array(each["decided_at"].value)
+        moments = {
+            name: (each["decided_at"], each["ended_at"])
             for name, each in panel.outcomes(over).by_name().items()
         }
         progress = panel.progress
@@ -330,14 +330,17 @@ class _Batch:
             )
             outcomes = {}
             for name, (*bounds, _) in found.items():
-                at = int(decided[name][place])
+                decided, ended = (
+                    at.value[place].item() if at.there[place] else None for at in moments[name]
+                )
                 outcomes[name] = Outcome.at(
                     [column[lane].item() for column in bounds],
                     verdicts[name],
-                    at if at >= 0 else None,
+                    decided,
                     panel.period,
                     stands_on[name],
                     progress[name][lane].item() if name in progress else None,
+                    ended=ended,
                 )
             yield lane, outcomes
 
@@ -349,7 +352,7 @@ class _Batch:
             self._over(self.active, "truncated")
             return
         if self._stops in AT_VIOLATION:
-            self._over(self._panel.violated_at >= 0, "violation")
+            self._over(self._panel.any_violated(), "violation")
         if self._stops in AT_VERDICTS:
             self._over(~np.logical_or.reduce(self._panel.undecided(self._all)), "decided")
         if self._stops == "known" and self.samples % KNOWN_EVERY == 0:

@@ -120,6 +120,9 @@ class Record(Results):
         ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
         JSON has of that (docs/results.md). A requirement that some row violates by its end alone,
         at a robustness that holds, has ``violated(NAME)``, which says ``"by how it ended"`` there.
+
+        Where only the end decided a verdict, ``decided_at(NAME)`` is None, and ``ended_at(NAME)``
+        and ``ended_sample(NAME)`` are the last sample. A record without such a row lacks these two.
         """
         cells = [row.columns() for row in self.rows]
         return {name: [row.get(name) for row in cells] for name in self.kinds()}
@@ -232,9 +235,9 @@ class Record(Results):
 
     @property
     def timed(self) -> bool:
-        """Whether times are seconds: False if a verdict was certain at a sample without a time."""
-        decided = (each.decided for row in self.rows for each in row.outcomes.values())
-        return all(each.seconds is not None for each in decided if each is not None)
+        """Whether times are seconds: False if a verdict was settled at a sample without a time."""
+        settled = (each.settled for row in self.rows for each in row.outcomes.values())
+        return all(each.seconds is not None for each in settled if each is not None)
 
 
 def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:

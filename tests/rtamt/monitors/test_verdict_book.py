@@ -53,7 +53,8 @@ class Ledger:
         for monitor in self.monitors:
             monitor.reset()
         self.samples = 0
-        self.decided_at = [-1] * len(self.monitors)
+        self.settled_at = [-1] * len(self.monitors)
+        self.ended = [False] * len(self.monitors)
         self.violated = [False] * len(self.monitors)
         self.failed = [False] * len(self.monitors)
         self.first = self.violated_at = -1
@@ -66,21 +67,25 @@ class Ledger:
 
     def fail(self) -> None:
         if self.samples:
-            self.failed = [f or at < 0 for f, at in zip(self.failed, self.decided_at, strict=True)]
-            self.look()
+            self.failed = [f or at < 0 for f, at in zip(self.failed, self.settled_at, strict=True)]
+            self.look(ended=True)
 
     def finish(self, end: Any) -> None:  # noqa: ANN401 - a name
         for monitor in self.monitors:
             monitor.finish(end)
-        self.look()
+        self.look(ended=True)
 
     def verdict(self, k: int) -> int:
         return -1 if self.failed[k] else int(self.monitors[k].verdict)
 
-    def look(self) -> None:
+    @property
+    def decided_at(self) -> list[int]:
+        return [-1 if e else at for e, at in zip(self.ended, self.settled_at, strict=True)]
+
+    def look(self, *, ended: bool = False) -> None:
         for k in range(len(self.monitors)):
-            if self.decided_at[k] < 0 and self.verdict(k) != 0:
-                self.decided_at[k] = self.samples - 1
+            if self.settled_at[k] < 0 and self.verdict(k) != 0:
+                self.settled_at[k], self.ended[k] = self.samples - 1, ended
                 self.violated[k] = self.verdict(k) < 0
                 if self.violated[k] and self.violated_at < 0:
                     self.first, self.violated_at = k, self.samples - 1
@@ -154,7 +159,7 @@ def act(book: VerdictBook, ledgers: list[Ledger], random: np.random.Generator) -
 
 
 def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
-    for name in ("decided_at", "violated", "failed"):
+    for name in ("decided_at", "settled_at", "violated", "failed"):
         expected = np.array([getattr(ledger, name) for ledger in ledgers]).T
         np.testing.assert_array_equal(getattr(book, name), expected, name)
     for name in ("first", "violated_at"):
@@ -164,9 +169,9 @@ def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
     begun = [each.samples > 0 for each in ledgers]
     found = book.outcomes()
     robustness, verdicts = found.robustness, found.verdicts
-    assert found.decided_at.tolist() == book.decided_at.tolist()
-    assert not np.shares_memory(found.decided_at, book.decided_at)
-    assert found.decided.tolist() == (book.decided_at >= 0).tolist()
+    assert found.settled_at.tolist() == book.settled_at.tolist()
+    assert not np.shares_memory(found.settled_at, book.settled_at)
+    assert found.settled.tolist() == (book.settled_at >= 0).tolist()
     assert found.satisfied.tolist() == (verdicts == 1).tolist()
     held = [[not math.copysign(1.0, each) < 0 for each in row] for row in robustness.tolist()]
     assert found.by_end.tolist() == ((verdicts == -1) & held).tolist()
@@ -180,7 +185,7 @@ def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
     lanes = np.flatnonzero(begun)[::-1]
     some = book.outcomes(lanes)
     assert bits(some.robustness) == bits(robustness[:, lanes])
-    for name in ("verdicts", "decided_at", "decided", "satisfied", "by_end"):
+    for name in ("verdicts", "settled_at", "settled", "satisfied", "by_end"):
         assert getattr(some, name).tolist() == getattr(found, name)[:, lanes].tolist()
     for name in ("success", "undecided"):
         assert getattr(some, name).tolist() == getattr(found, name)[lanes].tolist()
@@ -199,7 +204,7 @@ def test_samples_that_are_missing_are_read_as_the_monitors_do(nan: Any, backend:
         for monitor, columns in zip(apart.monitors, columns_of(apart), strict=True):
             monitor.update(table[:, list(columns)])
         apart.note()
-        for name in ("decided_at", "violated", "first", "violated_at"):
+        for name in ("decided_at", "settled_at", "violated", "first", "violated_at"):
             assert getattr(book, name).tolist() == getattr(apart, name).tolist()
         for value in VALUES:
             assert bits(book.least(value)) == bits(apart.least(value))
@@ -223,7 +228,8 @@ def test_a_finished_lane_takes_no_sample_and_a_fresh_one_does_not_end(backend: B
     with pytest.raises(StateError):
         book.feed(np.ones((2, 2)), columns_of(book))
     assert [each.samples.tolist() for each in book.monitors] == [[1, 0], [1, 0]]
-    assert book.decided_at.tolist() == [[0, -1], [0, -1]]
+    assert book.settled_at.tolist() == [[0, -1], [0, -1]]
+    assert book.decided_at.tolist() == [[-1, -1], [-1, -1]]
 
 
 def test_nothing_is_said_of_lanes_without_samples(backend: Backend) -> None:

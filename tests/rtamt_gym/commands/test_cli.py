@@ -166,7 +166,7 @@ def test_run_that_only_reports_says_when_verdicts_were_certain(capsys: Output, r
     assert capsys.readouterr().out.splitlines()[3:] == [
         "ep  steps  certain  spec   robustness  verdict",
         " 1      7    0.5 s  spec         -2.5  VIOLATED",
-        "             0.7 s  spec2          +1  SATISFIED",
+        "           the end  spec2          +1  SATISFIED",
     ]
 
 

@@ -140,7 +140,8 @@ def test_the_outcomes_hold_how_the_ends_were_read(capsys: Output) -> None:
         "lower": "-inf",
         "upper": -0.0,
         "verdict": "VIOLATED",
-        "decided_at": {"sample": 3, "seconds": 0.3},
+        "decided_at": None,
+        "ended_at": {"sample": 3, "seconds": 0.3},
         "by_end": True,
         "asked": [],
     }

@@ -29,7 +29,8 @@ def outcomes(draw: st.DrawFn) -> dict[str, Any]:
     found: dict[str, Any] = {"verdict": verdict, "satisfied": verdict == "SATISFIED"}
     found["robustness"] = np.float64(draw(st.floats(allow_nan=False)))
     if verdict != "UNDECIDED":
-        found["decided_at"] = draw(st.integers(0, 99))
+        key = draw(st.sampled_from(["decided_at", "ended_at"]))
+        found[key] = draw(st.integers(0, 99))
     return found
 
 
@@ -55,7 +56,7 @@ def by_hand(found: list[dict[str, Any]], period: float) -> dict[str, float]:
             if not math.isinf(least(heights, share)):
                 metrics[f"{name}/robustness_{end}"] = least(heights, share)
         times = [
-            each[name]["decided_at"] * period
+            sum(each[name].get(key, 0) for key in ("decided_at", "ended_at")) * period
             for each in found
             if each[name]["verdict"] == "VIOLATED"
         ]

@@ -240,10 +240,11 @@ def test_finish_makes_the_verdict_final() -> None:
     assert monitor.verdict is rtamt.Verdict.UNDECIDED
     assert monitor.finish() == monitor.lower == monitor.upper == monitor.robustness > 0.0
     assert monitor.outcomes["spec"]["satisfied"] is True
-    assert monitor.outcomes["spec"]["decided_at"] == 10
+    assert monitor.outcomes["spec"]["ended_at"] == 10
+    assert "decided_at" not in monitor.outcomes["spec"]
     monitor.reset()
     assert monitor.verdict is rtamt.Verdict.UNDECIDED
-    assert "decided_at" not in monitor.outcomes["spec"]
+    assert monitor.outcomes["spec"].keys().isdisjoint({"decided_at", "ended_at"})
 
 
 def test_the_period_is_the_timestep() -> None:

@@ -39,7 +39,7 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     assert low.first_violations == (0.4, 1.5)
     assert [trial.label for trial in low.trials] == [f"seed {i}" for i in (10, 9, 8, 7, 11)]
     assert low.trials[0].text == "ValueError: it broke"
-    assert [each.decided_at and each.decided_at.time for each in every.trials] == [
+    assert [each.violated_at and each.violated_at.time for each in every.trials] == [
         *(None, 1.5, 0.4, 1.0, None)
     ]
     assert section.returns == (2.0, 3.0, 4.0, 5.0)

@@ -61,7 +61,7 @@ def test_every_outcome_is_shown_and_the_worst_trace_in_full(
     assert episode.robustness == (3.0, -1.0, -1.0)
     assert episode.upper == (3.0, -1.0, -1.0)
     assert episode.lower == (-math.inf,) * 3
-    assert episode.decided_at == near.trials[1].decided_at == Moment(1, 0.5)
+    assert episode.decided_at == near.trials[1].violated_at == Moment(1, 0.5)
     assert episode.deciding[0].values == {"gap": 1.0}
 
 

@@ -36,7 +36,7 @@ def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
     worst = done.replay(done.worst("dry"))
     np.testing.assert_allclose(episode.signals["level"], worst.signals["level"], rtol=1e-5)
     assert episode.label == dry.trials[0].label == "simulation 13"
-    assert episode.decided_at == dry.trials[0].decided_at
+    assert episode.decided_at == dry.trials[0].violated_at
     heat, _ = section.maps
     assert (heat.x, heat.y) == ("leak", "inflow [m3/s]")
     expected = done.map("leak", "inflow", "dry").cells

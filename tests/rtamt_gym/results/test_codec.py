@@ -39,6 +39,7 @@ OUTCOMES = st.builds(
     not_recorded=st.lists(st.text()).map(tuple),
     way_out=st.text(),
     explanation=st.text(),
+    ended=MOMENTS,
 )
 ENTRIES = NUMBERS | st.lists(st.floats(-9, 9), min_size=2, max_size=2).map(
     lambda values: Waveform([0, 1], values)
@@ -159,7 +160,7 @@ def test_one_verdict_is_decided_at_one_moment_in_each_file(written: dict[str, Pa
     worst = Evaluation.load(written["evaluation"]).worst_runs["upright"]
     assert {run.seed: run.courses["upright"].decided_at for run in worst}[0] == 8
     section = section_of(written["evaluation"], ROOM)
-    assert {each.decided_at for each in section.requirements[0].trials} >= {Moment(8, 0.16)}
+    assert {each.violated_at for each in section.requirements[0].trials} >= {Moment(8, 0.16)}
 
 
 def test_a_run_in_a_table_and_in_an_evaluation_is_the_same(tmp_path: Path) -> None:

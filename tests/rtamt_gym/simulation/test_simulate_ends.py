@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Trace, formulas, length, sample, traces
 
-from rtamt import EpisodeMonitor, Formula, InputError, Verdict
+from rtamt import EpisodeMonitor, Formula, InputError, Verdict, judge
 from rtamt_gym import StepMonitor, StlMonitor, simulate
 
 TERMINATION = ("complete", "cut", "failure")
@@ -52,6 +52,7 @@ def test_the_last_values_of_a_run_are_those_of_a_monitor_after_the_same_end(
         monitor.update({name: row[name] for name in monitor.variables})
     failed = end == "failure" and monitor.verdict == Verdict.UNDECIDED
     lower = monitor.lower
+    by_samples = monitor.verdict
     if end not in {"open", "failure"}:
         monitor.finish(end)
     if by_itself or end == "failure":
@@ -72,7 +73,12 @@ def test_the_last_values_of_a_run_are_those_of_a_monitor_after_the_same_end(
     assert last == (lower, 0.0) if failed else last == (monitor.lower, monitor.upper)
     assert sign(last[1]) == (-1.0 if failed else sign(monitor.upper))
     assert (run.violated_by is not None) == (verdict < 0)
-    assert (course.decided_at is None) == (verdict == Verdict.UNDECIDED)
+    assert (course.decided_at is None) == (by_samples == Verdict.UNDECIDED)
+    assert course.ended_at == (len(rows) - 1 if verdict and not by_samples else None)
+    judged = judge(formula, trace, n=len(rows), end="open")
+    assert course.decided_at == judged.decided_at
+    if verdict < 0:
+        assert run.violated_at == (len(rows) - 1 if not by_samples else course.decided_at)
 
 
 @pytest.mark.parametrize("at_termination", TERMINATION)
@@ -99,6 +105,7 @@ def test_a_run_ends_as_an_episode_of_the_wrapper(
             outcome["robustness"],
             outcome.get("decided_at"),
         )
+        assert course.ended_at == outcome.get("ended_at")
     assert run.violated_by == info.get("stl_violated_by")
     assert min(course.upper[-1] for course in run.courses.values()) == info["stl_upper"]
 

@@ -55,10 +55,10 @@ def test_tables_and_pictures_say_what_a_zero_means() -> None:
     for line in ("kept        0, holds  SATISFIED", "above    0, violated  VIOLATED"):
         assert line in shown
     assert repr(run.courses["kept"]) == (
-        "<Course of always(gear == 1): SATISFIED at sample 3, robustness 0, holds>"
+        "<Course of always(gear == 1): SATISFIED at the end, robustness 0, holds>"
     )
     labels = [axes.get_xlabel() for axes in draw([run]).axes]
-    assert "SATISFIED, 0, holds, at 1.5 s" in labels
+    assert "SATISFIED, 0, holds, at the end" in labels
     assert "VIOLATED, 0, violated, at 1 s" in labels
     (episode,) = json.loads(to_json([run], {}))["trials"]
     assert episode["outcomes"]["above"]["verdict"] == "VIOLATED"

@@ -311,6 +311,6 @@ def test_a_time_limit_outside_is_seen_at_the_next_reset_and_at_the_close() -> No
     assert len(inner.stl_episodes) == 1
     env.close()
     env.close()
-    outcome = {"robustness": 2.0, "verdict": "SATISFIED", "satisfied": True, "decided_at": 2}
+    outcome = {"robustness": 2.0, "verdict": "SATISFIED", "satisfied": True, "ended_at": 2}
     record = {"samples": 3, "terminated": False, "truncated": True, "specs": {"spec": outcome}}
     assert list(inner.stl_episodes) == [record] * 2

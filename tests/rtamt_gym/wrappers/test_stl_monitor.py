@@ -51,7 +51,7 @@ def test_an_invariant_is_never_satisfied_before_the_environment_ends_the_episode
     assert [info["stl"]["spec"]["verdict"] for info in running] == ["UNDECIDED"] * 3
     assert not any("is_success" in info for info in running)
     assert last["stl_episode"] == {
-        "spec": {"robustness": 1.0, "verdict": "SATISFIED", "satisfied": True, "decided_at": 3}
+        "spec": {"robustness": 1.0, "verdict": "SATISFIED", "satisfied": True, "ended_at": 3}
     }
     assert last["is_success"] is True
 

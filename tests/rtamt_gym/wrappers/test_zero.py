@@ -34,7 +34,7 @@ def test_a_mode_that_is_kept_holds_with_robustness_0() -> None:
         assert info["stl"]["spec"]["verdict"] == "UNDECIDED"
     assert bits(last["stl_lower"]) == bits(last["stl_upper"]) == HOLDS
     assert last["stl_episode"] == {
-        "spec": {"robustness": 0.0, "verdict": "SATISFIED", "satisfied": True, "decided_at": 2}
+        "spec": {"robustness": 0.0, "verdict": "SATISFIED", "satisfied": True, "ended_at": 2}
     }
     assert last["is_success"] is True
     assert "stl_violated_by" not in last
