@@ -8,6 +8,8 @@ They are written against the documented interface of both, and tested on a stand
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -15,17 +17,20 @@ from typing import Any
 import torch
 
 from rtamt import InputError
-from rtamt.errors import InputTypeError, brief
+from rtamt.errors import InputTypeError, brief, no_such
 from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.panel import Taken
 from rtamt_arrays.requirements import (
     JudgedStep,
+    OnViolation,
     RequirementOptions,
     RequirementState,
     StepJudge,
 )
 from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
+from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.judging.reading import seconds_of
 from rtamt_gym.judging.specs import SpecsLike
 
 try:
@@ -85,6 +90,7 @@ class Violated(ManagerTermBase):
         SpecificationError: As `rtamt.EpisodeMonitor` does.
         InputError: If a variable has no signal, an option is wrong, or an option is set that the
             managers decide: ``observe``, and an ``on_violation`` that differs from ``time_out``.
+        InputTypeError: If a signal is not a function, nor a pair of a function and a number.
 
     Attributes:
         requirements: The judge of the specifications.
@@ -94,23 +100,19 @@ class Violated(ManagerTermBase):
     def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of the simulator
         super().__init__(cfg, env)
         params = cfg.params
-        options = RequirementOptions(period=env.step_dt)
-        chosen: RequirementOptions = params.get("options") or RequirementOptions()
-        options.update(chosen)
+        for name in ("specs", "signals"):
+            if name not in params:
+                raise InputError(f"The params of Violated have no {name!r}.")
         self._truncates = bool(getattr(cfg, "time_out", False))
-        _check_options(options, truncates=self._truncates)
-        options["on_violation"] = "truncate" if self._truncates else "terminate"
+        chosen: RequirementOptions = params.get("options") or RequirementOptions()
+        options = _options_of(chosen, env.step_dt, truncates=self._truncates)
         self.requirements = StepJudge(
             params["specs"],
             ArrayMonitors(partial(episode, device=env.device), partial(online, device=env.device)),
             TorchOperations(torch.device(env.device)),
             options,
         )
-        self._signals: Mapping[str, EnvSignal] = params["signals"]
-        for name in self.requirements.variables:
-            if name not in self._signals:
-                listed = ", ".join(self._signals) or "none"
-                raise InputError(f"variable {name!r} has no signal; the signals are {listed}")
+        self._signals = _signals_of(params["signals"], self.requirements.variables)
         self._state = self.requirements.init(env.num_envs)
         self._never = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
         self._nothing = torch.zeros(env.num_envs, device=env.device)
@@ -141,10 +143,10 @@ class Violated(ManagerTermBase):
             The state of the monitors, of shape (num_envs, features).
         """
         if self._marked is not None:
-            sample: dict[str, torch.Tensor | float] = {}
-            for name in self.requirements.variables:
-                signal = self._signals[name]
-                sample[name] = signal[1] if isinstance(signal, tuple) else signal(self._env)
+            sample = {
+                name: _read(name, signal, self._env) if at_reset is None else at_reset
+                for name, (signal, at_reset) in self._signals.items()
+            }
             self._state, judged = self.requirements.begin(self._state, sample, self._marked)
             self._features = torch.where(self._marked[:, None], judged.features, self._features)
             self._marked = None
@@ -158,10 +160,7 @@ class Violated(ManagerTermBase):
         options: RequirementOptions | None = None,  # noqa: ARG002
     ) -> torch.Tensor:
         """Take the sample of the step, and return where a requirement is certainly violated."""
-        sample = {}
-        for name in self.requirements.variables:
-            signal = self._signals[name]
-            sample[name] = signal[0](env) if isinstance(signal, tuple) else signal(env)
+        sample = {name: _read(name, signal, env) for name, (signal, _) in self._signals.items()}
         taken = self.requirements.take(self._state, sample)
         self._open_step = self._state, taken
         self._marked = None
@@ -236,20 +235,72 @@ def _wrong_ids(env_ids: object) -> InputTypeError:
     )
 
 
-def _check_options(options: RequirementOptions, *, truncates: bool) -> None:
-    """Refuse options whose effect belongs to the managers."""
-    if options.get("observe") is not None:
+def _options_of(
+    chosen: RequirementOptions, step_dt: float, *, truncates: bool
+) -> RequirementOptions:
+    """Return the options of the judge; refuse options whose effect belongs to the managers."""
+    for name in chosen:
+        if name not in RequirementOptions.__annotations__:
+            raise InputError(no_such("option", name, RequirementOptions.__annotations__))
+    if chosen.get("observe") is not None:
         raise InputError(
-            f"Violated has no observe={options['observe']!r}. Add monitor_state to the observations"
+            f"Violated has no observe={chosen['observe']!r}. Add monitor_state to the observations."
         )
-    ends = "truncate" if truncates else "terminate"
-    chosen = options.get("on_violation", ends)
-    if chosen != ends:
+    ends: OnViolation = "truncate" if truncates else "terminate"
+    on_violation = chosen.get("on_violation", ends)
+    if on_violation != ends:
         raise InputError(
-            f"on_violation={chosen!r} has no effect: the termination manager ends the episode, and "
-            f"time_out={truncates} means on_violation={ends!r}. Remove the option; set "
-            "time_out=True to truncate, or use a reward or metric of your own to report only"
+            f"on_violation={on_violation!r} has no effect: the termination manager ends the "
+            f"episode, and time_out={truncates} means on_violation={ends!r}. Remove the option, or "
+            "set time_out in the configuration of the term; an end cannot be left out."
         )
+    period = seconds_of(chosen.get("period"))
+    if period is not None and period != 1 and not math.isclose(period, step_dt, rel_tol=1e-6):
+        warnings.warn(
+            f"period= is {float(period):g} s, but a step of the environment takes {step_dt:g} s "
+            f"and is a sample, so bounds last {step_dt / float(period):g} times as long as "
+            "written; leave period= out, or set period=1 to count steps",
+            UserWarning,
+            stacklevel=caller_level(),
+        )
+    return {"period": step_dt, **chosen, "on_violation": ends}
+
+
+def _signals_of(
+    signals: Mapping[str, EnvSignal], variables: Sequence[str]
+) -> dict[str, tuple[Callable[[Any], torch.Tensor], float | None]]:
+    """Return the function of each variable, and its value at a reset if it has one."""
+    if not isinstance(signals, Mapping):
+        raise InputTypeError(
+            f"expected signals as a dictionary from variable to function, got {brief(signals)}"
+        )
+    pairs: dict[str, tuple[Callable[[Any], torch.Tensor], float | None]] = {}
+    for name in variables:
+        if name not in signals:
+            listed = ", ".join(signals) or "none"
+            raise InputError(f"variable {name!r} has no signal; the signals are {listed}")
+        match signals[name]:
+            case (function, bool() | int() | float() as value) if callable(function):
+                pairs[name] = function, float(value)
+            case function if callable(function):
+                pairs[name] = function, None
+            case signal:
+                raise InputTypeError(
+                    f"expected signal {name!r} as a function of the environment, or as a pair of "
+                    f"it and a number for resets, got {brief(signal)}"
+                )
+    return pairs
+
+
+def _read(name: str, function: Callable[[Any], torch.Tensor], env: Any) -> torch.Tensor:  # noqa: ANN401 - of the simulator
+    """Return the values of a signal, one for each environment."""
+    values = function(env)
+    if isinstance(values, torch.Tensor) and values.shape != (env.num_envs,):
+        raise InputError(
+            f"Signal {name!r} has the shape {tuple(values.shape)}, expected ({env.num_envs},). "
+            "Return one number for each environment, such as values[:, 0]."
+        )
+    return values
 
 
 def _terms_of(env: Any) -> dict[str, Violated]:  # noqa: ANN401 - of the simulator

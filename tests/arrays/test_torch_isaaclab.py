@@ -369,6 +369,7 @@ def test_no_step_asks_a_tensor_for_a_number() -> None:
         ({"on_violation": "truncate"}, False, "time_out=False means on_violation='terminate'"),
         ({"on_violation": "terminate"}, True, "time_out=True means on_violation='truncate'"),
         ({"observe": "state"}, False, "Violated has no observe='state'. Add monitor_state"),
+        ({"modes": "add"}, False, "No option 'modes'."),
     ],
 )
 def test_an_option_without_effect_is_refused(
@@ -381,7 +382,58 @@ def test_an_option_without_effect_is_refused(
     assert text in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("signals", "error", "text"),
+    [
+        ({"y": position}, InputError, "variable 'x' has no signal; the signals are y"),
+        ([position], InputTypeError, "expected signals as a dictionary from variable to function"),
+        ({"x": "obs[0]"}, InputTypeError, "expected signal 'x' as a function of the environment"),
+        ({"x": (0.0, position)}, InputTypeError, "or as a pair of it and a number for resets"),
+        ({"x": (position, None)}, InputTypeError, "or as a pair of it and a number for resets"),
+        ({"x": (position, 0.0, 1)}, InputTypeError, "or as a pair of it and a number for resets"),
+    ],
+)
+def test_wrong_signals_are_refused_at_once(
+    signals: object, error: type[Exception], text: str
+) -> None:
+    params = {"specs": "always(x > 0)", "signals": signals}
+    with pytest.raises(error) as raised:
+        StandInEnv(2, {"violated": TermCfg(Violated, params)})
+    assert text in str(raised.value)
+
+
+def test_a_signal_has_one_number_for_each_environment() -> None:
+    env = StandInEnv(2, {"violated": violated(x=lambda env: env.points.x[:, None])})
+    env.reset()
+    with pytest.raises(InputError) as error:
+        env.step(torch.zeros(2))
+    assert str(error.value) == (
+        "Signal 'x' has the shape (2, 1), expected (2,). Return one number for each environment, "
+        "such as values[:, 0]."
+    )
+
+
+def test_the_value_of_a_reset_may_be_an_integer() -> None:
+    env = StandInEnv(
+        2,
+        {"violated": violated(x=(position, -1))},
+        observations={"first": TermCfg(first_sample)},
+    )
+    env.reset()
+    env.step(torch.zeros(2))
+    assert env.termination_manager.terminated.all()
+
+
+def test_a_period_other_than_the_step_is_warned_about() -> None:
+    with pytest.warns(UserWarning, match="bounds last 2 times as long as written"):
+        StandInEnv(2, {"violated": violated(period=0.05)})
+    StandInEnv(2, {"violated": violated(period=1)})
+
+
 def test_what_is_missing_is_reported() -> None:
+    with pytest.raises(InputError) as error:
+        StandInEnv(2, {"violated": TermCfg(Violated, {"signals": {}})})
+    assert str(error.value) == "The params of Violated have no 'specs'."
     with pytest.raises(InputError) as error:
         StandInEnv(2, {"violated": violated("always(x < u)")})
     assert str(error.value) == "variable 'u' has no signal; the signals are x"
