@@ -294,7 +294,8 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
     ):
         if one != two:
             raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
-    if False in (a.repeats, b.repeats):
+    # A policy that draws numbers of its own still meets the same start of the environment.
+    if any(each.repeats is False and not each.differing for each in (a, b)):
         refuse_unrepeated(a.system)
     texts_a, texts_b = a.record.requirements, b.record.requirements
     if set(texts_a) != set(texts_b):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any, Unpack, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, get_args
 
 import gymnasium as gym
 import numpy as np
@@ -18,10 +19,15 @@ from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.frames import Filming, Frame
+from rtamt_gym.evaluation.frames import Filming, Frame, replay_difference
 from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import reading_of
-from rtamt_gym.evaluation.repeating import refuse_unrepeated, repeats, tell_unrepeated
+from rtamt_gym.evaluation.repeating import (
+    refuse_unrepeated,
+    repeats,
+    tell_unrepeated,
+    warn_of_difference,
+)
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
@@ -169,7 +175,9 @@ def evaluate_policy(
             that counts as satisfied then, and ``at_termination`` does not say so.
         FailedSimulationWarning: If some episodes failed.
         UnrepeatedSeedWarning: If two resets with one seed begin differently. To know it the
-            environment is reset twice more, after the episodes.
+            environment is reset twice more, after the episodes. Also if one of the worst episodes
+            has another robustness when it is played again, as with a policy that draws numbers
+            which the seed does not choose.
         RuntimeWarning: Once, if the environment could not be rendered.
 
     Example:
@@ -224,7 +232,7 @@ def evaluate_policy(
         record: Record, keep: int, planned: int | None = None, *, begun: bool | None = None
     ) -> Evaluation:
         period = seconds_of(runner.period)
-        runs, frames = _worst_runs(Filming(runner, period), record, keep)
+        shown = _worst_runs(runner, period, record, keep)
         return Evaluation(
             record,
             runner.name,
@@ -233,12 +241,13 @@ def evaluate_policy(
             runner.duration,
             int(seed),
             None if stopping is None else dict(stopping.decisions),
-            runs,
-            frames,
+            shown.runs,
+            shown.frames,
             reading_of(runner),
             interval,
-            begun,
+            False if shown.differing else begun,
             planned,
+            shown.differing,
             runner,
         )
 
@@ -362,11 +371,30 @@ def _add(stopping: Stopping, row: Trial) -> bool:
     return stopping.done
 
 
+class _WorstRuns(NamedTuple):
+    """The worst episodes of each requirement, played again.
+
+    Attributes:
+        runs: The runs by requirement, the worst first.
+        frames: Pictures by seed.
+        differing: The seeds of episodes whose replay differs from the record.
+    """
+
+    runs: dict[str, tuple[Run, ...]]
+    frames: dict[int, tuple[Frame, ...]]
+    differing: tuple[int, ...]
+
+
 def _worst_runs(
-    filming: Filming, record: Record, keep: int
-) -> tuple[dict[str, tuple[Run, ...]], dict[int, tuple[Frame, ...]]]:
-    """The worst episodes of each requirement, played again in full, and pictures by seed."""
+    runner: Episodes | VectorEpisodes, period: Fraction | None, record: Record, keep: int
+) -> _WorstRuns:
+    """Play the worst episodes of each requirement again in full.
+
+    Warns once if the replay of an episode differs from the record, and leaves out all that do.
+    """
+    filming = Filming(runner, period)
     runs: dict[int, Run] = {}
+    differing: dict[int, str] = {}
     failed: dict[int, Exception] = {}
     frames = {}
     found = {}
@@ -377,13 +405,18 @@ def _worst_runs(
         )
         for row in ranked[:keep]:
             number = row.seed or 0
-            if number in runs or number in failed:
+            if number in runs or number in failed or number in differing:
                 continue
             try:
-                runs[number], pictures = filming.play(row)
+                run, pictures = filming.play(row)
+                differs = replay_difference(runner, row, run)
             except Exception as error:  # noqa: BLE001 - what was found without it stays
                 failed[number] = error
                 continue
+            if differs:
+                differing[number] = differs
+                continue
+            runs[number] = run
             if pictures:
                 frames[number] = pictures
         numbers = [row.seed or 0 for row in ranked[:keep]]
@@ -396,4 +429,6 @@ def _worst_runs(
             RuntimeWarning,
             stacklevel=caller_level(),
         )
-    return found, frames
+    for number, differs in list(differing.items())[:1]:
+        warn_of_difference(record.system, number, differs)
+    return _WorstRuns(found, frames, tuple(differing))

@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 from rtamt import InputError, StateError
 from rtamt_gym import markup
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.frames import Frame, played
-from rtamt_gym.evaluation.repeating import HOW_TO_REPEAT
+from rtamt_gym.evaluation.frames import Frame, played, replay_difference
+from rtamt_gym.evaluation.repeating import (
+    HOW_TO_REPEAT,
+    HOW_TO_REPLAY,
+    warn_of_difference,
+)
 from rtamt_gym.results.codec import (
     document,
     fraction_of,
@@ -69,9 +73,13 @@ class Evaluation:
             by name, and under ``"signals"`` what each variable reads, None for a function. None:
             it is not known, as of a file that an older version has written.
         interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
-        repeats: Whether two resets with one seed began alike. None: nobody has looked, as in a file
-            that an older version has written.
+        repeats: Whether a seed repeats an episode. False if two resets with one seed began
+            differently, or if one of the worst episodes had another robustness when it was played
+            again (`differing`). None: nobody has looked, as in a file that an older version has
+            written.
         interrupted: How many episodes it was to have at most, if Ctrl-C has ended it; else None.
+        differing: The seeds of the worst episodes whose replay differed from the record. They are
+            not in `worst_runs`.
     """
 
     record: Record
@@ -87,6 +95,7 @@ class Evaluation:
     interval: IntervalKind = "exact"
     repeats: bool | None = None
     interrupted: int | None = None
+    differing: tuple[int, ...] = ()
     _runner: Runner | None = None
 
     @cached_property
@@ -139,6 +148,9 @@ class Evaluation:
             StateError: If it was loaded, and the episode is none of `worst_runs`; if a seed does
                 not repeat an episode.
             RtamtError: As `rtamt_gym.simulate` does.
+
+        Warns:
+            UnrepeatedSeedWarning: If the episode has another robustness than the recorded one.
         """
         if not any(row.seed == seed for row in self.record):
             last = self.seed + len(self.record) - 1
@@ -148,6 +160,11 @@ class Evaluation:
         kept = [run for runs in self.worst_runs.values() for run in runs if run.seed == seed]
         if kept:
             return kept[0]
+        if self.differing:
+            raise StateError(
+                f"cannot play episode {seed} again: episode {self.differing[0]} differed when it "
+                f"was played again; {HOW_TO_REPLAY}"
+            )
         if self.repeats is False:
             raise StateError(
                 f"cannot play episode {seed} again: two resets of {self.system} with one seed "
@@ -160,7 +177,12 @@ class Evaluation:
                 f"episode {seed} again; it holds {listing(map(str, held))}; evaluate_policy with "
                 f"episodes=1, seed={seed} plays it"
             )
-        return played(self._runner, seed)
+        run = played(self._runner, seed)
+        (row,) = (each for each in self.record if each.seed == seed)
+        differs = replay_difference(self._runner, row, run)
+        if differs:
+            warn_of_difference(self.system, seed, differs)
+        return run
 
     def to_frame(self) -> pd.DataFrame:
         """A data frame of pandas: a row for every episode, the columns as in `Record.columns`.
@@ -246,11 +268,11 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
-    *("reading", "interval", "repeats", "interrupted"),
+    *("reading", "interval", "repeats", "interrupted", "differing"),
 )
 
 
-_KEPT = ("policy", "period", "limit", "seed", "decision", "reading", "repeats")
+_KEPT = ("policy", "period", "limit", "seed", "decision", "reading", "repeats", "differing")
 """The fields of an evaluation that JSON holds as they are."""
 
 
@@ -309,6 +331,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         interval=_kind_of(kept),
         repeats=kept.get("repeats"),
         interrupted=kept.get("interrupted"),
+        differing=tuple(kept.get("differing", ())),
     )
 
 

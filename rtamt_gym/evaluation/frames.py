@@ -16,6 +16,7 @@ import numpy as np
 from rtamt import InputTypeError
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
+from rtamt_gym.evaluation.repeating import difference
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.simulation.environment_case import baseline_of
@@ -26,7 +27,7 @@ from rtamt_gym.wrappers.substeps import read_substep_period
 if TYPE_CHECKING:
     from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["Film", "Filming", "Frame", "played"]
+__all__ = ["Film", "Filming", "Frame", "played", "replay_difference"]
 
 _MOST: Final = 22
 """The most pictures that are spread over an episode; its end and its violations have their own."""
@@ -163,6 +164,17 @@ class Filming:
 def played(runner: Runner, seed: int, **others: Any) -> Run:  # noqa: ANN401 - options of `simulate`
     """The episode of a seed, played to its end."""
     return replace(runner.simulate({}, seed, stop="end", **others), case=None)
+
+
+def replay_difference(runner: Runner, row: Trial, run: Run) -> str:
+    """Return how a replay differs from the recorded episode; an empty string if it does not.
+
+    Args:
+        runner: What plays the episodes. If it stops them early, it plays this one once more.
+        row: The recorded episode.
+        run: The replay, to the end of the episode.
+    """
+    return difference(row, run if runner.stop == "end" else runner.simulate({}, row.seed or 0))
 
 
 def _samples_per_step(env: gym.Env[Any, Any]) -> int:

@@ -1,8 +1,9 @@
-"""Whether a seed repeats an episode: two resets with one seed begin alike."""
+"""Whether a seed repeats an episode: its first observation, and its robustness in a replay."""
 
 from __future__ import annotations
 
 import copy
+import math
 import warnings
 from collections.abc import Mapping
 from typing import Any, Final, NoReturn
@@ -12,14 +13,20 @@ from gymnasium.vector import VectorEnv
 
 from rtamt import InputError
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.tables import number
 
 __all__ = [
     "HOW_TO_REPEAT",
+    "HOW_TO_REPLAY",
     "UnrepeatedSeedWarning",
     "alike",
+    "difference",
     "refuse_unrepeated",
     "repeats",
     "tell_unrepeated",
+    "warn_of_difference",
 ]
 
 HOW_TO_REPEAT: Final = (
@@ -29,8 +36,19 @@ HOW_TO_REPEAT: Final = (
 """What to do about an environment that seeds do not repeat."""
 
 
+HOW_TO_REPLAY: Final = (
+    "the policy or the environment draws numbers that the seed does not choose, or the policy "
+    "keeps a state between episodes. Give a class of policies, which is made anew as "
+    "Class(seed=...) for each episode; a network may also round differently in a batch (n_envs=)"
+)
+"""Why a replay may differ from the recorded episode, and what to do about it."""
+
+_ROUNDING: Final = 1e-6
+"""The relative difference of robustness that networks make by rounding in a batch."""
+
+
 class UnrepeatedSeedWarning(UserWarning):
-    """Two resets of an environment with one seed began differently."""
+    """A seed did not repeat an episode: its first observation, or its robustness in a replay."""
 
 
 def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environment, or many
@@ -53,6 +71,35 @@ def tell_unrepeated(name: str, seed: int) -> None:
     warnings.warn(
         f"two resets of {name} with seed {seed} begin differently: the same call plays other "
         f"episodes, none is played again, and compare refuses to pair them; {HOW_TO_REPEAT}",
+        UnrepeatedSeedWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def difference(row: Trial, run: Run) -> str:
+    """Return the first requirement on which a replay differs; an empty string if none does.
+
+    Args:
+        row: The recorded episode.
+        run: The episode of the same seed, played again and stopped as the recorded one.
+    """
+    for name, outcome in row.outcomes.items():
+        course = run.courses[name]
+        same = math.isclose(course.final, outcome.robustness, rel_tol=_ROUNDING) or (
+            math.isnan(course.final) and math.isnan(outcome.robustness)
+        )
+        if course.verdict is not outcome.verdict or not same:
+            return (
+                f"{name} had robustness {number(outcome.robustness)} ({outcome.verdict.name}), and "
+                f"{number(course.final)} ({course.verdict.name}) when it was played again"
+            )
+    return ""
+
+
+def warn_of_difference(name: str, seed: int, differing: str) -> None:
+    """Warn that the replay of an episode differs from the recorded episode."""
+    warnings.warn(
+        f"episode {seed} of {name} does not repeat: {differing}; {HOW_TO_REPLAY}",
         UnrepeatedSeedWarning,
         stacklevel=caller_level(),
     )

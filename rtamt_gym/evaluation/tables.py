@@ -107,10 +107,7 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
             f"{counted(total, 'episode')}, 95% interval {low:.1f} to {high:.1f}"
         )
     if evaluation.repeats is False:
-        yield from terminal.wrapped(
-            "note: two resets with one seed begin differently: the same call plays other "
-            "episodes, and none is played again"
-        )
+        yield from terminal.wrapped(_unrepeated(evaluation))
     if evaluation.decision is not None:
         yield ""
         for name, decision in evaluation.decision.items():
@@ -120,6 +117,19 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
         yield from (line for each in lines for line in terminal.wrapped(each, "red"))
     reused = reuse_lines(evaluation.record.provenance, "episode")
     yield from ["", *reused] if reused else []
+
+
+def _unrepeated(evaluation: Any) -> str:  # noqa: ANN401
+    """Return why a seed does not repeat an episode."""
+    if evaluation.differing:
+        return (
+            f"note: episode {evaluation.differing[0]} differed when it was played again: the same "
+            "call may give other numbers"
+        )
+    return (
+        "note: two resets with one seed begin differently: the same call plays other episodes, and "
+        "none is played again"
+    )
 
 
 def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401

@@ -108,6 +108,7 @@ class VectorEpisodes(Runner):
         self.reading = reading.having(
             at_termination=reading.at_termination or "complete", period=self.period
         )
+        self.stop: Stop = stop
         self._of_runs: dict[str, Any] = {"duration": duration, "stop": stop}
         alone: Any = SimpleNamespace(
             observation_space=self._env.single_observation_space,

@@ -137,6 +137,7 @@ class Runner:
             self.name = ran.name
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)
+            self.stop = stop
             self._of_runs: dict[str, Any] = {"policy": policy, "duration": duration, "stop": stop}
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
