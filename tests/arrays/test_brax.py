@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+from functools import partial
 from typing import Any
 
 import jax
@@ -257,6 +258,47 @@ def test_what_is_wrong_raises_when_the_wrapper_is_made() -> None:
         "expected an environment in VmapWrapper and then EpisodeWrapper, which count the steps of "
         "many; training_wrapper(specs, signals) makes the order that Brax trains with"
     )
+
+
+@pytest.mark.filterwarnings("ignore:jax.device_put_replicated is deprecated:DeprecationWarning")
+def test_ppo_trains_and_evaluates_under_the_wrapper() -> None:
+    from brax.training.agents.ppo import networks
+    from brax.training.agents.ppo import train as ppo
+
+    jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - Brax trains in float32
+    wrap = training_wrapper(
+        "always(x < 1.5)", {"x": "obs[0]"}, mode="add", observe="state", cost="violation"
+    )
+    rows: list[tuple[int, dict[str, Any]]] = []
+    small = partial(
+        networks.make_ppo_networks, policy_hidden_layer_sizes=(8,), value_hidden_layer_sizes=(8,)
+    )
+    make, params, metrics = ppo.train(
+        Drift(),
+        wrap_env_fn=wrap,
+        num_timesteps=2000,
+        num_evals=2,
+        episode_length=20,
+        num_envs=8,
+        num_eval_envs=16,
+        batch_size=8,
+        num_minibatches=2,
+        unroll_length=5,
+        num_updates_per_batch=1,
+        network_factory=small,
+        progress_fn=lambda steps, found: rows.append((steps, found)),
+        seed=1,
+    )
+    action, _ = make(params, deterministic=True)(jnp.zeros(7), jax.random.PRNGKey(0))
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
+    assert [steps for steps, _ in rows] == [0, 2000]
+    assert action.shape == (1,)  # the policy sees two numbers and the five of the monitor
+    for _, found in rows:
+        # A violation ends an episode at once and costs 1; every other end is a success.
+        rate, cost = found["eval/episode_is_success"], found["eval/episode_cost"]
+        assert float(rate + cost) == pytest.approx(1.0)
+        assert 0 < float(rate) < 1
+    assert np.isfinite(float(metrics["eval/episode_reward"]))
 
 
 @pytest.mark.parametrize("full_reset", [False, True])
