@@ -150,6 +150,16 @@ def test_metrics_and_sums_are_of_episodes_as_they_end_here() -> None:
     np.testing.assert_allclose(states.reward, paid, atol=1e-12)
 
 
+def test_verdicts_alone_are_paid_once_an_episode() -> None:
+    env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, mode="verdict", bonus=2.0, penalty=3.0)
+    _, states, _ = rollout(env)
+    done = np.asarray(states.done) > 0
+    success = np.asarray(states.info["is_success"])
+    np.testing.assert_array_equal(states.reward, np.where(done, np.where(success, 2.0, -3.0), 0.0))
+    assert success[done].any()
+    assert not success[done].all()
+
+
 class FullReset(Wrapper):  # type: ignore[misc]  # Brax is untyped
     """Resets all arrays whose first axis is as long as there are lanes, as Playground's does."""
 
