@@ -22,7 +22,7 @@ from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
-from rtamt_gym.results.fingerprint import listed
+from rtamt_gym.results.fingerprint import ChangedModelError, listed
 from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.statistics import SUCCESS
@@ -192,16 +192,19 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
     """
     of_a, of_b = (each.record.provenance.fingerprint for each in (a, b))
     if of_a is None or of_b is None:
-        without = " and ".join(n for n, each in (("A", of_a), ("B", of_b)) if each is None)
-        return [f"no hashes of {without}: a change of the environment cannot be seen"]
-    changes = of_a.changes(of_b, without={*of_a.policy, *of_b.policy})
+        names = " and ".join(n for n, each in (("A", of_a), ("B", of_b)) if each is None)
+        return [f"no hashes of {names}: a change of the environment cannot be seen"]
+    without = {*of_a.policy, *of_b.policy}
+    every = of_a.changes(of_b, without=without)
+    # An environment may be made in two ways: by its id, or by a function that has a file.
+    changes = of_a.common(of_b).changes(of_b.common(of_a), without=without)
     if changes and not accept_changed:
-        raise InputError(
+        raise ChangedModelError(
             f"cannot compare: of B {listed(changes)}; evaluate both with the same environment, or "
             "compare all the same with ",
             Argument("accept_changed", value=True),
         )
-    return [*(f"of B {each}" for each in changes), *(f"of B {n}" for n in of_a.notes(of_b))]
+    return [*(f"of B {each}" for each in every), *(f"of B {n}" for n in of_a.notes(of_b))]
 
 
 def _two_names(names: object) -> tuple[str, str]:
@@ -350,6 +353,8 @@ def _notes(
                 f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, beside a "
                 f"robustness that holds: {its} robustness judges the samples alone"
             )
+        if (reuse := each.record.provenance.reuse) is not None:
+            yield from (f"{name}: {mixture.line('episode')}" for mixture in reuse.mixtures)
         for text in never_asked_lines(each.record, "episode"):
             yield f"{text} of {name}"
         if each.decision is not None:

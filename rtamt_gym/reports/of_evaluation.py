@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -18,7 +18,7 @@ from rtamt_gym.reports.model import (
     ShownEpisode,
     ShownRequirement,
 )
-from rtamt_gym.reports.rows import at_stop, judged, made_of, requirement_of, trials_of
+from rtamt_gym.reports.rows import at_stop, judged, made_of, requirement_of, reuse_notes, trials_of
 from rtamt_gym.reports.series import six
 from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.outcome import Word
@@ -76,16 +76,24 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
         unit=unit,
         replay="evaluation.replay({seed})",
         facts=tuple(facts),
-        notes=tuple(
-            f"Sequential stopping after {counted(evaluation.episodes, 'episode')}: the rate of "
-            f"{name} {text if text.startswith(('meets', 'falls')) else f'is {text}'}."
-            for name, text in (evaluation.decision or {}).items()
+        notes=(
+            *reuse_notes(evaluation.record.provenance, "episode"),
+            *_decisions(evaluation),
         ),
         requirements=tuple(requirements),
         returns=tuple(sorted(six(x) for x in evaluation.returns if x == x)),  # noqa: PLR0124 - nan
         durations=tuple(sorted(map(six, evaluation.lengths))),
         **made_of(evaluation.record.provenance),
     )
+
+
+def _decisions(evaluation: Evaluation) -> Iterator[str]:
+    """Yield what sequential stopping has decided."""
+    for name, text in (evaluation.decision or {}).items():
+        yield (
+            f"Sequential stopping after {counted(evaluation.episodes, 'episode')}: the rate of "
+            f"{name} {text if text.startswith(('meets', 'falls')) else f'is {text}'}."
+        )
 
 
 def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> ShownRequirement:

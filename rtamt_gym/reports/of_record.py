@@ -21,6 +21,7 @@ from rtamt_gym.reports.rows import (
     labelled,
     made_of,
     requirement_of,
+    reuse_notes,
     trials_of,
 )
 from rtamt_gym.reports.series import rounded, six
@@ -59,6 +60,7 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
     record = result if isinstance(result, Record) else result.record
     worst: dict[str, list[Run]] = {}
     notes = [" ".join(line.strip() for line in failures(record))] if record.failed() else []
+    notes += reuse_notes(record.provenance, "simulation")
     if sweep is not None and sweep.playable:
         for name in record.requirements:
             if any(name in row.outcomes for row in record):

@@ -12,10 +12,11 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of, rounded_moment
 from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
-from rtamt_gym.reports.rows import TRIALS, cases_of, judged, made_of, requirement_of
+from rtamt_gym.reports.rows import TRIALS, cases_of, judged, made_of, requirement_of, reuse_notes
 from rtamt_gym.reports.series import six
 from rtamt_gym.reports.views import Convergence
 from rtamt_gym.results.codec import trials_of
+from rtamt_gym.results.fingerprint import ChangedModelError
 from rtamt_gym.results.outcome import WORDS, Outcome, word
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.effects import Effects
@@ -60,6 +61,7 @@ def of_search(found: Falsification, room: int) -> Section:
     notes.append(f"Seen, without any guarantee: {found.coverage}.")
     if found.effects.without:
         notes.append(f"Note: {found.effects}.")
+    notes += reuse_notes(record.provenance, "simulation")
     return Section(
         kind="search",
         title=f"Search for a violation by {record.system}",
@@ -167,6 +169,8 @@ def _played(saved: SavedCase) -> tuple[Run | None, str]:
     """The run of a case, and what is to be said about it; None, and the error that came."""
     try:
         run = saved.replay()
+    except ChangedModelError as error:
+        return None, error.message.worded(lambda _: "rtamt replay --accept-changed")
     except Exception as error:  # noqa: BLE001 - the rest of the file is shown all the same
         message = str(error).partition("\n")[0]
         return None, f"{type(error).__name__}: {message}"
@@ -210,6 +214,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
             else f"No simulation violates a requirement; {name} came closest.",
             f"Input: {'; '.join(case)}.",
             *([f"Note: {effects}."] if effects.without else []),
+            *reuse_notes(record.provenance, "simulation"),
         ),
         requirements=requirements_of(record, {}, 0, unit=unit),
         cases=cases_of(record),

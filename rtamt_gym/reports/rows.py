@@ -45,6 +45,7 @@ __all__ = [
     "labelled",
     "made_of",
     "requirement_of",
+    "reuse_notes",
     "trials_of",
     "worst_first",
 ]
@@ -180,6 +181,11 @@ def made_of(found: Provenance) -> dict[str, Any]:
     """The fields of a section that say what its result was made of and with."""
     files = tuple(ShownFile(path, sha) for path, sha in found.files.items())
     return {"files": files, "versions": dict(found.versions)}
+
+
+def reuse_notes(found: Provenance, trial: str) -> list[str]:
+    """Return notes on results that came from a folder; ``trial`` is the word for one."""
+    return [] if found.reuse is None else found.reuse.lines(trial)
 
 
 def statistics_of(heights: Sequence[float]) -> tuple[Fact, ...]:

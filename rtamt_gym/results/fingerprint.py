@@ -8,14 +8,14 @@ as it is now.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Self
 
 from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.tables import counted
 
-__all__ = ["Fingerprint", "Mixture", "Reuse", "check_unchanged", "listed"]
+__all__ = ["ChangedModelError", "Fingerprint", "Mixture", "Reuse", "check_unchanged", "listed"]
 
 _SHOWN: Final = 4
 """The number of changes that an error lists."""
@@ -54,20 +54,13 @@ class Fingerprint:
             >>> then.changes(Fingerprint({"plant.py": "a0"}, {"gain": "3.0"}, {"mujoco": "3.4.0"}))
             ['plant.py has changed', 'gain is 3.0, was 2.0', 'mujoco is 3.4.0, was 3.3.1']
         """
-        texts = []
-        for name in sorted({*self.contents, *now.contents}.difference(without)):
-            then, current = self.contents.get(name), now.contents.get(name)
-            if None in (then, current):
-                texts.append(f"{name} is {'new' if then is None else 'no longer used'}")
-            elif then != current:
-                texts.append(f"{name} has changed")
-        for name in sorted({*self.values, *now.values}.difference(without)):
-            then, current = self.values.get(name), now.values.get(name)
-            if None in (then, current):
-                texts.append(f"{name} is {'new' if then is None else 'no longer used'}")
-            elif then != current:
-                texts.append(f"{name} is {current}, was {then}")
-        return [*texts, *_other_versions(self.simulators, now.simulators)]
+        files = _changes(self.contents, now.contents, without, values=False)
+        of_files = tuple(f" of {name.rpartition('/')[2]}" for name in files)
+        values = _changes(self.values, now.values, without, values=True)
+        for name, text in values.items():
+            if not name.endswith(of_files):  # else the change of the file says it
+                files[name] = text
+        return [*files.values(), *_other_versions(self.simulators, now.simulators)]
 
     def notes(self, now: Fingerprint) -> list[str]:
         """Return other versions of packages that do not simulate, each as a clause."""
@@ -77,9 +70,10 @@ class Fingerprint:
         )
 
     def common(self, other: Fingerprint) -> Fingerprint:
-        """Return the hashes and versions of what the other one has too, without values."""
+        """Return the part whose names the other one has too."""
         contents = {name: each for name, each in self.contents.items() if name in other.contents}
-        return Fingerprint(contents, simulators=self.simulators)
+        values = {name: each for name, each in self.values.items() if name in other.values}
+        return replace(self, contents=contents, values=values)
 
     def plain(self) -> dict[str, Any]:
         """Return the fingerprint as JSON holds it; empty fields are left out."""
@@ -112,12 +106,32 @@ class Fingerprint:
         return cls(*maps, *(tuple(stored.get(name, ())) for name in ("unseen", "policy")))
 
 
+def _changes(
+    then: Mapping[str, str], now: Mapping[str, str], without: Collection[str], *, values: bool
+) -> dict[str, str]:
+    """Return what differs between two mappings, by name, as a clause with the values or not."""
+    texts = {}
+    for name in sorted({*then, *now}.difference(without)):
+        if name not in then:
+            texts[name] = f"{name} is new"
+        elif name not in now:
+            texts[name] = f"{name} is no longer used"
+        elif then[name] != now[name]:
+            changed = f"is {now[name]}, was {then[name]}" if values else "has changed"
+            texts[name] = f"{name} {changed}"
+    return texts
+
+
 def _other_versions(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     return [
         f"{name} is {now[name]}, was {version}"
         for name, version in sorted(then.items())
         if name in now and now[name] != version
     ]
+
+
+class ChangedModelError(InputError):
+    """Stored results are of a model, a policy or a simulator that has changed since."""
 
 
 def check_unchanged(what: str, changes: list[str], way_out: str) -> None:
@@ -129,10 +143,10 @@ def check_unchanged(what: str, changes: list[str], way_out: str) -> None:
         way_out: What to do in place of accepting the change.
 
     Raises:
-        InputError: If anything has changed, with both ways out.
+        ChangedModelError: If anything has changed, with both ways out.
     """
     if changes:
-        raise InputError(
+        raise ChangedModelError(
             f"{what} holds results of another model or version: {listed(changes)}; {way_out}, or "
             "use them all the same with ",
             Argument("accept_changed", value=True),

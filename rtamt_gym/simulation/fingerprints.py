@@ -93,15 +93,18 @@ class _Collector:
             self._add_package(name, simulates=name in _SIMULATORS)
         contents = dict(self._hashes)
         places: dict[str, Path] = {}
+        edited = self._modules.edited()
         for path, root in {**self._modules.paths, **self._files}.items():
             name = _label(path, root)
             if places.setdefault(name, path) != path:
                 name = f"{name} of {path.parent.name}"
             contents[name] = file_hash(path)
+            if path in edited:  # what runs is not what the file holds now
+                contents[name] = f"edited after process {os.getpid()} imported it"
         versions = {**versions_in_use(), **self._packages, "python": platform.python_version()}
         return Fingerprint(
             contents,
-            dict(self._values),
+            {**self._values, **{name: repr(now) for name, now in self._modules.replaced()}},
             dict(self._simulators),
             {name: each for name, each in versions.items() if name not in self._simulators},
             tuple(dict.fromkeys([*self._unseen, *self._modules.unseen])),
@@ -225,8 +228,7 @@ class _Collector:
                 continue
             self._modules.add(path, _import_name(sys.modules.get(each.__module__)))
             self._values[f"{each.__qualname__} of {path.name}"] = "used"
-            known = self._modules.classes.get(path.resolve())
-            if known is not None and each.__name__ not in known:
+            if not self._modules.defines(path, each.__name__):
                 self._unseen[f"the class {each.__name__}, which was made at run time"] = None
 
     def _add_functions(self, kind: type, path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import sys
 import sysconfig
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from functools import cache
 from importlib import machinery
 from importlib.util import find_spec
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import Final
 from xml.etree import ElementTree as ET
 
@@ -37,6 +39,9 @@ _READ: Final = frozenset(
     }
 )
 """The endings of files of models and policies, which a module reads and does not write."""
+
+_PLAIN: Final = frozenset({bool, int, float, str, type(None)})
+"""The types of constants that are compared with what a module holds."""
 
 _TREE: Final = frozenset({".xml", ".mjcf", ".urdf"})
 """The endings of model files that refer to other files."""
@@ -64,13 +69,13 @@ class ModuleFiles:
         paths: Each file, with the folder that Python imports it from.
         packages: The names of installed packages that the modules import.
         unseen: What the modules use without a trace in their text, each a noun phrase.
-        classes: The names of the classes that each module defines, by path.
+        trees: The syntax tree of each module in Python, by path.
     """
 
     paths: dict[Path, Path] = field(default_factory=dict)
     packages: set[str] = field(default_factory=set)
     unseen: list[str] = field(default_factory=list)
-    classes: dict[Path, frozenset[str]] = field(default_factory=dict)
+    trees: dict[Path, ast.Module] = field(default_factory=dict)
 
     def add(self, path: Path, name: str) -> None:
         """Add a module and all that it imports.
@@ -98,14 +103,39 @@ class ModuleFiles:
             self.unseen.append(f"the modules that {path.name} imports, which cannot be parsed")
             return
         package = name if path.stem == "__init__" else name.rpartition(".")[0]
-        self.classes[path] = frozenset(
-            node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
-        )
+        self.trees[path] = tree
         for node in ast.walk(tree):
             for module in self._imports(node, package, path):
                 self._follow(module, root)
             for text in _file_names(node):
                 self._add_read(text, path, root)
+
+    def defines(self, path: Path, name: str) -> bool:
+        """Return if a module defines a class of a name; True if it is not known."""
+        tree = self.trees.get(path.resolve())
+        return tree is None or any(
+            isinstance(node, ast.ClassDef) and node.name == name for node in ast.walk(tree)
+        )
+
+    def loaded(self) -> Iterator[tuple[Path, ModuleType]]:
+        """Yield the modules that this program has imported, with their paths."""
+        modules = {str(getattr(each, "__file__", "")): each for each in [*sys.modules.values()]}
+        yield from ((path, modules[str(path)]) for path in self.trees if str(path) in modules)
+
+    def edited(self) -> set[Path]:
+        """Return the modules with functions that were edited after they were imported."""
+        return {path for path, module in self.loaded() if _differs(module, path, self.trees[path])}
+
+    def replaced(self) -> Iterator[tuple[str, object]]:
+        """Yield constants that differ from the text of their modules, by name.
+
+        The program has set them, or the file was edited after it was imported.
+        """
+        for path, module in self.loaded():
+            for name, value in _constants(self.trees[path]):
+                now = getattr(module, name, value)
+                if type(now) in _PLAIN and now != value:
+                    yield f"{name} of {path.name}", now
 
     def _imports(self, node: ast.AST, package: str, path: Path) -> Iterator[str]:
         """Yield the absolute names that a statement or call imports, of what may be modules."""
@@ -167,6 +197,43 @@ class ModuleFiles:
                         for each in model_files(path):
                             self.paths.setdefault(each, root)
                         return
+
+
+def _differs(module: ModuleType, path: Path, tree: ast.Module) -> bool:
+    """Return if a function or a constant of a loaded module differs from the text of its file."""
+    if type(module.__loader__) is not machinery.SourceFileLoader:  # others change the code
+        return False
+    codes: set[CodeType] = set()
+    waiting = [compile(tree, str(path), "exec", dont_inherit=True)]
+    while waiting:
+        code = waiting.pop()
+        codes.add(code)
+        waiting += [each for each in code.co_consts if isinstance(each, CodeType)]
+    classes = [each for each in vars(module).values() if isinstance(each, type)]
+    own = [each for each in classes if each.__module__ == module.__name__]
+    functions = [each for holder in (module, *own) for each in vars(holder).values()]
+    return any(
+        each.__code__ not in codes
+        for each in functions
+        if isinstance(each, FunctionType) and each.__code__.co_filename == str(path)
+    )
+
+
+def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
+    """Yield the names that a module assigns once, to a number or a text."""
+    names = [each for each in ast.walk(tree) if isinstance(each, ast.Name)]
+    stored = Counter(each.id for each in names if isinstance(each.ctx, ast.Store))
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                pass
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                pass
+            case _:
+                continue
+        if stored[name] == 1:
+            with suppress(ValueError):
+                yield name, ast.literal_eval(value)
 
 
 def _found(folder: Path, name: str) -> machinery.ModuleSpec | None:

@@ -188,9 +188,9 @@ class Folder:
         Raises:
             InputError: If results are stored, the model has changed, and that is not accepted.
         """
-        kept = read(self.path)
-        self._mixtures = tuple(Mixture.read(each) for each in kept.get("mixtures", ()))
-        then, now = Fingerprint.read(kept.get("fingerprint")), self._fingerprint
+        kept, now = read(self.path), self._fingerprint
+        self._mixtures = tuple(map(Mixture.read, kept.get("mixtures", ())))
+        then = Fingerprint.read(kept.get("fingerprint"))
         changes = [] if then is None else then.changes(now)
         if then is not None and not changes:
             self._notes = then.notes(now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -58,8 +59,9 @@ class Recipe:
         made = gym.make(system) if isinstance(system, EnvSpec) else system
         runner = self._kind(made, self._requirements, **self._options)
         if self._fingerprint is not None:
+            there = replace(self._fingerprint, values={})  # a run changes what objects hold
             here = runner.fingerprint()
-            if changes := self._fingerprint.common(here).changes(here.common(self._fingerprint)):
+            if changes := there.common(here).changes(here.common(there)):
                 raise InputError(f"{listed(changes)} since the run began, or on this machine")
         return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rtamt import InputError
+from rtamt_gym.results.fingerprint import Fingerprint, Mixture
 from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.results.trial import Trial
 
@@ -144,6 +145,13 @@ def read(path: Path) -> dict[str, Any]:
             raise InputError(
                 f"{path / CAMPAIGN} is damaged: expected an object with {key!r}; {_OTHER}"
             )
+    try:
+        Fingerprint.read(kept.get("fingerprint"))
+        list(map(Mixture.read, kept.get("mixtures", ())))
+    except (InputError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path / CAMPAIGN} is damaged: expected a fingerprint and mixtures; {_OTHER}"
+        ) from error
     found: dict[str, Any] = kept
     return found
 

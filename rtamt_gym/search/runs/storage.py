@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +16,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.fingerprint import Mixture, Reuse
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.files import finished
 
@@ -65,7 +66,7 @@ def load(path: Path) -> tuple[list[Trial], dict[str, Any]]:
     """
     if path.is_dir():
         rows_of, kept_too = finished(path, load)
-        return [rows_of[number] for number in sorted(rows_of)], kept_too
+        return [rows_of[number] for number in sorted(rows_of)], _of_folder(kept_too, path, rows_of)
     try:
         table = pq.read_table(path)
     except pa.ArrowInvalid as error:
@@ -77,6 +78,14 @@ def load(path: Path) -> tuple[list[Trial], dict[str, Any]]:
         )
     kept: dict[str, Any] = json.loads(metadata[_KEY])
     return [_row(cells, kept) for cells in table.to_pylist()], kept
+
+
+def _of_folder(kept: dict[str, Any], path: Path, rows: Collection[int]) -> dict[str, Any]:
+    """Return what a folder stores beside its rows, with what is known of their model."""
+    unseen = kept.get("fingerprint", {}).get("unseen", ())
+    mixtures = tuple(map(Mixture.read, kept.get("mixtures", ())))
+    reuse = Reuse(str(path), len(rows), len(rows), mixtures, (), tuple(unseen))
+    return {**kept, "reuse": reuse.plain()}
 
 
 def holds_run(path: Path) -> bool:

@@ -1,5 +1,6 @@
 """Stored results are refused once their model has changed: campaigns, cases and evaluations."""
 
+import importlib
 import importlib.metadata
 import json
 import shutil
@@ -111,6 +112,10 @@ def test_an_edit_of_a_module_is_named(name: str, project: Path, capsys: Output) 
     assert stored["mixtures"] == [{"count": 4, "changes": [f"{name} has changed"]}]
     assert main(SWEEP) == 0  # the change is accepted, and still stated
     assert mixed in capsys.readouterr().out
+    if name == "drain.py":
+        for source in ("runs", "out.json"):
+            assert main(["report", source, "-o", "page.html"]) == 0
+            assert "4 simulations from before a change: drain.py" in Path("page.html").read_text()
 
 
 def test_a_search_and_its_case(project: Path, capsys: Output) -> None:
@@ -223,11 +228,7 @@ def test_a_folder_and_a_project_may_move(project: Path, capsys: Output) -> None:
     assert "reused 4 of 4 simulations from moved" in capsys.readouterr().out
     (project / "plant.py").rename("renamed.py")
     command = [each.replace("plant:", "renamed:") for each in [*SWEEP[:-1], "moved"]]
-    changes = (
-        "plant.py is no longer used, renamed.py is new, the function tank of plant.py is no longer "
-        "used, the function tank of renamed.py is new"
-    )
-    refused(command, changes, "moved", capsys)
+    refused(command, "plant.py is no longer used, renamed.py is new", "moved", capsys)
 
 
 def test_workers_refuse_another_source(project: Path) -> None:
@@ -259,8 +260,57 @@ def test_a_change_that_cannot_be_seen_is_stated() -> None:
     )
 
 
+def test_an_edit_after_the_import_is_a_change(project: Path) -> None:
+    import drain  # type: ignore[import-not-found]
+    import plant
+
+    then = fingerprint_of([plant.tank])
+    (project / "drain.py").write_text("RATE = 0.2\n")  # what runs has still 0.1
+    now = fingerprint_of([plant.tank])
+    assert then.changes(now) == ["drain.py has changed"]
+    assert now.values["RATE of drain.py"] == "0.1"
+    text = (project / "plant.py").read_text().replace("range(9)", "range(8)")
+    (project / "plant.py").write_text(text)
+    importlib.reload(drain)
+    stale = fingerprint_of([plant.tank])
+    assert stale.contents["plant.py"].startswith("edited after process ")
+    importlib.reload(plant)
+    fresh = fingerprint_of([plant.tank])
+    assert stale.changes(fresh) == ["plant.py has changed"]
+    drain.RATE = 0.3
+    assert fresh.changes(fingerprint_of([plant.tank])) == ["RATE of drain.py is new"]
+
+
 def gain_plant(gain: Any, x: float = 0.0) -> Iterator[dict[str, float]]:  # noqa: ANN401
     yield {"x": gain * x}
+
+
+def test_a_list_that_a_function_holds_is_stated() -> None:
+    gains = [1.0]
+
+    def plant() -> Iterator[dict[str, float]]:
+        yield {"x": gains[0]}
+
+    then = fingerprint_of([plant])
+    assert then.unseen == ("gains of plant, a list",)
+    gains.append(2.0)  # as a list of calls grows
+    assert then.changes(fingerprint_of([plant])) == []
+
+
+def test_a_damaged_fingerprint_is_named() -> None:
+    assert main(SWEEP) == 0
+    path = Path("runs/campaign.json")
+    kept = json.loads(path.read_text())
+    for key, value in (
+        ("fingerprint", 3),
+        ("fingerprint", {"contents": 3}),
+        ("fingerprint", {"contents": {"plant.py": 3}}),
+        ("fingerprint", {"unseen": [3]}),
+        ("mixtures", [{"count": 3}]),
+    ):
+        path.write_text(json.dumps({**kept, key: value}))
+        with pytest.raises(InputError, match="expected a fingerprint and mixtures; give another"):
+            Record.load("runs")
 
 
 def held(gain: float) -> Callable[[], Iterator[dict[str, float]]]:
@@ -285,8 +335,10 @@ def test_values_that_functions_hold(make: Callable[[float], object]) -> None:
 
 MODEL = """
 <mujoco model="robot"><compiler meshdir="meshes"/><include file="floor.xml"/>
-  <asset><mesh name="hull" file="hull.obj"/>
-    <hfield name="hill" file="hill.png" size="1 1 1 1"/></asset>
+  <asset>
+    <mesh name="hull" file="hull.obj"/>
+    <hfield name="hill" file="../hill.bin" size="1 1 1 1"/>
+  </asset>
   <worldbody><body pos="0 0 2"><freejoint/><geom type="mesh" mesh="hull"/></body></worldbody>
 </mujoco>
 """
@@ -306,17 +358,16 @@ def drop(x):
 
 def write_model(folder: Path) -> None:
     (folder / "meshes").mkdir()
-    (folder / "robot.xml").write_text(
-        MODEL.replace('<hfield name="hill" file="hill.png"', "<!--").replace(
-            'size="1 1 1 1"/>', "-->"
-        )
-    )
+    (folder / "robot.xml").write_text(MODEL)
     (folder / "floor.xml").write_text("<mujoco><option timestep='0.01'/></mujoco>")
     (folder / "meshes" / "hull.obj").write_text(HULL)
+    (folder / "hill.bin").write_bytes(bytes([2, 0, 0, 0, 2, 0, 0, 0]) + bytes(16))
     (folder / "world.py").write_text(WORLD)
 
 
-@pytest.mark.parametrize("name", ["robot.xml", "floor.xml", "meshes/hull.obj", "world.py"])
+@pytest.mark.parametrize(
+    "name", ["robot.xml", "floor.xml", "meshes/hull.obj", "hill.bin", "world.py"]
+)
 def test_the_files_of_a_mujoco_model(name: str, project: Path, capsys: Output) -> None:
     write_model(project)
     command = ["sweep", "world:make", "--requirement", "always(z < 9)", "--signal", "z=qpos[2]"]
@@ -325,7 +376,10 @@ def test_the_files_of_a_mujoco_model(name: str, project: Path, capsys: Output) -
     assert main(command) == 0
     assert "reused 2 of 2 simulations" in capsys.readouterr().out
     path = project / name
-    path.write_text(path.read_text() + ("# a comment\n" if "xml" not in name else "\n"))
+    if name == "hill.bin":
+        path.write_bytes(path.read_bytes()[:-1] + bytes([1]))
+    else:
+        path.write_text(path.read_text() + "\n")
     refused(command, f"{name} has changed", "runs", capsys)
 
 
