@@ -16,8 +16,11 @@ from rtamt.program.program import Program
 
 __all__ = ["MAX_UNKNOWNS", "Placement", "place"]
 
-MAX_UNKNOWNS = 6
-"""How many windows without end a formula may have inside other temporal operators."""
+MAX_UNKNOWNS = 8
+"""How many windows without end a formula may have inside other temporal operators.
+
+Each doubles the time of an update and the memory of a machine.
+"""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,9 +59,17 @@ def place(program: Program) -> Placement:
                 if hi is None and register in streams:
                     unknowns.append(register)
     if len(unknowns) > MAX_UNKNOWNS:
+        written = len({program.sources[register] for register in unknowns})
+        expanded = ""
+        if written < len(unknowns):
+            expanded = (
+                f", which count as {len(unknowns)}: one that is read both negated and not, as "
+                "below iff and xor, counts twice, and so does unless"
+            )
         msg = (
-            f"the formula has {len(unknowns)} operators without an end inside others; "
-            f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100]"
+            f"the formula has {written} operators without an end inside others{expanded}; "
+            f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100], or judge "
+            "recorded traces with judge()"
         )
         raise SpecificationError(msg)
     return Placement(

@@ -340,8 +340,8 @@ class EpisodeContract:
         ("formula", "message"),
         [
             (
-                " and ".join(f"always(x > {i} or eventually(y > {i}))" for i in range(7)),
-                "the limit is 6",
+                " and ".join(f"always(x > {i} or eventually(y > {i}))" for i in range(9)),
+                "the limit is 8",
             ),
             ("always[0:1500000000](x > 0)", "arrays count up to"),
         ],

@@ -27,7 +27,7 @@ constexpr bool is_upper(World w) { return w == kUpper || w == kOpenUpper || w ==
 // The open world that a world of a cut trace goes over to where nothing was recorded.
 constexpr World open_of(World w) { return w == kCutLower ? kOpenLower : kOpenUpper; }
 
-constexpr std::size_t kMaxUnknowns = 6;
+constexpr std::size_t kMaxUnknowns = 8;
 constexpr std::size_t kMaxCorners = std::size_t{1} << kMaxUnknowns;
 
 // The unknowns of a machine and their values in every world. A polynomial is stored by its values
@@ -78,7 +78,7 @@ public:
     // A component of element i in a world.
     double at(std::size_t i, std::size_t component, World w, const Unknowns& unknowns) const {
         if (corners_ == 1) return line(0, component)[i];
-        std::array<double, kMaxCorners> corners{};
+        std::array<double, kMaxCorners> corners;  // written as far as they are read
         for (std::size_t c = 0; c < corners_; ++c) corners[c] = line(c, component)[i];
         return unknowns.in_world(w, corners.data());
     }
@@ -110,7 +110,7 @@ public:
     Element in_world(World w, const Unknowns& unknowns) const {
         if (corners() == 1) return totals_[0];
         const auto at = [&](int k) {
-            std::array<double, kMaxCorners> values{};
+            std::array<double, kMaxCorners> values;
             for (std::size_t c = 0; c < corners(); ++c) values[c] = component<F>(totals_[c], k);
             return unknowns.in_world(w, values.data());
         };

@@ -15,7 +15,15 @@ from oracle import episode
 from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
-from rtamt import EpisodeMonitor, Formula, InputError, SpecificationError, StateError, Verdict
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    SpecificationError,
+    StateError,
+    Verdict,
+    parse,
+)
 
 Backend = Literal["native", "python"]
 INF = math.inf
@@ -110,13 +118,33 @@ def test_finish_before_any_sample_is_refused(backend: Backend) -> None:
 
 
 def test_too_many_endless_operators_inside_others_are_refused(backend: Backend) -> None:
-    text = "always(" + " and ".join(f"eventually(x > {i})" for i in range(7)) + ")"
+    text = "always(" + " and ".join(f"eventually(x > {i})" for i in range(9)) + ")"
     with pytest.raises(SpecificationError) as caught:
         EpisodeMonitor(text, backend=backend)
     assert str(caught.value) == (
-        "the formula has 7 operators without an end inside others; the limit is 6; "
-        "write an end, as in eventually[0:100]"
+        "the formula has 9 operators without an end inside others; the limit is 8; "
+        "write an end, as in eventually[0:100], or judge recorded traces with judge()"
     )
+    twice = "always(" + " iff ".join(f"eventually(x > {i})" for i in range(5)) + ")"
+    with pytest.raises(
+        SpecificationError, match=r"has 5 operators .*, which count as 10: one that"
+    ):
+        EpisodeMonitor(twice, backend=backend)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always(" + " iff ".join(f"eventually(a > {i})" for i in range(-1, 3)) + ")",
+        "always(" + " and ".join(f"(a < {i} unless a > {i})" for i in range(4)) + ")",
+    ],
+)
+def test_eight_endless_operators_inside_others_are_judged(text: str, backend: Backend) -> None:
+    trace = {"a": [1.5, -2.0, 0.5, 3.5, -0.5, 2.5, 0.0]}
+    formula, monitor = parse(text).formula, EpisodeMonitor(text, backend=backend)
+    for i in range(length(trace)):
+        feed(monitor, trace, i)
+        assert (monitor.robustness, *monitor.bounds()) == episode(formula, trace, i + 1)
 
 
 # State. ------------------------------------------------------------------------------------------
