@@ -27,8 +27,9 @@ class Fingerprint:
 
     Attributes:
         contents: The SHA-256 of each file (source, FMU, model, mesh, policy), by its path below the
-            folder that Python imports it from, so that a project may move; and of a compiled model.
-        values: Functions, classes and the arguments that they hold, by name, as text.
+            folder that Python imports it from, so that a project may move.
+        values: Functions, classes and what they hold, by name, as text; of a compiled model and of
+            weights the hash.
         simulators: The versions of rtamt and of the packages that simulate, by name.
         packages: The versions of Python and of other packages, by name.
         unseen: What can change without a trace here, each a noun phrase.
@@ -117,7 +118,8 @@ def _changes(
         elif name not in now:
             texts[name] = f"{name} is no longer used"
         elif then[name] != now[name]:
-            changed = f"is {now[name]}, was {then[name]}" if values else "has changed"
+            shown = values and not now[name].startswith("SHA-256")
+            changed = f"is {now[name]}, was {then[name]}" if shown else "has changed"
             texts[name] = f"{name} {changed}"
     return texts
 

@@ -38,8 +38,19 @@ _SIMULATORS: Final = frozenset({"fmpy", "mujoco"})
 _INTERFACE: Final = frozenset({"gymnasium.core", "gymnasium.vector.vector_env"})
 """The modules of base classes that every environment has."""
 
+_GENERATED: Final = frozenset(
+    {
+        *("__init__", "__repr__", "__hash__", "__setattr__", "__delattr__", "__replace__"),
+        *("__eq__", "__lt__", "__le__", "__gt__", "__ge__", "__getstate__", "__setstate__"),
+    }
+)
+"""Methods that ``dataclass`` and the like generate: the fields in the source define them."""
+
 _SHOWN: Final = 60
 """The length of a value that is stored as it is; a longer one is hashed."""
+
+_DEPTH: Final = 50
+"""The number of objects within each other that are looked at."""
 
 _ELEMENTS: Final = 1000
 """The number of elements of a list that are looked at, where JSON cannot hold it."""
@@ -79,6 +90,7 @@ class _Collector:
 
     def __init__(self) -> None:
         self._seen: dict[int, object] = {}  # by id; holding them keeps ids unique
+        self._depth = 0
         self._modules = ModuleFiles()
         self._files: dict[Path, Path] = {}
         self._hashes: dict[str, str] = {}
@@ -125,30 +137,43 @@ class _Collector:
         """
         if thing is None or isinstance(thing, bool | int | float | complex | str | bytes | Path):
             self._add_plain(thing, name, values=values)
-        elif id(thing) not in self._seen:
-            self._seen[id(thing)] = thing
+            return
+        if id(thing) in self._seen:
+            return
+        self._seen[id(thing)] = thing
+        if self._depth >= _DEPTH:
+            self._unseen[f"what objects hold below {_DEPTH} others"] = None
+            return
+        self._depth += 1
+        try:
             self.add(_MAKERS.get(id(thing), (None, None))[1])
-            kinds: tuple[tuple[Any, Callable[..., None]], ...] = (
-                (Fmus, self._add_fmus),
-                (gym.Env | VectorEnv, self._add_environment),
-                (Model, self._add_model),
-                (partial, self._add_partial),
-                (MethodType, self._add_method),
-                (FunctionType, self._add_function),
-                (type, self._add_class),
-                (ModuleType | BuiltinFunctionType, self._add_module),
-            )
-            named = {"MjModel": self._add_compiled, "MjData": self._add_state}
-            adds = next((add for kind, add in kinds if isinstance(thing, kind)), None)
-            adds = adds or named.get(type(thing).__name__)
-            if adds is not None:
-                adds(thing)
-            elif isinstance(thing, np.ndarray | np.generic):
-                self._add_array(np.asarray(thing), name, values=values)
-            elif isinstance(thing, Mapping | list | tuple | set | frozenset):
-                self._add_many(thing, name, values=values)
-            else:
-                self._add_object(thing, values=values)
+            self._add_kind(thing, name, values=values)
+        finally:
+            self._depth -= 1
+
+    def _add_kind(self, thing: object, name: str, *, values: bool) -> None:
+        """Add an object by its kind."""
+        kinds: tuple[tuple[Any, Callable[..., None]], ...] = (
+            (Fmus, self._add_fmus),
+            (gym.Env | VectorEnv, self._add_environment),
+            (Model, self._add_model),
+            (partial, self._add_partial),
+            (MethodType, self._add_method),
+            (FunctionType, self._add_function),
+            (type, self._add_class),
+            (ModuleType | BuiltinFunctionType, self._add_module),
+        )
+        named = {"MjModel": self._add_compiled, "MjData": self._add_state}
+        adds = next((add for kind, add in kinds if isinstance(thing, kind)), None)
+        adds = adds or named.get(type(thing).__name__)
+        if adds is not None:
+            adds(thing)
+        elif isinstance(thing, np.ndarray | np.generic):
+            self._add_array(np.asarray(thing), name, values=values)
+        elif isinstance(thing, Mapping | list | tuple | set | frozenset):
+            self._add_many(thing, name, values=values)
+        else:
+            self._add_object(thing, values=values)
 
     def _add_plain(self, thing: object, name: str, *, values: bool) -> None:
         if isinstance(thing, str | Path):
@@ -169,7 +194,7 @@ class _Collector:
 
     def _add_many(self, thing: Any, name: str, *, values: bool) -> None:  # noqa: ANN401
         if name and values:
-            with suppress(TypeError, ValueError):
+            with suppress(TypeError, ValueError, RecursionError):
                 self._values[name] = _short(json.dumps(thing, sort_keys=True))
         ordered = sorted(thing, key=repr) if isinstance(thing, set | frozenset) else thing
         pairs = thing.items() if isinstance(thing, Mapping) else enumerate(ordered)
@@ -187,30 +212,39 @@ class _Collector:
         self.add(method.__func__)
 
     def _add_function(self, function: FunctionType) -> None:
-        ours = str(function.__module__).split(".")[0] in HOUSE
+        of_user = self._add_code(function)
         code = function.__code__
-        path = Path(code.co_filename)
-        if not ours:
-            if not path.is_file():
-                self._unseen[f"{_what(function)}, whose source is not in a file"] = None
-            elif is_installed(path):
-                self._add_package(str(function.__module__).split(".")[0])
-            else:
-                module = sys.modules.get(function.__module__ or "")
-                same = _file_of(function.__module__ or "").resolve() == path.resolve()
-                self._modules.add(path, _import_name(module) if same else path.stem)
-                line = f" in line {code.co_firstlineno}" if "<lambda>" in code.co_name else ""
-                self._values[f"{_what(function)}{line} of {path.name}"] = "used"
         for cell_name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             with suppress(ValueError):  # a variable that has no value yet
-                if ours:
-                    self.add(cell.cell_contents, values=False)
-                else:
+                if of_user:
                     self._add_held(cell.cell_contents, f"{cell_name} of {_named(function)}")
+                else:
+                    self.add(cell.cell_contents, values=False)
         named = (function.__kwdefaults__ or {}).items()
         for key, each in [*enumerate(function.__defaults__ or ()), *named]:
-            self.add(each, "" if ours else f"default {key} of {_named(function)}", values=not ours)
+            self.add(each, f"default {key} of {_named(function)}", values=of_user)
         self.add(getattr(function, "__wrapped__", None))
+
+    def _add_code(self, function: FunctionType) -> bool:
+        """Add the source of a function; return if it is the user's."""
+        code = function.__code__
+        path = Path(code.co_filename)
+        module = str(function.__module__)
+        top = module.split(".", maxsplit=1)[0]
+        generated = code.co_filename.startswith("<") and function.__name__ in _GENERATED
+        if top in HOUSE or generated:
+            return False
+        if is_installed(path):
+            self._add_package(top)
+            return False
+        if path.is_file():
+            same = _file_of(module).resolve() == path.resolve()
+            self._modules.add(path, _import_name(sys.modules[module]) if same else path.stem)
+            line = f" in line {code.co_firstlineno}" if "<lambda>" in code.co_name else ""
+            self._values[f"{_what(function)}{line} of {path.name}"] = "used"
+        else:
+            self._unseen[f"{_what(function)}, whose source is not in a file"] = None
+        return True
 
     def _add_class(self, kind: type) -> None:
         """Add a class and its bases."""
@@ -241,19 +275,25 @@ class _Collector:
         """Add an object by its class and, as far as that is the user's or ours, its attributes."""
         kind = type(thing)
         self._add_class(kind)
-        self.add(getattr(thing, "py_func", None))  # of a function that Numba compiles
-        if any(callable(getattr(each, "state_dict", None)) for each in _networks(thing)):
-            network = thing if hasattr(thing, "policy") else SimpleNamespace(policy=thing)
-            with suppress(Exception):  # of a class that only looks like a network
-                self._hashes[f"the weights of {kind.__name__}"] = Model(network).fingerprint
-                return
+        for name in ("__wrapped__", "py_func"):  # of a cache, of JAX, of Numba
+            inside = _attribute(thing, name)
+            if isinstance(inside, FunctionType | MethodType | partial | type):
+                self.add(inside)
         top = kind.__module__.split(".")[0]
         ours = top == "rtamt_gym"
-        others = top == "rtamt" or top in sys.stdlib_module_names
-        if not ours and (others or is_installed(_file_of(kind.__module__))):
+        others = top in HOUSE or top in sys.stdlib_module_names
+        others = not ours and (others or is_installed(_file_of(kind.__module__)))
+        network = _attribute(thing, "policy") if others else thing
+        for each in (thing, network):
+            if callable(_attribute(each, "state_dict")):
+                with suppress(Exception):  # of a class that only looks like a network
+                    weights = Model(SimpleNamespace(policy=each)).fingerprint
+                    self._values[f"the weights of {kind.__name__}"] = f"SHA-256 {weights}"
+                    return
+        if others:
             return
         slots = [name for each in kind.__mro__ for name in getattr(each, "__slots__", ())]
-        held = {name: getattr(thing, name, None) for name in slots if isinstance(name, str)}
+        held = {name: _attribute(thing, name) for name in slots if isinstance(name, str)}
         for key, each in {**held, **getattr(thing, "__dict__", {})}.items():
             if ours or not values:
                 self.add(each, values=False)
@@ -323,13 +363,13 @@ class _Collector:
         mujoco.mj_saveModel(model, None, buffer)
         name = model.names.partition(b"\0")[0].decode()
         what = f"the MuJoCo model {name} (its XML, an included file, a mesh, a texture or a value)"
-        self._hashes[what] = hashlib.sha256(buffer.tobytes()).hexdigest()
+        self._values[what] = f"SHA-256 {hashlib.sha256(buffer.tobytes()).hexdigest()}"
 
     def _add_state(self, data: Any) -> None:  # noqa: ANN401
         """Add the state that a simulation of MuJoCo starts from."""
         state = [data.time, *data.qpos, *data.qvel, *data.act, *data.ctrl]
         hashed = hashlib.sha256(np.array(state, np.float64).tobytes()).hexdigest()
-        self._hashes["the first state of MjData"] = hashed
+        self._values["the first state of MjData"] = f"SHA-256 {hashed}"
 
     def _add_fmus(self, system: Fmus) -> None:
         self._add_package("fmpy", simulates=True)
@@ -343,7 +383,7 @@ class _Collector:
         if model.files:
             self._add_files(model.files)
         else:
-            self._hashes[f"the weights of {model.name}"] = model.fingerprint
+            self._values[f"the weights of {model.name}"] = f"SHA-256 {model.fingerprint}"
         self._add_class(model.kind)
         self._values[f"deterministic of {model.name}"] = repr(model.deterministic)
 
@@ -386,8 +426,11 @@ def _file_of(module: str) -> Path:
     return Path(getattr(sys.modules.get(module), "__file__", None) or "")
 
 
-def _networks(thing: object) -> tuple[object, object]:
-    return thing, getattr(thing, "policy", None)
+def _attribute(thing: object, name: str) -> object:
+    """Return an attribute of an object; None if there is none, or it raises an error."""
+    with suppress(Exception):
+        return getattr(thing, name, None)
+    return None
 
 
 def _import_name(module: ModuleType | None) -> str:

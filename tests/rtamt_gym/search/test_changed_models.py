@@ -6,7 +6,8 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -317,9 +318,9 @@ def held(gain: float) -> Callable[[], Iterator[dict[str, float]]]:
     return lambda: gain_plant(gain)
 
 
+@dataclass
 class Gain:
-    def __init__(self, gain: float) -> None:
-        self.gain = gain
+    gain: float
 
     def __call__(self) -> Iterator[dict[str, float]]:
         return gain_plant(self.gain)
@@ -331,6 +332,8 @@ def test_values_that_functions_hold(make: Callable[[float], object]) -> None:
     (change,) = then.changes(now)
     assert change.endswith("is 3.0, was 2.0")
     assert then.changes(fingerprint_of([make(2.0)])) == []
+    assert "test_changed_models.py" in "".join(fingerprint_of([cache(make)]).contents)
+    assert then.unseen == ()
 
 
 MODEL = """
