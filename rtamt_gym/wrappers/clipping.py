@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,42 +16,65 @@ __all__ = ["ClipWatch", "ObservedWatch", "flattening"]
 EPISODES = 10
 """How many episodes are looked at."""
 
+_BLOCK = 1000
+"""How many numbers of a specification are kept until they are counted."""
+
 
 class _Watch:
     """Looks at the samples of all environments until ten episodes have ended, in whichever of them.
 
-    An infinite robustness does not count: no clip could show it.
+    An infinite robustness does not count: no clip could show it. A step only keeps its values,
+    which are counted in blocks. For each specification they are a number, or an array with an
+    element for each environment that the caller does not change.
     """
 
     def __init__(self, num: int) -> None:
         self._all = np.ones(num, np.bool_)
         self._running = np.zeros(num, np.bool_)
         self._episodes = 0
+        self._kept: list[Sequence[Any]] = []
+        self._most = max(1, _BLOCK // num)
 
     @property
     def finished(self) -> bool:
         """Whether ten episodes have ended."""
         return self._episodes >= EPISODES
 
-    def reset(self, values: Sequence[Floats], lanes: Lanes | None = None) -> None:
+    def reset(self, values: Sequence[Any], lanes: Lanes | None = None) -> None:
         """Sees the first samples of the environments of the mask; None: of all.
 
         An episode that was running has ended without a last sample.
         """
+        self._count_kept()
         begun = self._all if lanes is None else lanes
         self._episodes += int(np.count_nonzero(self._running & begun))
         if not self.finished:
-            self._running |= begun
-            self._count(values, begun, ended=False)
+            self._running = self._running | begun
+            self._count([np.atleast_1d(each)[begun] for each in values], last=False)
 
-    def step(self, values: Sequence[Floats], ended: Lanes) -> None:
-        """Sees a sample of every environment, the last one of those that ended."""
-        self._count(values, self._all, ended=False)
-        self._count(values, ended, ended=True)
-        self._episodes += int(np.count_nonzero(ended))
-        self._running = ~ended
+    def step(self, values: Sequence[Any]) -> None:
+        """Sees a sample of every environment."""
+        self._kept.append(values)
+        self._running = self._all
+        if len(self._kept) >= self._most:
+            self._count_kept()
 
-    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
+    def end(self, values: Sequence[Any], ended: Lanes | None = None) -> None:
+        """Sees that the newest step has ended the episodes of the mask; None: of all."""
+        lanes = self._all if ended is None else ended
+        self._count_kept()
+        self._count([np.atleast_1d(each)[lanes] for each in values], last=True)
+        self._episodes += int(np.count_nonzero(lanes))
+        self._running = ~lanes
+
+    def _count_kept(self) -> None:
+        if self._kept:
+            columns = zip(*self._kept, strict=True)
+            self._count([np.ravel(column) for column in columns], last=False)
+            self._kept = []
+
+    def _count(self, values: Sequence[Floats], *, last: bool) -> None:
+        """Counts samples; ``last``: the last ones of episodes, which were counted already."""
         raise NotImplementedError
 
 
@@ -94,9 +118,9 @@ class ClipWatch(_Watch):
         counts = found.seen, found.clipped, found.below
         return flattening(*counts, found.low, found.high, found.bound)
 
-    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
-        if ended is (self._shaping.mode == "terminal"):
-            self._extent.add(self._shaping.deciding(values)[lanes])
+    def _count(self, values: Sequence[Floats], *, last: bool) -> None:
+        if last is (self._shaping.mode == "terminal"):
+            self._extent.add(self._shaping.deciding(values))
 
 
 class ObservedWatch(_Watch):
@@ -136,10 +160,10 @@ class ObservedWatch(_Watch):
             f"clip={max(-found.low, found.high):.3g}"
         )
 
-    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
-        if not ended:
+    def _count(self, values: Sequence[Floats], *, last: bool) -> None:
+        if not last:
             for extent, column, weight in zip(self._extents, values, self._weights, strict=True):
-                extent.add(np.asarray(column)[lanes] * weight)
+                extent.add(column * weight)
 
 
 def flattening(

@@ -125,18 +125,23 @@ class Observing:
     def _look_at_reset(self, values: MonitorValues[Any], lanes: Lanes | None = None) -> None:
         """Sees what is observed at the resets of the environments of the mask; None: of all."""
         if self._looking is not None:
-            self._looking.reset(self._columns_of(values), lanes)
+            self._looking.reset(self._shown_robustness(values), lanes)
             self._tell_of_clip()
 
     def _look(self, values: MonitorValues[Any], ended: Any) -> None:  # noqa: ANN401 - a bool, or many
         """Sees what is observed after a step, which has ended some episodes."""
-        if self._looking is not None:
-            self._looking.step(self._columns_of(values), np.atleast_1d(ended))
+        watch = self._looking
+        if watch is None:
+            return
+        robustness = self._shown_robustness(values)
+        watch.step(robustness)
+        if ended is not False and np.any(ended):
+            watch.end(robustness, np.atleast_1d(ended))
             self._tell_of_clip()
 
-    def _columns_of(self, values: MonitorValues[Any]) -> list[Any]:
+    def _shown_robustness(self, values: MonitorValues[Any]) -> Sequence[Any]:
         whole = self._state is not None and self._state.whole
-        return [np.atleast_1d(each) for each in (values.judged if whole else values.robustness)]
+        return values.judged if whole else values.robustness
 
     def _tell_of_clip(self) -> None:
         """Warns once ten episodes have ended, if most samples were clipped."""

@@ -164,7 +164,7 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
         self._require_known_start()
         self._potential, self._outcome = self._read(), 0.0
         if self._watch is not None:
-            self._watch.reset(self._lane())
+            self._watch.reset(self._values())
             self._warn_if_flat()
         return obs, infos
 
@@ -185,8 +185,11 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
             shaped[agent] = np.float64(paid + settled if self._settles else paid)
             told[agent] = {**infos.get(agent, {}), "reward": np.float64(reward)}
         if self._watch is not None:
-            self._watch.step(self._lane(), np.array([not self._monitor.agents]))
-            self._warn_if_flat()
+            values = self._values()
+            self._watch.step(values)
+            if not self._monitor.agents:
+                self._watch.end(values)
+                self._warn_if_flat()
         return obs, shaped, terminations, truncations, told
 
     @property
@@ -222,6 +225,3 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
         """For each specification the robustness that the reward is computed from."""
         pairs = self._monitor.monitors.values()
         return [(judge if self._whole else source).robustness for source, judge in pairs]
-
-    def _lane(self) -> list[Any]:
-        return [np.array([value]) for value in self._values()]

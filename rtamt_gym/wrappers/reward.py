@@ -14,7 +14,6 @@ from rtamt import Explanation
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, clip, outcome, settle
-from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.monitor import StlMonitor
@@ -229,7 +228,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._robustness = self._potential(info)
         self._outcome = self._return = 0.0
         if self._watch is not None:
-            self._watch.reset(self._lane())
+            self._watch.reset(self._values())
             self._warn_if_flat()
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
@@ -258,8 +257,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         if ended and put_return(info, np.float64(self._return)):
             self._books.pay(self._return)
         if self._watch is not None:
-            self._watch.step(self._lane(), np.array([ended]))
-            self._warn_if_flat()
+            values = self._values()
+            self._watch.step(values)
+            if ended:
+                self._watch.end(values)
+                self._warn_if_flat()
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
             obs = self._observed(obs, shown)
@@ -288,10 +290,6 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def _values(self) -> list[float]:
         """For each specification the robustness that the reward is computed from."""
         return [paying.robustness for paying in self._paying]
-
-    def _lane(self) -> list[Floats]:
-        """The same as from a vector of one environment."""
-        return [np.array([value]) for value in self._values()]
 
     def _potential(self, info: Mapping[str, Any]) -> float:
         """What the reward of a step depends on, before it and after it."""

@@ -172,10 +172,13 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
             put_returns(infos, self._returns, ended)
             self._returns[ended] = 0.0
         if self._watch is not None:
-            self._watch.step(self._paying(last), ended)
-            if last is not now:
-                self._watch.reset(self._paying(now), ended)
-            self._warn_if_flat()
+            paying = self._paying(last)
+            self._watch.step(paying)
+            if ended.any():
+                self._watch.end(paying, ended)
+                if last is not now:
+                    self._watch.reset(self._paying(now), ended)
+                self._warn_if_flat()
         self._look(last, ended)
         if last is not now:
             self._look_at_reset(now, ended)
