@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NoReturn
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.errors import InputError, InputTypeError, StateError, name_text
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
 from rtamt.inputs.between import Between, out_of_order
+from rtamt.inputs.frames import named_columns
 from rtamt.inputs.samples import NanPolicy, SampleReader, wrong_shape
 from rtamt.program.program import Program
 
@@ -48,12 +49,69 @@ class LaneReader:
 
     def values(self, values: ArrayLike) -> Floats:
         """The values as a contiguous array of shape (lanes, variables), copied only if need be."""
-        table = array_of_numbers(values, "the lanes")
         names = self._program.inputs
+        self._refuse_named(values, names)
+        table = array_of_numbers(values, "the lanes")
         if table.shape != (self._num, len(names)):
             hint = "; lanes that a mask leaves out have rows too"
             raise wrong_shape(table, str(self._num), names, "a row for each lane and ", hint)
         return np.require(table, requirements=["C", "ALIGNED"])
+
+    def _refuse_named(self, values: object, names: Sequence[str]) -> None:
+        """Refuse columns with names, which are no order, unless they are those of the variables."""
+        data: Any = named_columns(values)
+        if not hasattr(data, "keys"):
+            return
+        given = [name_text(name) for name in data.keys()]  # noqa: SIM118 - of a data frame
+        if isinstance(data, Mapping) or (given != [*names] and {*given} & {*names}):
+            raise InputTypeError(
+                f"expected an array with a row for each lane, got {kind_of(values)}, whose columns "
+                "have names; pass them by name, as in update(**columns)"
+            )
+
+    def named(
+        self,
+        named: Mapping[str, object],
+        arguments: Sequence[str],
+        held: Callable[[int, float], Floats],
+    ) -> tuple[Floats, Floats | None]:
+        """The least values as an array of shape (lanes, variables), and the greatest.
+
+        Args:
+            named: For each variable an array with a number for each lane, or a `Between` of two.
+            arguments: The names of the other arguments, which no variable may have.
+            held: Gives what a variable with a default is if it is absent: its column and default.
+
+        Returns:
+            The second array is None if all values are known.
+
+        Raises:
+            InputError: On missing or unknown variables, on a column of another length, and on
+                values that are not known if the monitor gives no bounds.
+            InputTypeError: On values that are not real numbers.
+        """
+        names = self._program.inputs
+        if taken := next((name for name in names if name in arguments), None):
+            raise InputError(
+                f"variable '{taken}' has the name of an argument of update; pass an array of shape "
+                f"({self._num}, {len(names)}), with columns in the order {', '.join(names)}"
+            )
+        reader = SampleReader(self._program, self._nan, bounds=self._bounds)
+        uncertain = self._bounds and any(isinstance(each, Between) for each in named.values())
+        halves = [_ends(named, "lower"), _ends(named, "upper")] if uncertain else [named]
+        tables = []
+        for half in halves:
+            columns, defaults = reader.lines(half)
+            for name, column in columns.items():
+                if len(column) != self._num:
+                    raise InputError(
+                        f"expected {self._num} values of '{name}', one for each lane, got "
+                        f"{len(column)}; lanes that a mask leaves out have values too"
+                    )
+            columns |= {name: held(names.index(name), value) for name, value in defaults.items()}
+            rows = [columns[name] for name in names]
+            tables.append(np.column_stack(rows) if rows else np.empty((self._num, 0)))
+        return tables[0], tables[1] if uncertain else None
 
     def mask(self, mask: ArrayLike | None) -> Lanes | None:
         """The mask as a contiguous array with a boolean for each lane; None: all lanes."""
@@ -174,3 +232,8 @@ class LaneReader:
             f"finish() needs at least one sample, lane {lane} has got none since its reset; "
             "leave it out with a mask"
         )
+
+
+def _ends(named: Mapping[str, object], end: str) -> dict[str, object]:
+    """The columns with one end in place of each value that is not known."""
+    return {name: getattr(v, end) if isinstance(v, Between) else v for name, v in named.items()}

@@ -300,18 +300,7 @@ class SampleReader:
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
-            names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
-            given_names = names
-            if not self._known <= names and self._messages.names & names:
-                named = self._with_fields(named, names, sample)
-                names = named.keys()
-            held = cast("dict[str, float]", self._unsaid(names, previous))
-            missing = [v for v in self.variables if v not in names and v not in held]
-            if missing and extra and given_names:
-                raise InputError(no_such("column", missing[0], given_names))
-            if missing or not (extra or names <= self._known):
-                self._refuse_names(dict.fromkeys(names | held.keys()))
-            given = {v: self._line(named[v], v) for v in self.variables if v in names}
+            given, held = self.lines(named, sample, previous, extra=extra)
         else:
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
@@ -331,6 +320,31 @@ class SampleReader:
         length = lengths.pop()
         made = {v: np.full(length, value) for v, value in held.items()} | given
         return [made[v] for v in self.variables], length
+
+    def lines(
+        self,
+        named: Mapping[str, object],
+        sample: int = 0,
+        previous: Sequence[float] = (),
+        *,
+        extra: bool = False,
+    ) -> tuple[dict[str, Floats], dict[str, float]]:
+        """The given columns by name, and the value of each variable that has a default instead.
+
+        The arguments are those of `block`, and so are the errors, but for the lengths.
+        """
+        names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
+        given_names = names
+        if not self._known <= names and self._messages.names & names:
+            named = self._with_fields(named, names, sample)
+            names = named.keys()
+        held = cast("dict[str, float]", self._unsaid(names, previous))
+        missing = [v for v in self.variables if v not in names and v not in held]
+        if missing and extra and given_names:
+            raise InputError(no_such("column", missing[0], given_names))
+        if missing or not (extra or names <= self._known):
+            self._refuse_names(dict.fromkeys(names | held.keys()))
+        return {v: self._line(named[v], v) for v in self.variables if v in names}, held
 
     def _line(self, values: object, name: str) -> Floats:
         if isinstance(values, Between):

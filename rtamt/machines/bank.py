@@ -73,6 +73,12 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
     def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
         machines = (PythonDiscreteMachine(program, reader.lane(i), ()) for i in range(num))
         super().__init__(machines, reader)
+        self._variables = program.inputs
+
+    @property
+    def inputs(self) -> Floats:
+        width = len(self._variables)
+        return np.array([_inputs(machine, width) for machine in self._machines])
 
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
         table, chosen = self._reader.values(values), self._reader.mask(mask)
@@ -117,6 +123,11 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
         for lane, sample in zip(lanes, samples, strict=True):
             self._machines[lane].take(sample)
         return self._each("result")
+
+    @property
+    def inputs(self) -> Floats:
+        rows = [_inputs(machine, len(self._variables)) for machine in self._machines]
+        return np.array([[ends_of(value)[0] for value in row] for row in rows])
 
     @property
     def robustness(self) -> Floats:

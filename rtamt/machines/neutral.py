@@ -208,6 +208,10 @@ class _NeutralBank:
         return self._best.unknown
 
     @property
+    def inputs(self) -> Floats:
+        return self._best.inputs
+
+    @property
     def verdict(self) -> NDArray[np.int8]:
         return verdicts_of(self.lower, self.upper)
 

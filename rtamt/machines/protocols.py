@@ -263,6 +263,10 @@ class Bank(Stateful, Protocol):
     def samples(self) -> NDArray[np.int64]:
         """Samples taken in by every lane since its reset."""
 
+    @property
+    def inputs(self) -> Floats:
+        """The last sample of every lane, the least values where they are not known."""
+
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes that the mask chooses."""
 

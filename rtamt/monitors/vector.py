@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Mapping
 from typing import Any, ClassVar, SupportsIndex, TypeVar, Unpack
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import kind_of
-from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.between import Between
+from rtamt.inputs.lanes import Floats, LaneReader
+from rtamt.inputs.samples import listed
 from rtamt.machines.backend import factories_of
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (
@@ -27,6 +30,9 @@ from rtamt.program.timing import Period
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
 
 _B = TypeVar("_B", bound=Bank)
+
+_ABSENT: Any = ()
+"""The default of values, which may be given by name."""
 
 _MAX_LANES = 2**24
 """The lanes of more would take gigabytes before their first sample."""
@@ -55,6 +61,34 @@ class _Lockstep(Sampled[_B]):
 
     def _made(self, reader: LaneReader) -> _B:
         raise NotImplementedError
+
+    def _named(
+        self, values: object, named: Mapping[str, object], *arguments: str
+    ) -> tuple[Floats, Floats | None]:
+        """The tables of the least and the greatest values for ``update(values, **named)``.
+
+        Raises:
+            InputError: As `LaneReader.named` does, and if values are given in both ways.
+            InputTypeError: As `LaneReader.named` does.
+        """
+        if values is not _ABSENT:
+            raise InputError(
+                "expected values by position or by keyword, got both: an array and "
+                f"{', '.join(named)}{listed(self.variables)}"
+            )
+        reader = LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
+        return reader.named(named, arguments, self._held)
+
+    def _held(self, column: int, default: float) -> Floats:
+        """What a variable that has a default is where it is absent: its last value in each lane."""
+        machine: Any = self._machine
+        begun = machine.samples > 0
+        if self._bounds and (unknown := begun & machine.unknown[:, column]).any():
+            raise InputError(
+                f"expected a value for '{self.variables[column]}', whose last value is not known "
+                f"in lane {unknown.argmax()}"
+            )
+        return np.where(begun, machine.inputs[:, column], default)
 
     def _arguments(self) -> dict[str, Any]:
         return super()._arguments() | {"num": self.num}
@@ -102,11 +136,18 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         array([-0., -0.,  3.])
         >>> m.samples
         array([1, 3, 2])
+        >>> m.update(x=[2, 2, 2], y=[1, 0, 0])
+        array([1., 2., 2.])
     """
 
     __slots__ = ()
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+    def update(
+        self,
+        values: ArrayLike = _ABSENT,
+        mask: ArrayLike | None = None,
+        **named: ArrayLike,
+    ) -> NDArray[np.float64]:
         """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
 
         A call that raises an error leaves all lanes as they were.
@@ -115,17 +156,21 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
             values: An array of shape (num, variables), a row for each lane, columns in the order
                 of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
             mask: num booleans: the lanes that take a sample. None: all.
+            **named: In place of ``values`` an array of num numbers for each variable, as in
+                ``update(x=[1, 2, 3])``. A variable with a default may be absent, as for `Monitor`.
 
         Returns:
             A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
             signal gives; for one that did not, the value that it had; nan before its first sample.
 
         Raises:
-            InputError: On a wrong shape, a nan, or a term that is not a number (``sqrt(-1)``), with
-                the lane and its sample.
+            InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan,
+                or a term that is not a number (``sqrt(-1)``), with the lane and its sample.
             InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
             StateError: If a lane that is to take a sample is finished.
         """
+        if named or values is _ABSENT:
+            values, _ = self._named(values, named, "values", "mask")
         return self._machine.update(values, mask)
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
@@ -177,10 +222,11 @@ class VectorEpisodeMonitor(
 
     def update(
         self,
-        values: ArrayLike,
+        values: ArrayLike = _ABSENT,
         mask: ArrayLike | None = None,
         *,
         upper: ArrayLike | None = None,
+        **named: ArrayLike | Between,
     ) -> NDArray[np.float64]:
         """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
 
@@ -193,14 +239,17 @@ class VectorEpisodeMonitor(
             upper: The greatest values, in an array of the same shape: then ``values`` are the
                 least, and each value is known only to lie between the two, ends included
                 (`Between`). None: the values are known.
+            **named: As for `VectorMonitor.update`; values that are not known are a `Between` of two
+                arrays, without ``upper``.
 
         Returns:
             A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
             signal gives; for one that did not, the value that it had; nan before its first sample.
 
         Raises:
-            InputError: On a wrong shape, a nan, a value above its upper one, or a term that is not
-                a number (``sqrt(-1)``), with the lane and its sample.
+            InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan,
+                a value above its upper one, or a term that is not a number (``sqrt(-1)``), with the
+                lane and its sample.
             InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
             SpecificationError: If samples that are not known would take more memory than
                 `rtamt.limits.window_bytes`.
@@ -211,6 +260,13 @@ class VectorEpisodeMonitor(
             >>> e.update([[3], [0]], upper=[[5], [4]]), e.finish(), e.upper, e.verdict
             (array([ 2., -1.]), array([ 2., -1.]), array([4., 3.]), array([1, 0], dtype=int8))
         """
+        if named or values is _ABSENT:
+            if upper is not None:
+                raise InputError(
+                    "expected upper= beside an array; by name, values that are not known are a "
+                    "Between: update(x=Between(lower, upper))"
+                )
+            values, upper = self._named(values, named, "values", "mask", "upper")
         if upper is not None and not self._intervals_fit:
             limit_episode(self.program, self.num, unknown=True)
         return self._machine.update(values, mask, upper)

@@ -249,5 +249,5 @@ def test_an_error_leaves_every_lane_as_it_was(
 
 def test_who_gives_no_bounds_refuses(backend: Backend) -> None:
     vector = VectorMonitor("x > 0", 2, backend=backend)
-    with pytest.raises(TypeError):
-        vector.update([[1], [2]], upper=[[1], [2]])  # type: ignore[call-arg]
+    with pytest.raises(InputError, match="an array and upper; the variables are x"):
+        vector.update([[1], [2]], upper=[[1], [2]])

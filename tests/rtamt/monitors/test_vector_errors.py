@@ -71,7 +71,10 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
     (
         lambda v: v.update({"x": 1}),  # type: ignore[arg-type]
         InputTypeError,
-        "expected an array of numbers for the lanes, got dict {'x': 1}",
+        (
+            "expected an array with a row for each lane, got dict {'x': 1}, whose columns have "
+            "names; pass them by name, as in update(**columns)"
+        ),
     ),
     (
         lambda v: v.update(np.zeros((3, 2)), [0, 2]),

@@ -106,6 +106,11 @@ def test_nine_of_ten_samples_are_not_yet_too_many(length: int, flat: list[str]) 
     assert warned(functools.partial(play, env, 10)) == flat
 
 
+def test_long_episodes_are_counted_in_full() -> None:
+    env = shaped(Replay([2.0] * 1102 + [0.5]))
+    assert warned(functools.partial(play, env, 10)) == [text(1, 11020, 11030, 0.5, 2)]
+
+
 @pytest.mark.parametrize(("last", "flat"), [(-0.5, []), (-2.0, [raised(1, 30, 40, -2, -1.0)])])
 def test_half_of_the_samples_below_are_not_yet_too_many(last: float, flat: list[str]) -> None:
     env = shaped(Replay([-2.0, -2.0, last, -1.0]), "x > 0", view="step")
