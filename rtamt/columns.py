@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
@@ -13,13 +14,17 @@ from numpy.typing import NDArray
 __all__ = [
     "NANOSECONDS",
     "Objects",
+    "are_days",
+    "calendar_unit",
     "dates_of_numbers",
     "has_plain_time_name",
     "hinted_unit",
     "looks_like_times",
+    "may_tell_objects",
     "name_words",
     "names_objects",
     "objects_in",
+    "own_times",
     "plausible_units",
     "split_times",
     "unit_of_times",
@@ -241,6 +246,28 @@ def hinted_unit(column: str) -> str | None:
     return _UNIT_OF.get(words[-1]) if len(words) > 1 else None
 
 
+_CALENDAR = {
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **dict.fromkeys(("hour", "hours", "hr", "hrs", "stunde", "stunden"), "h"),
+    **dict.fromkeys(("day", "days", "doy", "yday", "tag", "tage", "date", "datum"), "day"),
+    **dict.fromkeys(("dayofyear", "dayofmonth"), "day"),
+    **dict.fromkeys(("week", "weeks", "woche", "wochen", "kw"), "week"),
+    **dict.fromkeys(("month", "months", "monat", "monate"), "month"),
+    **dict.fromkeys(("year", "years", "jahr", "jahre"), "year"),
+}
+
+
+def calendar_unit(column: str) -> str | None:
+    """Return what a column counts by its name: min, h, day, week, month or year; None for others.
+
+    Example:
+        >>> calendar_unit("Hour"), calendar_unit("day of year"), calendar_unit("runtime [h]")
+        ('h', 'day', None)
+    """
+    words, inside = _read_name(column)
+    return _CALENDAR.get("".join(words)) or (inside and _CALENDAR.get(inside.lower())) or None
+
+
 _PARTS = ("ns", "us", "ms")
 
 
@@ -272,6 +299,49 @@ def _unit_of_joined(joined: str) -> str | None:
     if joined in _TIME_NAMES or joined.startswith("timesince"):
         return ""
     return "" if re.fullmatch(r"\w+(?:timestamps?|zeitstempel)", joined) else None
+
+
+_CLOCK_WORDS = _set(
+    "t ts time times timestamp timestamps stamp zeit zeitstempel temps tiempo tempo"
+)
+
+
+def own_times(column: str, names: Sequence[str]) -> str | None:
+    """Return the column with the times of one column, where several have their own; None without.
+
+    It is called ``time_x`` or ``x.time``, say; or the table starts with times, and it is the
+    nearest column to the left that is called ``time.1`` or ``t2``, say.
+
+    Args:
+        column: The column.
+        names: The columns of the table, in order.
+
+    Example:
+        >>> own_times("w", ["time", "v", "time_w", "w"]), own_times("x2", ["t1", "x1", "t2", "x2"])
+        ('time_w', 't2')
+        >>> own_times("w", ["time", "v", "w"])
+        'time'
+        >>> own_times("w", ["index", "v", "w"]) is None
+        True
+    """
+    words = name_words(column)
+    owner = words[:-1] if words[-1:] and words[-1] in ("value", "values", "data") else words
+    for name in names:
+        clock = name_words(name)
+        if name != column and len(clock) == len(owner) + 1 and owner:
+            if clock[1:] == owner and clock[0] in _CLOCK_WORDS:
+                return name
+            if clock[:-1] == owner and clock[-1] in _CLOCK_WORDS:
+                return name
+    if not names or not _is_clock(names[0]) or column not in names:
+        return None
+    return next(filter(_is_clock, reversed(names[: names.index(column)])), None)
+
+
+def _is_clock(name: str) -> bool:
+    """Whether a name is one of times, also with a number behind it."""
+    bare = re.sub(r"(?<=[^\W\d])[\s._]?\d+$", "", name)
+    return unit_of_times(bare) is not None
 
 
 # Times by their values. ---------------------------------------------------------------------------
@@ -322,11 +392,12 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
 def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     """Whether a column is probably one of times, by its name and its values.
 
-    A name with a word such as ``clock`` or with a unit of time needs values that rise, or fall. Any
-    other name needs values that rise in nearly even steps, and after the first column dates since
-    1970, or steps that are even up to rounding. In the first column they may fall, too. It is not
-    the name of a counter or another quantity, unless it has a word such as ``time`` too. Numbers
-    0, 1, 2 and so on count rows.
+    A name such as ``hour`` or ``day`` needs numbers that change. A name with a word such as
+    ``clock`` or with a unit of time needs values that rise, or fall. Any other name needs values
+    that rise in nearly even steps, and after the first column dates since 1970, or steps that are
+    even up to rounding. In the first column they may fall, too. It is not the name of a counter or
+    another quantity, unless it has a word such as ``time`` too. Numbers 0, 1, 2 and so on count
+    rows.
 
     Args:
         column: Its name.
@@ -344,6 +415,8 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
         return False
     if not np.isfinite(values.astype(np.float64)).all():
         return False
+    if calendar_unit(column) is not None and (values != values[0]).any():
+        return True
     name = _read_name(column)
     unit = None if name.unit is None else _UNIT_OF.get(name.unit.lower())
     hinted = bool(_HINTS & {*name.words}) or unit is not None
@@ -386,6 +459,37 @@ def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, who
     return rough or dates or (even and (whole or fractions))
 
 
+_SERIAL_DAYS = ((3e4, 8e4), (7.2e5, 7.7e5), (2.44e6, 2.49e6))
+"""Days of dates from 1982 on, counted as spreadsheets, MATLAB and astronomers do."""
+
+_DAY = 86400
+_PARTS_OF_DAY = (0.01, 0.1, 0.5, 1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200)
+
+
+def are_days(values: NDArray[Any]) -> bool:
+    """Whether numbers are probably days and parts of days, and hardly seconds.
+
+    Their usual step is a usual number of seconds in days, and as seconds it is no short decimal
+    number. Either it is too short for seconds, or the numbers have the size of dates.
+
+    Example:
+        >>> are_days(45413.5 + np.arange(5) / 86400), are_days(45413.5 + np.arange(5) / 100)
+        (True, False)
+    """
+    if values.dtype.kind != "f" or len(values) < 2 or not np.isfinite(values).all():
+        return False
+    low, high = float(values.min()), float(values.max())
+    dates = any(begin <= low <= high <= end for begin, end in _SERIAL_DAYS)
+    step = float(np.median(np.abs(np.diff(values)))) if -_LONGEST < low <= high < _LONGEST else 0.0
+    if step <= 0 or (step >= _FINEST and not dates):
+        return False
+    if step < _FINEST and dates:
+        return True
+    usual = min(_PARTS_OF_DAY, key=lambda seconds: abs(seconds - step * _DAY))
+    digits = step / 10.0 ** math.floor(math.log10(step)) * 100
+    return abs(usual - step * _DAY) <= 0.01 * usual and abs(digits - round(digits)) > 0.02
+
+
 def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
     """Return the dates that numbers such as 20240501 or 20240501123000 write; None for others.
 
@@ -424,16 +528,32 @@ def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
 
 _OBJECTS = _set(
     "name vehicle veh car truck agent actor entity object obj robot drone uav ego track "
-    "participant pedestrian person player driver subject device unit episode ep run trial rollout "
-    "trajectory traj session scenario scene experiment simulation sim env environment seed test "
-    "testcase case demo fahrzeug objekt lauf versuch"
+    "participant pedestrian person player driver subject device unit episode ep eps run trial "
+    "rollout trajectory traj session scenario scene experiment simulation sim env environment seed "
+    "test testcase case demo trip flight aircraft vessel ship bot specimen dut part serial patient "
+    "game match attempt replicate repetition fahrzeug objekt lauf versuch fahrt"
 )
 _ALONE = _set(
     "id name vehicle veh agent actor entity object obj robot drone uav participant player "
-    "episode ep run trial rollout trajectory traj session scenario experiment simulation sim env "
-    "environment seed fahrzeug objekt lauf versuch"
+    "subject episode episodes ep eps run trial rollout trajectory traj session scenario experiment "
+    "simulation sim env environment seed trip aircraft vessel specimen dut replicate repetition "
+    "rep vin mmsi imei uuid guid icao24 callsign fahrzeug objekt lauf versuch fahrt"
 )
 """Names of objects, episodes or runs without another word; others may be flags or quantities."""
+
+_OF_TEXTS = _OBJECTS | _set(
+    "topic metric sensor device host hostname instance machine station site tag tagname series "
+    "variable var varname parameter param camera joint link body marker turbine pump motor user "
+    "client customer patient units policy algorithm algo config variant frameid childframeid "
+    "filename sourcefile logfile signalname channel channelname"
+) - _set("scene test case track")
+"""Names of objects if their values are texts; numbers may be flags or quantities."""
+
+_NUMBERED = _set("unit device driver flight case test scene demo bot patient game match attempt")
+"""Names of objects if their values are numbers other than 0 and 1, which may be flags."""
+
+_LAST = _set("seed episode rollout trajectory trial")
+"""Names of episodes also behind other words: random seed."""
 
 _KEY_WORDS = _set("id ids name no nr num number idx index uid uuid key label")
 _COUNTERS = _set(
@@ -442,25 +562,76 @@ _COUNTERS = _set(
 )
 """Names of numbers of rows, which are not ids of objects."""
 
+_VALUES = _set(
+    "value values val wert messwert reading valeur valor varvalue tagvalue datavalue signalvalue "
+    "numericvalue"
+)
+"""Names of the values in a table whose rows belong to different signals."""
 
-def names_objects(column: str) -> bool:
+_STATES = _set(
+    "state status mode phase quality validity valid event comment note notes remark level severity "
+    "flag alarm color colour weather direction date datum day time timestamp zeit hour month year"
+)
+"""Words of names of texts that may change next to one signal."""
+
+
+def names_objects(column: str, *, texts: bool = False) -> bool:
     """Whether a name is one of ids or names of objects, episodes or runs.
+
+    Args:
+        column: The name.
+        texts: Whether the values are texts, which cannot be flags or quantities.
 
     Example:
         >>> [names_objects(name) for name in ("vehicle_id", "trackId", "episode_index", "run")]
         [True, True, True, True]
         >>> [names_objects(name) for name in ("frame_index", "index", "step", "pedestrian")]
         [False, False, False, False]
+        >>> names_objects("sensor"), names_objects("sensor", texts=True)
+        (False, True)
     """
-    words = _read_name(column).words
+    words = ["index" if word == "idx" else word for word in _read_name(column).words]
     joined = "".join(words)
+    if texts and joined in _OF_TEXTS:
+        return True
     if not words or joined in _COUNTERS or "".join(words[-2:]) in _COUNTERS - {"index", "step"}:
         return False
     if joined in _ALONE or (joined.endswith("id") and joined[:-2] in _OBJECTS):
         return True
     if len(words) < 2:
         return False
+    if words[-1] in _LAST:
+        return True
     return words[-1] in ("id", "index") or (words[-1] in _KEY_WORDS and words[-2] in _OBJECTS)
+
+
+def may_tell_objects(
+    column: str, read: Collection[str], *, timed: bool, first: bool = False
+) -> bool:
+    """Whether a column may tell objects or episodes apart, by its name; its values decide.
+
+    Args:
+        column: The name.
+        read: The columns that formulas read.
+        timed: Whether the table has times; if not, times and numbers of rows may start again.
+        first: Whether it is the first column of the table.
+    """
+    if names_objects(column) or names_objects(column, texts=True) or _ends_episodes(column):
+        return True
+    words = {*_read_name(column).words}
+    if words <= _NUMBERED or "run" in words or (_reads_values(read) and not _STATES & words):
+        return True
+    joined = "".join(_read_name(column).words)
+    return not timed and (first or _counts_time(column) or not words or joined in _ROWS)
+
+
+def _counts_time(column: str) -> bool:
+    words = _read_name(column).words
+    return unit_of_times(column) is not None or bool(_CLOCKS & {*words}) or words == ("clk",)
+
+
+def _reads_values(read: Collection[str]) -> bool:
+    return any("".join(_read_name(name).words) in _VALUES for name in read)
 
 
 class Objects(NamedTuple):
@@ -469,16 +640,21 @@ class Objects(NamedTuple):
     Attributes:
         column: The column that tells them apart; empty if it is not known.
         values: Its values, in the order in which they occur; empty if it is not known.
+        row: The row at which another episode starts, by a column of flags or of a count that
+            starts again; None if the values tell objects apart.
     """
 
     column: str
     values: tuple[str, ...]
+    row: int | None = None
 
 
 def objects_in(
     cells: Mapping[str, NDArray[Any]],
     times: NDArray[Any] | None = None,
     filled: Sequence[NDArray[np.bool_]] = (),
+    read: Collection[str] = (),
+    first: str | None = None,
 ) -> Objects | None:
     """Return the evidence that a table holds several objects or episodes; None if there is none.
 
@@ -488,44 +664,143 @@ def objects_in(
         cells: The columns that no formula reads: numbers, or texts where an empty one is no value.
         times: The time of each row; None if the table has no times.
         filled: For each variable, the rows in which it has a value.
+        read: The columns that formulas read. Next to a column ``value``, any column of texts that
+            are not states names signals.
+        first: The first column of the table, which may hold times by any name.
 
     Example:
         >>> ids = {"vehicle_id": np.array([0, 1, 0, 1])}
         >>> objects_in(ids)
-        Objects(column='vehicle_id', values=('0', '1'))
+        Objects(column='vehicle_id', values=('0', '1'), row=None)
         >>> objects_in({"gear": np.array([1, 1, 2, 2])}) is None
         True
+        >>> objects_in({"step": np.array([0, 1, 0, 1])})
+        Objects(column='step', values=(), row=2)
     """
     keys = {name: _keys(values) for name, values in cells.items()}
-    for name, codes in keys.items():
-        if codes is not None and names_objects(name) and _recur(codes) and _share(codes, filled):
-            return Objects(name, _values(cells[name], codes))
-    if times is None or len(times) < 2:
-        return None
-    late, back = times[1:] <= times[:-1], times[1:] < times[:-1]
-    if not late.any():
-        return None
-    apart = {
+    several = {
         name: codes
         for name, codes in keys.items()
-        if codes is not None
-        and _recur(codes)
-        and _share(codes, filled)
-        and _ordered_within(codes, times)
+        if codes is not None and _recur(codes) and _share(codes, filled)
     }
+    for name, codes in several.items():
+        if _tells_objects(name, cells[name], read):
+            return Objects(name, _values(cells[name], codes))
+    rising = times is not None and bool((times[1:] > times[:-1]).all())
+    for name, values in cells.items():
+        row = _next_episode(name, values, timed=rising)
+        if row is None and times is None:
+            row = _restart(name, values, first=name == first)
+        if row is not None:
+            return Objects(name, (), row)
+    if times is None or len(times) < 2 or rising:
+        return None
+    apart = {name: codes for name, codes in several.items() if _ordered_within(codes, times)}
     if apart:
         name = min(apart, key=lambda n: (not names_objects(n), int(apart[n].max())))
         return Objects(name, _values(cells[name], apart[name]))
+    return Objects("", ()) if _mixed(cells, times, filled) else None
+
+
+def _mixed(
+    cells: Mapping[str, NDArray[Any]], times: NDArray[Any], filled: Sequence[NDArray[np.bool_]]
+) -> bool:
+    """Whether other columns change where times repeat or go back."""
+    late, back = times[1:] <= times[:-1], times[1:] < times[:-1]
     if late.all() and back.any():  # the newest row comes first
-        return None
+        return False
     both = np.zeros(len(late), bool) if filled else np.ones(len(late), bool)
     for here in filled:
         both |= here[1:] & here[:-1]
     evident = late & (both | back)
     changes = (_changes(values) for values in cells.values() if not _counts_rows(values))
-    if any((evident & change).any() for change in changes):
-        return Objects("", ())
-    return None
+    return any((evident & change).any() for change in changes)
+
+
+def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
+    """Whether values that occur again are names or numbers of objects."""
+    if names_objects(name):
+        return True
+    named = _read_name(name).words
+    words = {*named}
+    if values.dtype.kind not in "OUT":
+        numbered = (len(named) == 1 and words <= _NUMBERED) or named[-1:] == ("run",)
+        return numbered and not {*values.tolist()} <= {0, 1}
+    if {str(value).strip().lower() for value in values.tolist()} <= _FLAGS:
+        return False
+    return names_objects(name, texts=True) or (_reads_values(read) and not _STATES & words)
+
+
+_FLAGS = _set("true false on off yes no ok good bad ja nein 0 1") | {""}
+
+_LAST_ROWS = _set(
+    "terminated truncated terminal terminals timeout timeouts islast isterminal nextdone "
+    "episodeend episodeends episodedone endofepisode lastinepisode"
+)
+_FIRST_ROWS = _set("isfirst episodestart episodestarts firstinepisode")
+_DONE = _set("done dones")
+"""Names of flags of the last or the first row of an episode; ``done`` may be another flag."""
+
+
+def _ends_episodes(column: str) -> bool:
+    return "".join(_read_name(column).words) in _LAST_ROWS | _FIRST_ROWS | _DONE
+
+
+def _next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
+    """Return the first row of another episode by a flag of last or first rows; None without one."""
+    joined = "".join(_read_name(name).words)
+    if not _ends_episodes(name) or (timed and joined in _DONE):
+        return None
+    texts = [str(value).strip().lower() for value in values.tolist()]
+    if not {*texts} <= {"true", "false", "0", "1", "0.0", "1.0"}:
+        return None
+    flags = np.array([text in ("true", "1", "1.0") for text in texts])
+    if joined in _FIRST_ROWS:
+        (rows,) = np.nonzero(flags[1:])
+    else:
+        (rows,) = np.nonzero(flags[:-1] & ~flags[1:])
+    return int(rows[0]) + 1 if len(rows) else None
+
+
+_ROWS = _set(
+    "step steps timestep timesteps frame frames index idx row rows sample samples stepindex "
+    "frameindex sampleindex rowindex timeindex timestepindex stepid sampleid rowid unnamed0 level0"
+)
+"""Names of numbers of rows."""
+
+
+def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
+    """Return the row at which times or numbers of rows start again; None if they do not.
+
+    Args:
+        name: The column.
+        values: Its values.
+        first: Whether it is the first column of a table, which may hold times by any name.
+    """
+    if values.dtype.kind not in "iuf" or len(values) < 4:
+        return None
+    if not np.isfinite(values.astype(np.float64)).all():
+        return None
+    with np.errstate(over="ignore"):
+        steps = np.diff(values.astype(np.float64))
+    (falls,) = np.nonzero(steps < 0)
+    if not len(falls) or len(falls) == len(steps):
+        return None
+    words = _read_name(name)
+    row = int(falls[0]) + 1
+    if unit_of_times(name) is not None:
+        return row
+    counts = not words.words or "".join(words.words) in _ROWS
+    rises = steps[steps >= 0]
+    usual = float(np.median(rises))
+    even = float((np.abs(rises - usual) <= 0.2 * usual).mean()) >= 0.9
+    if not (rises > 0).all() or not even or (np.abs(values[falls + 1] - values[0]) >= usual).any():
+        return None
+    if counts:
+        return row
+    shortest = int(np.diff([0, *(falls + 1), len(values)]).min())
+    quantity = bool(_QUANTITIES & {*words.words}) or words.unit is not None
+    return row if _counts_time(name) or (first and not quantity and shortest >= _FEW) else None
 
 
 def _keys(values: NDArray[Any]) -> NDArray[np.intp] | None:

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.columns import looks_like_times, names_objects, objects_in, unit_of_times
+from rtamt.columns import looks_like_times, may_tell_objects, objects_in, unit_of_times
 from rtamt.errors import InputError, InputTypeError
 
 __all__ = ["check_roles", "named_columns"]
@@ -77,15 +77,22 @@ def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
         return
     frame = cast("Any", data)
     ignored = [name for name in names if str(name) not in variables]
-    _check_objects(frame, ignored, variables)
+    _check_objects(frame, ignored, variables, names[0])
     if timed:
         _check_times(frame, ignored, names[0])
 
 
-def _check_objects(frame: Any, ignored: Sequence[Any], variables: Sequence[str]) -> None:  # noqa: ANN401
+def _check_objects(
+    frame: Any,  # noqa: ANN401 - of any library
+    ignored: Sequence[Any],
+    variables: Sequence[str],
+    first: object,
+) -> None:
     index: Any = getattr(frame, "index", None)
-    levels = [name for name in getattr(index, "names", ()) or () if name is not None]
-    cells: dict[str, Any] = {str(name): index.get_level_values(name) for name in levels}
+    levels = [*enumerate(getattr(index, "names", ()) or ())]
+    cells: dict[str, Any] = {
+        "index" if name is None else str(name): index.get_level_values(i) for i, name in levels
+    }
     times = next((v for n, v in cells.items() if unit_of_times(n) is not None), None)
     for name in ignored:
         cells[str(name)] = frame[name]
@@ -95,16 +102,23 @@ def _check_objects(frame: Any, ignored: Sequence[Any], variables: Sequence[str])
     if instants is not None and instants.dtype.kind not in "iufmM":
         instants = None
     late = instants is not None and not (instants[1:] > instants[:-1]).all()
-    looked_at = {n: np.asarray(each) for n, each in cells.items() if late or names_objects(n)}
+    timed = instants is not None
+    looked_at = {
+        n: np.asarray(each)
+        for n, each in cells.items()
+        if late or may_tell_objects(n, variables, timed=timed, first=n == str(first))
+    }
     if not looked_at:
         return
     given = [name for name in variables if name in map(str, frame.columns)]
     filled = [_filled(frame[name]) for name in given]
-    found = objects_in(looked_at, instants, filled)
+    found = objects_in(looked_at, instants, filled, variables, str(first))
     if found is None:
         return
     what = "times that repeat or go back while other columns change"
-    if found.column:
+    if found.row is not None:
+        what = f"a column '{found.column}' by which another trace starts in row {found.row}"
+    elif found.column:
         values = ", ".join(found.values[:_SHOWN]) + (", ..." if len(found.values) > _SHOWN else "")
         what = f"a column '{found.column}' with {len(found.values)} values ({values})"
     raise InputError(

@@ -87,7 +87,9 @@ def read_events(
     rows = read_rows(recording, wanted_times(wanted, time, columns))
     if table:
         filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
-        RowTable(recording, columns, read, time).check_objects(rows, filled)
+        rules = RowTable(recording, columns, read, time)
+        rules.check_objects(rows, filled)
+        rules.check_clocks(rows)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, Specification, unit_of_times
 from rtamt.columns import (
+    calendar_unit,
     dates_of_numbers,
     hinted_unit,
     looks_like_times,
-    names_objects,
+    may_tell_objects,
     objects_in,
+    own_times,
     plausible_units,
     split_times,
 )
@@ -79,14 +81,27 @@ class RowTable:
         """
         if self.columns.one_trace:
             return
+        timed = rows.times is not None
         late = rows.times is not None and not rises(rows.times)
-        names = self.unread if late else [name for name in self.unread if names_objects(name)]
+        first = self.recording.names[0]
+        names = [
+            name
+            for name in self.unread
+            if late or may_tell_objects(name, self.read, timed=timed, first=name == first)
+        ]
         if not names:
             return
-        found = objects_in(self._cells(rows, names), rows.times, [*filled.values()])
+        cells = self._cells(rows, names)
+        found = objects_in(cells, rows.times, [*filled.values()], self.read, first)
         if found is None:
             return
         source = rows.source
+        if found.row is not None:
+            raise InputError(
+                f"{source}: expected one trace, but '{found.column}' shows that another one starts "
+                f"in {rows.where(found.row).removeprefix(f'{source}, ')}. Cut the file there, or "
+                "give --one-trace if all rows are one trace."
+            )
         if found.column:
             value = shlex.quote(f"{found.column}={found.values[0]}")
             raise InputError(
@@ -100,6 +115,33 @@ class RowTable:
             "change, as with several objects or episodes. Give --where COLUMN=VALUE to judge the "
             "rows of one, or --one-trace if all rows are one trace."
         )
+
+    def check_clocks(self, rows: Rows) -> None:
+        """Check that variables with columns of times of their own have the times of the rows.
+
+        Args:
+            rows: The rows that were read.
+
+        Raises:
+            InputError: If two such columns differ, and nobody has named the times.
+        """
+        if self.columns.time is not None or (self.time is not None and self.time.part is not None):
+            return
+        owned = {name: own_times(name, self.recording.names) for name in self.read}
+        clocks = {own: name for name, own in owned.items() if own is not None}
+        main = next(iter(clocks), None) if self.time is None else self.time.name
+        if main is None or not {*clocks} - {main}:
+            return
+        cells = self._cells(rows, [*dict.fromkeys([main, *clocks])])
+        for own, name in clocks.items():
+            if own == main or own in self.read or _same_clock(cells.get(main), cells.get(own)):
+                continue
+            raise InputError(
+                f"{rows.source}: expected one column of times, but '{name}' seems to have its own, "
+                f"'{own}', which differs from '{main}'. Write a row with time, variable and value "
+                f"for each record and judge it with --dense, or give --time {shlex.quote(main)} if "
+                "each row is one instant."
+            )
 
     def check_times(self, rows: Rows) -> None:
         """Check that no column that nothing reads looks like times.
@@ -129,6 +171,12 @@ class RowTable:
             option = f"--time {shlex.quote(name)}"
             times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
             reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
+            if calendar_unit(name) and not ways:
+                raise InputError(
+                    f"{expected} '{name}', which {reads}, is part of a date. Write one "
+                    "column of dates, or give --period SECONDS, the time between two rows, or "
+                    "--period 1 to count samples."
+                )
             if values.dtype.kind in "iufmM" and rises(values[::-1]):
                 raise InputError(
                     f"{expected} '{name}', which {reads}, looks like one with the newest row "
@@ -144,6 +192,43 @@ class RowTable:
         wanted = Wanted((), cells=names, where=self.columns.where)
         cells = self.recording.read(wanted).cells
         return {name: values for name, values in cells.items() if len(values) == rows.count}
+
+
+_RATE = 0.01
+_SCALES = sorted({a / b for a in UNITS.values() for b in UNITS.values()})
+
+
+def _same_clock(times: NDArray[np.generic] | None, other: NDArray[np.generic] | None) -> bool:
+    """Return whether two columns of times have the same instants in each row, or one is no clock.
+
+    They may count from different origins, in different units, and be a step apart.
+    """
+    first, second = _instants(times), _instants(other)
+    if first is None or second is None:
+        return True
+    there = np.isfinite(second)
+    if len(first) < 3 or not (np.isfinite(first).all() and rises(first) and rises(second[there])):
+        return True
+    if not there.all():
+        return int(there.sum()) < 2
+    length = first[-1] - first[0]
+    rate = float((second[-1] - second[0]) / length)
+    scale = min(_SCALES, key=lambda each: abs(rate / each - 1))
+    offset = abs(float(np.median(second / scale - first)))
+    apart = float(np.median(np.diff(first))) < offset <= length
+    return abs(rate / scale - 1) <= _RATE and not apart
+
+
+def _instants(values: NDArray[np.generic] | None) -> NDArray[np.float64] | None:
+    """Return times as numbers; None if they are not times."""
+    if values is not None and values.dtype.kind in "OUT":
+        try:
+            values = times_of_texts(values.tolist())
+        except InputError:
+            return None
+    if values is None or values.dtype.kind not in "iufmM":
+        return None
+    return values.astype(np.int64 if values.dtype.kind in "mM" else np.float64).astype(np.float64)
 
 
 def _are_split(
@@ -177,9 +262,10 @@ def _readings(
         return None
     if dates_of_numbers(values) is not None:
         return [""]
-    unit = hinted_unit(name)
+    unit = calendar_unit(name) or hinted_unit(name)
     if unit is not None:
-        return [f" --time-unit {unit}"]
+        falls = calendar_unit(name) and not (rises(values) or rises(values[::-1]))
+        return [] if falls or unit not in UNITS else [f" --time-unit {unit}"]
     step = float(np.median(np.abs(np.diff(values.astype(np.float64)))))
     return [
         f" --time-unit {each} (a sample every {step * UNITS[each] / UNITS['s']:.6g} s)"

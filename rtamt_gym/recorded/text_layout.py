@@ -22,6 +22,9 @@ TOP: Final = 200
 _SEPARATORS: Final = ",;\t|"
 """The separators that are recognised; of two equally frequent ones the first is taken."""
 
+_STATED: Final = re.compile(r'"?sep=(?P<mark>[^"])"?[,;\t\s]*', re.IGNORECASE)
+"""A first line that states the separator, as spreadsheets read it."""
+
 _COMMENT: Final = re.compile(r"\s*(?:#|%|//)\s*")
 
 _UNITS: Final = frozenset(
@@ -73,6 +76,10 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
     full = [at for at, line in enumerate(lines) if line.strip()]
     if not full:
         return TextLayout(0, separator or ",", [], 0, None)
+    stated = _STATED.fullmatch(lines[full[0]])
+    if stated is not None and len(full) > 1:
+        del full[0]
+        separator = separator or stated["mark"]
     first = full[0]
     for at, below in pairwise(full):
         if not _COMMENT.match(lines[at]) or _names_of(lines, at, below, separator):
@@ -124,6 +131,8 @@ def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) 
         return False
     table = _Candidate.below(lines, at, separator)
     if not table.rows or len(table.rows[0]) != table.layout.width:
+        return False
+    if "" in table.layout.names:  # a line of another kind, as in annotated files
         return False
     if any(map(_is_value, table.rows[0])):
         return True

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
 from rtamt.columns import (
+    are_days,
+    calendar_unit,
     dates_of_numbers,
     has_plain_time_name,
+    hinted_unit,
     name_words,
     plausible_units,
     split_times,
@@ -256,7 +259,8 @@ class TimeAxis:
             raise InputError(
                 f"{rows.where(at)}, column '{column}': expected a finite number, got {raw[at]}"
             )
-        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1]) or ""
+        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
+        named = named or hinted_unit(column) or ""
         said, decided = columns.time_unit or rows.unit or named, ""
         if not said and (dates := dates_of_numbers(raw)) is not None:
             if not {*name_words(column)} & _DATE_NAMES:
@@ -266,11 +270,18 @@ class TimeAxis:
                     f"marks or a number of seconds. Write dates as {shown}, or give --time-unit s."
                 )
             raw = dates
+        if not said and are_days(raw):
+            raise InputError(
+                f"{rows.where(0)}, column '{column}': {raw[0]:.15g} may be a date, as the number "
+                "of days in spreadsheets and MATLAB, or a number of seconds. Write dates as texts, "
+                "or give --time-unit s."
+            )
         if raw.dtype.kind in "mM":
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             step = _step(whole, 1)
             return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
+        said = said or calendar_unit(column) or ""
         if said and said not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "

@@ -333,6 +333,7 @@ def read_trace(
     rules = RowTable(recording, columns, read, time)
     if table:
         rules.check_objects(rows, {n: ~np.isnan(each) for n, each in rows.numbers.items()})
+        rules.check_clocks(rows)
     if table and timed and time is None and period is None:
         rules.check_times(rows)
     check_valid(rows, columns)

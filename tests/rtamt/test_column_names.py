@@ -172,9 +172,9 @@ IDS = np.array([0, 0, 1, 1, 2, 2])
 
 def test_ids_tell_objects_apart() -> None:
     found = objects_in({"episode_index": IDS})
-    assert found == ("episode_index", ("0", "1", "2"))
-    assert objects_in({"name": np.array(list("aabbaa"))}) == ("name", ("a", "b"))
-    assert objects_in({"id": IDS.astype(float)}) == ("id", ("0", "1", "2"))
+    assert found == ("episode_index", ("0", "1", "2"), None)
+    assert objects_in({"name": np.array(list("aabbaa"))}) == ("name", ("a", "b"), None)
+    assert objects_in({"id": IDS.astype(float)}) == ("id", ("0", "1", "2"), None)
     assert objects_in({"id": np.arange(6)}) is None  # a number for each row
     assert objects_in({"id": np.zeros(6)}) is None
     assert objects_in({"id": IDS + 0.5}) is None
@@ -185,13 +185,13 @@ def test_ids_tell_objects_apart() -> None:
 def test_times_that_repeat_tell_objects_apart() -> None:
     times = np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0])
     cells = {"lane": np.array([3, 4, 3, 4, 3, 4]), "x": np.array([1.5, 2.5, 1.5, 2.5, 1.5, 2.5])}
-    assert objects_in(cells, times) == ("lane", ("3", "4"))
-    assert objects_in({"x": cells["x"]}, times) == ("", ())
+    assert objects_in(cells, times) == ("lane", ("3", "4"), None)
+    assert objects_in({"x": cells["x"]}, times) == ("", (), None)
     assert objects_in({"x": np.ones(6)}, times) is None
     assert objects_in({"row": np.arange(6)}, times) is None
     assert objects_in({"x": cells["x"]}, np.arange(6.0)) is None
     restart = np.array([0.0, 1.0, 2.0, 0.0, 1.0, 2.0])
-    assert objects_in({"x": np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])}, restart) == ("", ())
+    assert objects_in({"x": np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])}, restart) == ("", (), None)
     newest_first = restart[:3][::-1]
     assert objects_in({"x": np.array([1.5, 2.5, 3.5])}, newest_first) is None
 
@@ -201,4 +201,4 @@ def test_rows_of_different_variables_are_one_trace() -> None:
     filled = [sensor == "a", sensor == "b"]
     times = np.array([0.0, 0.0, 1.0, 1.0])
     assert objects_in({"id": sensor}, times, filled) is None
-    assert objects_in({"id": sensor}, times, [sensor != ""]) == ("id", ("a", "b"))
+    assert objects_in({"id": sensor}, times, [sensor != ""]) == ("id", ("a", "b"), None)

@@ -206,3 +206,25 @@ def test_an_index_of_episodes_is_several_traces() -> None:
     with pytest.raises(rtamt.InputError, match=r"a column 'episode' with 2 values \(0, 1\)"):
         rtamt.judge("always(x > 1)", frame.set_index(["episode", "time"]))
     assert rtamt.judge("always(x > 1)", frame.set_index(["episode"]).loc[0]).robustness == 3
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"step": [0, 1, 2] * 2},
+        {"terminated": [False, False, True] * 2},
+        {"topic": ["a"] * 3 + ["b"] * 3},
+    ],
+)
+def test_runs_one_after_another_are_several_traces(make: Make, other: Mapping[str, Any]) -> None:
+    frame = make({**other, "x": [0.0, 0.0, 0.0, 9.0, 9.0, 9.0]})
+    with pytest.raises(rtamt.InputError, match=f"'{next(iter(other))}'.*several objects or ep"):
+        rtamt.judge("eventually(x > 5)", frame)
+
+
+def test_an_index_that_starts_again_is_several_traces() -> None:
+    run = pd.DataFrame({"x": [0.0, 9.0, 0.0]})
+    with pytest.raises(rtamt.InputError, match="'index' by which another trace starts in row 3"):
+        rtamt.judge("eventually(x > 5)", pd.concat([run, run]))
+    joined = pd.concat([run, run], ignore_index=True)
+    assert rtamt.judge("eventually(x > 5)", joined).robustness == 4

@@ -113,3 +113,213 @@ def test_objects_one_after_another_are_refused(capsys: Output, column: str) -> N
     assert code == 2
     assert f"--where {column}=0" in text
     assert judged(capsys, "eventually(v > 5)", "log.csv", "--where", f"{column}=1")[0] == 1
+
+
+ROWS = range(8)
+
+
+def write_blocks(column: str, names: tuple[object, object], value: str = "v") -> str:
+    """Write two objects, one after the other; only the second exceeds 5."""
+    rows = [f"{i},{names[i // 4]},{1 + 8 * (i // 4)}" for i in ROWS]
+    Path("log.csv").write_text("\n".join([f"time,{column},{value}", *rows]) + "\n")
+    return "log.csv"
+
+
+@pytest.mark.parametrize(
+    ("column", "names"),
+    [
+        ("topic", ("/a", "/b")),
+        ("metric", ("cpu", "memory")),
+        ("sensor", ("s1", "s2")),
+        ("child_frame_id", ("base", "arm")),
+        ("filename", ("a.log", "b.log")),
+        ("unit", (1, 2)),
+        ("driver", (3, 4)),
+        ("Subject", (3, 4)),
+        ("batch_idx", (0, 1)),
+        ("random_seed", (7, 8)),
+        ("mc_run", (3, 4)),
+        ("MMSI", (211, 212)),
+        ("part no", (17, 18)),
+    ],
+)
+def test_more_objects_are_refused(
+    capsys: Output, column: str, names: tuple[object, object]
+) -> None:
+    name = write_blocks(column, names)
+    code, text = judged(capsys, "eventually(v > 5)", name)
+    assert (code, f"--where '{column}" in text or f"--where {column}" in text) == (2, True), text
+    way = ("--where", f"{column}={names[0]}")
+    assert judged(capsys, "eventually(v > 5)", name, *way)[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "names"),
+    [
+        ("driver", (0, 1)),
+        ("device", (1, 0)),
+        ("dry_run", (0, 1)),
+        ("car", (2, 3)),
+        ("gear", ("a", "b")),
+        ("test", ("on", "off")),
+    ],
+)
+def test_flags_and_counts_are_no_objects(
+    capsys: Output, column: str, names: tuple[object, object]
+) -> None:
+    assert judged(capsys, "eventually(v > 5)", write_blocks(column, names))[0] == 0
+
+
+@pytest.mark.parametrize("column", ["variable", "signal", "field", "_field", "kind", "VarName"])
+@pytest.mark.parametrize("value", ["value", "_value", "VarValue", "Messwert"])
+def test_a_column_of_values_has_signals_next_to_it(capsys: Output, column: str, value: str) -> None:
+    name = write_blocks(column, ("a", "b"), value)
+    code, text = judged(capsys, f"eventually({value} > 5)", name)
+    assert (code, f"--where {column}=a" in text) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("column", "names"),
+    [("state", ("run", "stop")), ("quality", ("good", "bad")), ("open", ("yes", "no"))],
+)
+def test_states_next_to_values_are_no_signals(
+    capsys: Output, column: str, names: tuple[object, object]
+) -> None:
+    assert judged(capsys, "eventually(value > 5)", write_blocks(column, names, "value"))[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("head", "cells"),
+    [
+        ("step", "0 1 2 3 0 1 2 3"),
+        ("frame", "1 2 3 4 1 2 3 4"),
+        ("", "0 1 2 3 0 1 2 3"),
+        ("Unnamed: 0", "0 1 2 3 0 1 2 3"),
+        ("clk", "0.0 0.1 0.2 0.3 0.0 0.1 0.2 0.3"),
+        ("A", "0.0 0.1 0.2 0.3 0.0 0.1 0.2 0.3"),
+        ("obs,terminated", "7,False 7,False 7,False 7,True 7,False 7,False 7,False 7,True"),
+        ("obs,done", "7,0 7,0 7,0 7,1 7,0 7,0 7,0 7,1"),
+        ("obs,is_first", "7,1 7,0 7,0 7,0 7,1 7,0 7,0 7,0"),
+        ("sim_time,wall_time", "0,5 1,6 2,7 3,8 0,9 1,10 2,11 3,12"),
+    ],
+)
+def test_runs_without_times_are_refused(capsys: Output, head: str, cells: str) -> None:
+    rows = [f"{cell},{1 + 8 * (i // 4)}" for i, cell in enumerate(cells.split())]
+    Path("log.csv").write_text("\n".join([f"{head},v", *rows]) + "\n")
+    code, text = judged(capsys, "eventually(v > 5)", "log.csv")
+    assert code == 2
+    assert "another one starts in line 6. Cut the file there, or give --one-trace" in text
+    assert judged(capsys, "eventually(v > 5)", "log.csv", "--one-trace")[0] == 0
+    Path("log.csv").write_text("\n".join([f"{head},v", *rows[:4]]) + "\n")
+    assert judged(capsys, "eventually(v > 5)", "log.csv")[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "cells"),
+    [
+        ("gear", "1 2 3 4 1 2 3 4"),
+        ("alive_counter", "0 1 2 3 0 1 2 3"),
+        ("phase", "0.0 0.1 0.2 0.3 0.0 0.1 0.2 0.3"),
+        ("step", "0 0 1 1 0 0 1 1"),
+        ("done", "0 0 0 0 0 0 0 1"),
+    ],
+)
+def test_cycles_are_one_trace(capsys: Output, column: str, cells: str) -> None:
+    rows = [f"{cell},{1 + 8 * (i // 4)}" for i, cell in enumerate(cells.split())]
+    Path("log.csv").write_text("\n".join([f"{column},v", *rows]) + "\n")
+    assert judged(capsys, "eventually(v > 5)", "log.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "head", ["t1,v,t2,w", "time,v,time.1,w", "time_v,v,time_w,w", "Time - v,v,Time - w,w"]
+)
+@pytest.mark.parametrize("formula", ["always(v < 4 or w < 4)", "always[0:0.3](v < 4 or w < 4)"])
+def test_columns_with_times_of_their_own_are_refused(
+    capsys: Output, head: str, formula: str
+) -> None:
+    # v falls and w rises at the same time, but w was recorded at twice the rate
+    rows = [f"{i / 10:.1f},{8 - i},{i / 20:.2f},{i}" for i in ROWS]
+    Path("log.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert judged(capsys, formula, "log.csv")[0] == 2
+    if "[" not in formula:
+        assert "differs from" in judged(capsys, formula, "log.csv")[1]
+        first = ("--time", head.split(",", maxsplit=1)[0])
+        assert judged(capsys, formula, "log.csv", *first)[0] == 1
+    same = [f"{i / 10:.1f},{8 - i},{i / 10:.1f},{i}" for i in ROWS]
+    Path("log.csv").write_text("\n".join([head, *same]) + "\n")
+    assert judged(capsys, "always(v < 4 or w < 4)", "log.csv")[0] == 1
+
+
+@pytest.mark.parametrize("head", ["timestamp,timestamp_sample,v", "time,v,log_time,w"])
+def test_clocks_of_one_rate_are_one_clock(capsys: Output, head: str) -> None:
+    cells = {"v": "1", "w": "1", "timestamp_sample": "{}", "timestamp": "{}", "time": "{}"}
+    rows = []
+    for i in ROWS:
+        late = f"{1.7e9 + i / 10 + 0.001 * (i % 3):.3f}"
+        row = [cells.get(n, late).format(f"{i / 10:.1f}") for n in head.split(",")]
+        rows.append(",".join(row))
+    Path("log.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert judged(capsys, "always[0:0.3](v > 0)", "log.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("column", "times", "way"),
+    [
+        ("hour", range(8), "--time hour --time-unit h"),
+        ("Minute", range(8), "--time Minute --time-unit min"),
+        ("hour", [22, 23, 0, 1, 2, 3, 4, 5], "--period SECONDS"),
+        ("day", range(1, 9), "--period SECONDS"),
+        ("Date", range(45413, 45421), "--period SECONDS"),
+        ("year", range(1990, 1998), "--period SECONDS"),
+    ],
+)
+def test_parts_of_dates_do_not_count_samples(
+    capsys: Output, column: str, times: list[int], way: str
+) -> None:
+    name = write_log(f"{column},v", [*map(str, times)], low=2)
+    code, text = judged(capsys, "eventually[0:2](v < 0)", name)
+    assert (code, way in text) == (2, True), text
+    if way.startswith("--time"):
+        assert judged(capsys, "eventually[0:2](v < 0)", name, *way.split())[0] == 2
+        assert judged(capsys, "always[0:1h](v < 9)", name, *way.split())[0] in (0, 3)
+    else:
+        assert judged(capsys, "eventually(v < 0)", name, "--time", column)[0] == 2
+    assert judged(capsys, "eventually[0:2](v < 0)", name, "--period", "1")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("start", "step"), [(45413.5, 1), (45413.5, 3600), (739000.5, 0.1), (0.5, 1), (2460432.5, 60)]
+)
+def test_dates_as_days_are_no_seconds(capsys: Output, start: float, step: float) -> None:
+    name = write_log("Time,v", [f"{start + i * step / 86400:.9f}" for i in range(30)])
+    code, text = judged(capsys, "eventually[0:1](v < 0)", name)
+    assert (code, "may be a date" in text) == (2, True), text
+
+
+@pytest.mark.parametrize(("start", "step"), [(45413.5, 0.01), (45413.5, 1 / 30), (0.5, 1e-5)])
+def test_seconds_are_no_days(capsys: Output, start: float, step: float) -> None:
+    name = write_log("time,v", [f"{start + i * step:.7f}" for i in range(30)])
+    assert judged(capsys, "always(v > 0)", name)[0] == 1
+
+
+@pytest.mark.parametrize("column", ["recv_ms", "clk [ms]"])
+def test_a_named_column_has_the_unit_in_its_name(capsys: Output, column: str) -> None:
+    name = write_log(f"v,{column}", [str(100 * i) for i in range(30)])
+    code, text = judged(capsys, "always[0:2](v > 0)", name, "--time", column)
+    assert (code, "one every 0.1 s" in text) == (1, True)
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_a_stated_separator_is_obeyed(capsys: Output, mark: str) -> None:
+    rows = [f"{i / 10:.1f};{-1 if i == 15 else 1}".replace(".", ",") for i in range(30)]
+    Path("log.csv").write_text(f"{mark}sep=;\nZeit;v\n" + "\n".join(rows) + "\n", "utf-8")
+    code, text = judged(capsys, "always[0:2](v > 0)", "log.csv")
+    assert (code, "one every 0.1 s" in text) == (1, True)
+
+
+def test_annotations_of_influx_are_not_the_names(capsys: Output) -> None:
+    above = "#group,false,true\n#datatype,string,double\n#default,_result,\n,_time,_value\n"
+    rows = [f",2024-05-01T12:00:0{i}Z,{-1 if i == 3 else 1}" for i in ROWS]
+    Path("log.csv").write_text(above + "\n".join(rows) + "\n")
+    code, text = judged(capsys, "always[0:3](_value > 0)", "log.csv")
+    assert (code, "line 4" in text) == (1, True)
