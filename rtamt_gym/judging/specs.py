@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from gymnasium.logger import warn
+from gymnasium import logger
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
@@ -128,7 +128,7 @@ def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
             f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
         )
     # As Gymnasium's own wrappers do.
-    warn(
+    logger.warn(
         f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
         "AutoresetMode.NEXT_STEP"
     )
