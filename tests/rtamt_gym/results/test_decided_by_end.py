@@ -34,6 +34,7 @@ from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.table import together
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.simulation.outcomes import report
+from rtamt_gym.simulation.written import plain_run, run_fields
 
 VALUES = [1.0, 2.0, 1.0, 2.0]
 LAST = len(VALUES) - 1
@@ -257,6 +258,16 @@ def test_a_file_saved_before_keeps_its_times() -> None:
     assert isinstance(old, Outcome)
     assert old == replace(found, decided=found.ended, ended=None)
     assert old.violated == found.violated == Moment(LAST, 1.5)
+
+
+def test_a_run_saved_before_keeps_its_times() -> None:
+    run = run_of(GOAL)
+    kept = plain_run(run)
+    course = kept["courses"]["goal"]
+    course["decided_at"] = course.pop("ended_at")
+    old = Run(**run_fields(kept))
+    assert (old.violated_by, old.violated_at) == ("goal", LAST)
+    assert old.outcomes["goal"].violated == run.outcomes["goal"].violated
 
 
 def outcome(verdict: Verdict, decided: int | None, ended: int | None = None) -> Outcome:
