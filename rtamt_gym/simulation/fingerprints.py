@@ -28,7 +28,7 @@ from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.provenance import file_hash, versions_in_use
 from rtamt_gym.simulation.fmi import Fmus
 from rtamt_gym.simulation.models import Model
-from rtamt_gym.simulation.source_files import HOUSE, ModuleFiles, is_installed, model_files
+from rtamt_gym.simulation.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files
 
 __all__ = ["fingerprint_of", "made_by"]
 
@@ -179,10 +179,10 @@ class _Collector:
         if isinstance(thing, str | Path):
             with suppress(OSError, ValueError):
                 path = Path(thing)
-                if str(thing) and path.is_file():
+                if path.suffix.lower() in {*READ, ".json"} and path.is_file():
                     self._add_files(model_files(path))
                     return
-        if name and values:
+        if name and values and not isinstance(thing, Path):  # a place, as of a log, is no model
             self._values[name] = _short(repr(thing))
 
     def _add_array(self, array: Any, name: str, *, values: bool) -> None:  # noqa: ANN401

@@ -21,7 +21,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Final
 from xml.etree import ElementTree as ET
 
-__all__ = ["HOUSE", "ModuleFiles", "is_installed", "model_files"]
+__all__ = ["HOUSE", "READ", "ModuleFiles", "is_installed", "model_files"]
 
 HOUSE: Final = frozenset({"rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_envs", "rtamt_ros"})
 """Our own packages, whose version stands for their source."""
@@ -32,13 +32,14 @@ _LOADERS: Final[tuple[tuple[type, list[str]], ...]] = (
     (machinery.SourcelessFileLoader, machinery.BYTECODE_SUFFIXES),
 )
 
-_READ: Final = frozenset(
+READ: Final = frozenset(
     {
         *(".fmu", ".mjb", ".mjcf", ".urdf", ".xml"),
         *(".onnx", ".pt", ".pth", ".safetensors", ".zip"),
+        *(".ini", ".toml", ".yaml", ".yml"),
     }
 )
-"""The endings of files of models and policies, which a module reads and does not write."""
+"""The endings of models, policies and options, which a module reads and does not write."""
 
 _PLAIN: Final = frozenset({bool, int, float, str, type(None)})
 """The types of constants that are compared with what a module holds."""
@@ -193,7 +194,7 @@ class ModuleFiles:
             for name in (text, f"{text}.zip"):  # as Stable-Baselines3 completes names
                 path = folder / name
                 with suppress(OSError, ValueError):
-                    if path.suffix.lower() in _READ and path.is_file():
+                    if path.suffix.lower() in READ and path.is_file():
                         for each in model_files(path):
                             self.paths.setdefault(each, root)
                         return

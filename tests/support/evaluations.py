@@ -62,7 +62,9 @@ def evaluation_of(
             )
         )
     texts = formulas or {name: f"always({name} > 0)" for name in heights}
-    record = Record(rows, texts, system, Provenance(fingerprint=Fingerprint()))
+    record = Record(
+        rows, texts, system, Provenance(fingerprint=Fingerprint(simulators={"rtamt": "1.0"}))
+    )
     return Evaluation(record, system, policy, period, 5.0, 0, decision)
 
 

@@ -282,7 +282,7 @@ def test_an_edit_after_the_import_is_a_change(project: Path) -> None:
     assert fresh.changes(fingerprint_of([plant.tank])) == ["RATE of drain.py is new"]
 
 
-def gain_plant(gain: Any, x: float = 0.0) -> Iterator[dict[str, float]]:  # noqa: ANN401
+def gain_plant(gain: Any, x: Any = 0.0) -> Iterator[dict[str, float]]:  # noqa: ANN401
     yield {"x": gain * x}
 
 
@@ -312,6 +312,18 @@ def test_a_damaged_fingerprint_is_named() -> None:
         path.write_text(json.dumps({**kept, key: value}))
         with pytest.raises(InputError, match="expected a fingerprint and mixtures; give another"):
             Record.load("runs")
+
+
+def test_files_that_arguments_name(project: Path) -> None:
+    def fingerprint() -> Fingerprint:
+        return fingerprint_of([partial(gain_plant, "gains.yaml", project / "log.csv")])
+
+    (project / "gains.yaml").write_text("1")
+    then = fingerprint()
+    (project / "log.csv").write_text("0")  # as the run writes it
+    assert then.changes(fingerprint()) == []
+    (project / "gains.yaml").write_text("2")
+    assert then.changes(fingerprint()) == ["gains.yaml has changed"]
 
 
 def held(gain: float) -> Callable[[], Iterator[dict[str, float]]]:
