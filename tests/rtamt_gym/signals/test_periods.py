@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -321,7 +322,7 @@ def stating(**times: Any) -> Any:  # noqa: ANN401 - an environment with attribut
         ({"control_hz": None, "dt": 0.01}, 0.01, "dt"),
         ({"config": {"policy_frequency": 4}}, 0.25, "config['policy_frequency']"),
     ],
-    ids=str,
+    ids=lambda value: re.sub(r" at 0x\w+", "", str(value)),
 )
 def test_control_rate_precedes_physics_step(times: Any, period: float, name: str) -> None:  # noqa: ANN401
     found: Any = find_period(stating(**times))
