@@ -294,4 +294,5 @@ class Finder(importlib.abc.MetaPathFinder):
 
 def module_name(path: str) -> str:
     """The name that the file of a module is imported by."""
-    return path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    name = path.removesuffix(".py").removesuffix("/__init__").removeprefix("envs/")
+    return name.replace("/", ".")
