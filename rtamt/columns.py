@@ -6,6 +6,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ __all__ = [
     "own_times",
     "plausible_units",
     "split_times",
+    "stated_period",
     "unit_of_times",
 ]
 
@@ -138,6 +140,9 @@ class _Name(NamedTuple):
     words: tuple[str, ...]
     unit: str | None
 
+
+_INDEX = re.compile(r"Unnamed: \d+|level_\d+|__index_level_\d+__|index|idx|", re.IGNORECASE)
+"""Names that pandas gives to an index of rows, which may hold times."""
 
 _BRACKETS = re.compile(
     r"(?P<name>.*?)[\s_,:]*[\[(<{]\s*(?P<unit>[^\])>}]*?)\s*[\])>}]\s*", re.DOTALL
@@ -430,6 +435,8 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     if name.words in _ABSCISSAS or unit_of_times(column) is not None:
         return True
     quantity = bool(_QUANTITIES & {*name.words}) or (name.unit is not None and unit is None)
+    if _INDEX.fullmatch(column):
+        first, quantity = True, not (values % 1).any()
     if hinted and (dated or not quantity):
         return True
     if quantity and not hinted:
@@ -457,6 +464,42 @@ def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, who
     fractions = bool((values % 1).any())
     even = bool((off <= (0.02 * usual if fractions else max(0.02 * usual, 1))).all())
     return rough or dates or (even and (whole or fractions))
+
+
+_PERIODS = _set(
+    "dt deltat tsample sampletime samplingtime sampleperiod samplingperiod sampleinterval "
+    "samplinginterval timestep stepsize deltax xincrement xincr xinc horizontalinterval abtastzeit"
+)
+_RATES = _set(
+    "fs fps samplerate samplingrate samplefrequency samplingfrequency samplefreq samplingfreq "
+    "framerate abtastrate abtastfrequenz"
+)
+
+
+def stated_period(name: str, value: float, *, single: bool) -> Fraction | None:
+    """Return the seconds between samples that a constant states by its name; None for others.
+
+    Args:
+        name: The name, as ``dt``, ``sample_time [ms]`` or ``fs``.
+        value: The value.
+        single: Whether it is one number of a file, not a column.
+
+    Example:
+        >>> stated_period("dt", 0.1, single=False), stated_period("Fs [kHz]", 2.0, single=True)
+        (Fraction(1, 10), Fraction(1, 2000))
+    """
+    if not 0 < value < math.inf:
+        return None
+    words, inside = _read_name(name)
+    joined, exact = "".join(words), Fraction(repr(float(value)))
+    if joined in _RATES:
+        return 1 / (exact * (1000 if (inside or "").lower() == "khz" else 1))
+    unit = _UNIT_OF.get((inside or "s").lower())
+    if len(words) > 1 and _UNIT_OF.get(words[-1]) and "".join(words[:-1]) in _PERIODS:
+        joined, unit = "".join(words[:-1]), _UNIT_OF[words[-1]]
+    if unit is None or not (joined in _PERIODS or (single and joined in ("ts", "period"))):
+        return None
+    return exact * NANOSECONDS[unit] / NANOSECONDS["s"]
 
 
 _SERIAL_DAYS = ((3e4, 8e4), (7.2e5, 7.7e5), (2.44e6, 2.49e6))
@@ -621,8 +664,10 @@ def may_tell_objects(
     words = {*_read_name(column).words}
     if words <= _NUMBERED or "run" in words or (_reads_values(read) and not _STATES & words):
         return True
+    if timed:
+        return False
     joined = "".join(_read_name(column).words)
-    return not timed and (first or _counts_time(column) or not words or joined in _ROWS)
+    return first or _counts_time(column) or bool(_INDEX.fullmatch(column)) or joined in _ROWS
 
 
 def _counts_time(column: str) -> bool:
@@ -764,7 +809,7 @@ def _next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None
 
 _ROWS = _set(
     "step steps timestep timesteps frame frames index idx row rows sample samples stepindex "
-    "frameindex sampleindex rowindex timeindex timestepindex stepid sampleid rowid unnamed0 level0"
+    "frameindex sampleindex rowindex timeindex timestepindex stepid sampleid rowid"
 )
 """Names of numbers of rows."""
 
@@ -790,7 +835,7 @@ def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
     row = int(falls[0]) + 1
     if unit_of_times(name) is not None:
         return row
-    counts = not words.words or "".join(words.words) in _ROWS
+    counts = bool(_INDEX.fullmatch(name)) or "".join(words.words) in _ROWS
     rises = steps[steps >= 0]
     usual = float(np.median(rises))
     even = float((np.abs(rises - usual) <= 0.2 * usual).mean()) >= 0.9

@@ -8,7 +8,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.columns import looks_like_times, may_tell_objects, objects_in, unit_of_times
+from rtamt.columns import (
+    looks_like_times,
+    may_tell_objects,
+    objects_in,
+    stated_period,
+    unit_of_times,
+)
 from rtamt.errors import InputError, InputTypeError
 
 __all__ = ["check_roles", "named_columns"]
@@ -154,6 +160,7 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
             if unit_of_times(str(name)) is not None
             or _dated(frame, name)
             or looks_like_times(str(name), np.asarray(frame[name]), first=name == first)
+            or _states_period(str(name), np.asarray(frame[name]))
         ]
         if not called:
             return
@@ -165,6 +172,13 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
         f"expected a period, because the data frame has {found}, which begins with {shown}; "
         f"pass period=, the time between two samples, or {without} to count bounds in samples"
     )
+
+
+def _states_period(name: str, values: NDArray[Any]) -> bool:
+    """Whether a column is a constant that states the time between samples."""
+    if values.dtype.kind not in "iuf" or not len(values) or not (values == values[0]).all():
+        return False
+    return stated_period(name, float(values[0]), single=False) is not None
 
 
 def _dated(frame: Any, name: object) -> bool:  # noqa: ANN401 - of any library

@@ -12,6 +12,7 @@ import codecs
 import gzip
 import io
 import itertools
+import re
 import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,12 +22,12 @@ from functools import partial
 from importlib.util import find_spec
 from operator import itemgetter
 from pathlib import Path
-from typing import BinaryIO, TextIO, cast
+from typing import BinaryIO, Final, TextIO, cast
 
 from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import NumberColumns, cells_in, times_in
+from rtamt_gym.recorded.cells import NumberColumns, cells_in, floats_in, times_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import RawTimes, read_dates
 from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, convert, notes_on
@@ -187,6 +188,8 @@ class CsvRecording:
             self._notes.append(_skip_note(len(skipped), layout.at))
         if any(name != shown(own) for name, own in zip(self.names, layout.names, strict=True)):
             self._notes.append(_LATIN)
+        self.above = _settings([*skipped, *top[: layout.at]])
+        """The numbers in the lines above the names, by the text before them."""
         rows = self._rows_of(top, layout.at, given, len(skipped))
         self.header, _ = next(rows)
         """The line of the names, from 1."""
@@ -417,6 +420,24 @@ class CsvRecording:
         """Yield the line of the names and the rows below it, with their line numbers."""
         lines = itertools.chain([names_line(top[at])], top[at + 1 :], below)
         return rows_of(lines, self.separator, skipped + at, self.source)
+
+
+_SETTING: Final = re.compile(
+    r"[\W\d]*(?P<name>[^\W\d][\w \[\]()./-]*?)\s*[:=,;\t]\s*"
+    r"\"?(?P<number>[\d.,]*\d(?:[eE][+-]?\d+)?)[\s\",;]*(?P<unit>[^\W\d]*)[\s\",;]*"
+)
+
+
+def _settings(lines: Iterable[str]) -> Mapping[str, float]:
+    """Return the numbers in lines such as ``# Sample Interval [s]: 0.01`` by their names."""
+    settings = {}
+    for line in lines:
+        found = _SETTING.fullmatch(line.strip())
+        number = None if found is None else floats_in([found["number"].replace(",", ".")])
+        if found is not None and number is not None:
+            unit = f" [{found['unit']}]" if found["unit"].lower() not in ("", "hz") else ""
+            settings[f"{found['name']}{unit}"] = float(number[0])
+    return settings
 
 
 def _skip_note(before: int, lines: int) -> str:

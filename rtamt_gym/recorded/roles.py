@@ -20,6 +20,7 @@ from rtamt.columns import (
     own_times,
     plausible_units,
     split_times,
+    stated_period,
 )
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import UNITS, Columns
@@ -161,6 +162,7 @@ class RowTable:
                     f"their {unit}. Give --time {shlex.quote(f'{name}+{part}')}, or --period 1 to "
                     "count samples."
                 )
+        self._check_period(expected, cells)
         for name in names:
             if name not in cells:
                 continue
@@ -187,6 +189,28 @@ class RowTable:
                 f"{expected} '{name}', which {reads}, looks like one. Give {', '.join(times)}, or "
                 "--period 1 to count samples."
             )
+
+    def _check_period(self, expected: str, cells: Mapping[str, NDArray[np.generic]]) -> None:
+        """Check that no constant in the file states the time between samples."""
+        above: Mapping[str, float] = getattr(self.recording, "above", {})
+        singles = {name: value for name, value in above.items() if name not in self.read}
+        alone = [name for name in self.unread if name not in cells]
+        read = self.recording.read(Wanted((), cells=alone)).cells if alone else {}
+        for name, values in read.items():
+            if len(values) == 1 and values.dtype.kind in "iuf":
+                singles[name] = float(values.tolist()[0])
+        columns = {
+            name: float(values.tolist()[0])
+            for name, values in cells.items()
+            if name in self.unread and values.dtype.kind in "iuf" and (values == values[0]).all()
+        }
+        for name, value in [*singles.items(), *columns.items()]:
+            period = stated_period(name, value, single=name in singles)
+            if period is not None:
+                raise InputError(
+                    f"{expected} '{name}' is {value:g}, as if samples were {float(period):.6g} s "
+                    f"apart. Give --period {period}, or --period 1 to count samples."
+                )
 
     def _cells(self, rows: Rows, names: Sequence[str]) -> dict[str, NDArray[np.generic]]:
         wanted = Wanted((), cells=names, where=self.columns.where)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.io import savemat
 
 from rtamt_gym.__main__ import main
 
@@ -323,3 +325,60 @@ def test_annotations_of_influx_are_not_the_names(capsys: Output) -> None:
     Path("log.csv").write_text(above + "\n".join(rows) + "\n")
     code, text = judged(capsys, "always[0:3](_value > 0)", "log.csv")
     assert (code, "line 4" in text) == (1, True)
+
+
+VALUES = [-1 if i == 15 else 1 for i in range(30)]  # in samples, [0:2] would end before it
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# dt = 0.1",
+        "# Sample Rate: 10 Hz",
+        "Sample Interval,1.0E-1,s",
+        "% sampling period: 100 ms",
+        "Sampling frequency [Hz]: 10",
+    ],
+)
+def test_a_period_above_the_names_is_not_overlooked(capsys: Output, line: str) -> None:
+    rows = "\n".join(f"{value},0" for value in VALUES)
+    Path("log.csv").write_text(f"{line}\nRecord,1,a\nv,w\n{rows}\n")
+    code, text = judged(capsys, "always[0:2](v > 0)", "log.csv")
+    assert (code, "Give --period 1/10, or --period 1 to count samples" in text) == (2, True), text
+    assert judged(capsys, "always[0:2](v > 0)", "log.csv", "--period", "1/10")[0] == 1
+    assert judged(capsys, "always[0:2](v > 0)", "log.csv", "--period", "1")[0] == 0
+    assert judged(capsys, "always(v > 0)", "log.csv")[0] == 1
+
+
+@pytest.mark.parametrize("head", ["dt,v", "v,sample_time_s", "v,Delta_X"])
+def test_a_column_of_the_period_is_not_overlooked(capsys: Output, head: str) -> None:
+    name = write_log(head, ["0.1"] * 30)
+    code, text = judged(capsys, "always[0:2](v > 0)", name)
+    assert (code, "Give --period 1/10" in text) == (2, True), text
+    assert judged(capsys, "always[0:2](v > 0)", write_log("gain,v", ["0.1"] * 30))[0] == 0
+
+
+@pytest.mark.parametrize(("name", "value"), [("dt", 0.1), ("Ts", 0.1), ("fs", 10)])
+@pytest.mark.parametrize("extension", ["npz", "mat"])
+def test_a_period_beside_arrays_is_not_overlooked(
+    capsys: Output, name: str, value: float, extension: str
+) -> None:
+    file = f"log.{extension}"
+    columns = {name: np.array(value), "gain": np.array(2.0), "v": np.array(VALUES, float)}
+    if extension == "mat":
+        savemat(file, columns)
+    else:
+        np.savez(file, allow_pickle=False, **columns)
+    code, text = judged(capsys, "always[0:2](v > 0)", file)
+    assert (code, "Give --period 1/10" in text) == (2, True), text
+
+
+@pytest.mark.parametrize("column", ["index", "Unnamed: 0", "__index_level_0__"])
+def test_an_index_of_fractions_is_one_of_times(capsys: Output, column: str) -> None:
+    name = write_log(f"v,{column}", TENTHS)
+    code, text = judged(capsys, "always[0:2](v > 0)", name)
+    assert (code, "--time-unit s" in text) == (2, True), text
+    hint = ("--time", column, "--time-unit", "s")
+    assert judged(capsys, "always[0:2](v > 0)", name, *hint)[0] == 1
+    name = write_log(f"v,{column}", [str(10 * i) for i in range(30)], low=1)
+    assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
