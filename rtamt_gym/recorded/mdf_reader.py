@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from asammdf import MDF
 from numpy.typing import NDArray
 
+from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
@@ -23,6 +24,9 @@ from rtamt_gym.recorded.same_time import SameTime, check_rising, common_instants
 from rtamt_gym.recorded.times import TIME
 
 __all__ = ["MdfRecording", "open_file"]
+
+_DOMAINS: Final[Mapping[int | None, str]] = {2: "angle", 3: "distance", 4: "row numbers"}
+"""What the master channel of a group of MDF 4 may count other than time."""
 
 
 @contextmanager
@@ -108,14 +112,30 @@ class MdfRecording:
     def _ends(self) -> Floats:
         """The first and the last time of all groups that have times and records."""
         masters = []
-        for group in self._file.masters_db:
+        for group in range(len(self._file.groups)):
+            if self._other_master(group):
+                continue
             with refusing(self._path, "a whole MDF file"):
                 masters.append(np.asarray(self._file.get_master(group), np.float64))
         ends = [end for times in masters if len(times) for end in (times.min(), times.max())]
         return np.unique([min(ends), max(ends)] if ends else [])
 
+    def _other_master(self, group: int) -> str:
+        """Return what the records of a group stand over if not over times; empty for times."""
+        index = self._file.masters_db.get(group)
+        if index is None:
+            return "nothing"
+        master: Any = self._file.groups[group].channels[index]
+        domain = _DOMAINS.get(getattr(master, "sync_type", None))
+        return f"{domain} ('{shown(master.name)}')" if domain else ""
+
     def _signal(self, name: str, group: int, index: int, notes: list[str]) -> _Signal:
         """Read a channel; notes on it are appended."""
+        if other := self._other_master(group):
+            raise InputError(
+                f"{self.source}, channel '{name}': expected records over time, got records over "
+                f"{other}. Export the channel with times."
+            )
         read = partial(self._file.get, group=group, index=index, ignore_invalidation_bits=True)
         signal = read()
         samples, times = np.asarray(signal.samples), np.asarray(signal.timestamps, np.float64)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, Specification, unit_of_times
 from rtamt.columns import (
+    are_days,
     calendar_unit,
     dates_of_numbers,
     hinted_unit,
@@ -128,7 +129,8 @@ class RowTable:
         """
         if self.columns.time is not None or (self.time is not None and self.time.part is not None):
             return
-        owned = {name: own_times(name, self.recording.names) for name in self.read}
+        names = self.recording.names
+        owned = {name: own_times(name, names) for name in names if name in self.read}
         clocks = {own: name for name, own in owned.items() if own is not None}
         main = next(iter(clocks), None) if self.time is None else self.time.name
         if main is None or not {*clocks} - {main}:
@@ -173,7 +175,7 @@ class RowTable:
             option = f"--time {shlex.quote(name)}"
             times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
             reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
-            if calendar_unit(name) and not ways:
+            if not ways and (calendar_unit(name) or are_days(values)):
                 raise InputError(
                     f"{expected} '{name}', which {reads}, is part of a date. Write one "
                     "column of dates, or give --period SECONDS, the time between two rows, or "
@@ -286,6 +288,8 @@ def _readings(
         return None
     if dates_of_numbers(values) is not None:
         return [""]
+    if are_days(values):
+        return []
     unit = calendar_unit(name) or hinted_unit(name)
     if unit is not None:
         falls = calendar_unit(name) and not (rises(values) or rises(values[::-1]))

@@ -17,6 +17,10 @@ SameTime = Literal["first", "last"]
 """Which of several different records at one instant counts."""
 
 
+_ROUNDED = 3
+"""From so many instants on with different records, most times may be rounded."""
+
+
 def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
     """Return, for each time from the second on, whether it is the instant of the one before.
 
@@ -104,9 +108,12 @@ def one_record(
     if choice is None:
         change = place + int((same & unequal)[place:].argmax())
         more = f" (and at {counted(len(differing) - 1, 'more time')})" * (len(differing) > 1)
+        way = "; choose with --same-time first or --same-time last"
+        if len(differing) >= _ROUNDED and 2 * len(differing) > len(first):
+            way = ", as if times were rounded. Write times that tell the records apart."
         raise InputError(
             f"{what}: expected one value at {_text(at[place])} s, got {number(values[change])} and "
-            f"{number(values[change + 1])}{more}; choose with --same-time first or --same-time last"
+            f"{number(values[change + 1])}{more}{way}"
         )
     more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
     note = f"the {choice} of {count} different records at {_text(at[place])} s{more} counts"

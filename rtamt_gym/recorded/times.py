@@ -54,6 +54,9 @@ _ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
 """Seconds between samples, and since 1970 or a start, from which on a number of unknown unit is no
 number of seconds: samples of 1 kHz in ns are 10^6 apart, a date in ms is above 10^12."""
 
+_COARSE, _LONG_AFTER = 10.0, (1e7, 3e8)
+"""Whole numbers that are so far apart are no seconds months after a start and before any date."""
+
 
 class TimeColumn(NamedTuple):
     """The columns of times.
@@ -231,6 +234,7 @@ class TimeAxis:
         decided: The unit that a name and the usual step decided together; empty if they did not.
         readings: The units in which the usual step would be plausible, if none is certain and
             seconds are not.
+        absurd: Whether the unit is not certain, and the times can hardly be seconds.
     """
 
     column: str
@@ -241,6 +245,7 @@ class TimeAxis:
     step: Fraction | None = None
     decided: str = ""
     readings: Sequence[str] = ()
+    absurd: bool = False
 
     @staticmethod
     def of(rows: Rows, column: str, columns: Columns) -> TimeAxis:
@@ -288,7 +293,8 @@ class TimeAxis:
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
         readings: Sequence[str] = ()
-        if not said and len(raw) > 1 and _absurd(raw):
+        absurd = not said and len(raw) > 1 and _absurd(raw)
+        if absurd:
             readings = plausible_units(raw)
             if column == "%time" and raw.dtype.kind != "f" and "ns" in readings:
                 said = decided = "ns"  # of rostopic
@@ -301,7 +307,7 @@ class TimeAxis:
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
         step = None if raw.dtype.kind == "f" else _step(raw, unit)
         certain = bool(said)
-        return TimeAxis(column, since, start, precision, certain, step, decided, readings)
+        return TimeAxis(column, since, start, precision, certain, step, decided, readings, absurd)
 
     @property
     def seconds(self) -> Floats:
@@ -330,14 +336,12 @@ class TimeAxis:
         Raises:
             InputError: If they are too far apart, or too great.
         """
-        if self.certain or len(self.since) < 2:
+        if self.certain or not self.absurd or len(self.since) < 2:
             return
         usual = float(np.median(np.abs(np.diff(self.since))))
         most = max(abs(self.start), abs(self.start + float(self.since[-1])))
-        if usual < _ABSURD_STEP and most < _ABSURD_TIME:
-            return
         got = f"{usual:.6g} s apart"
-        if usual < _ABSURD_STEP:
+        if most >= _ABSURD_TIME and usual < _ABSURD_STEP:
             got = f"{most:.6g} s, a time after the year 5000"
         readings = [f"{usual * UNITS[unit] / UNITS['s']:.6g} s as {unit}" for unit in self.readings]
         read = f" ({' or '.join(readings)})" if readings else ""
@@ -434,7 +438,11 @@ def _absurd(raw: RawTimes) -> bool:
     numbers = raw.astype(np.float64)
     with np.errstate(over="ignore"):
         usual = float(np.median(np.abs(np.diff(numbers))))
-    return usual >= _ABSURD_STEP or float(np.abs(numbers).max()) >= _ABSURD_TIME
+    most = float(np.abs(numbers).max())
+    if usual >= _ABSURD_STEP or most >= _ABSURD_TIME:
+        return True
+    begin, end = _LONG_AFTER
+    return raw.dtype.kind in "iu" and usual >= _COARSE and begin <= most < end
 
 
 def _step(whole: NDArray[Any], unit: int) -> Fraction | None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from asammdf import MDF, Signal
 from scipy.io import savemat
 
 from rtamt_gym.__main__ import main
@@ -382,3 +384,54 @@ def test_an_index_of_fractions_is_one_of_times(capsys: Output, column: str) -> N
     assert judged(capsys, "always[0:2](v > 0)", name, *hint)[0] == 1
     name = write_log(f"v,{column}", [str(10 * i) for i in range(30)], low=1)
     assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("domain", "words"), [(2, "angle ('axis')"), (3, "distance"), (4, "row numbers"), (None, "")]
+)
+def test_records_over_other_axes_are_no_times(
+    capsys: Output, domain: int | None, words: str
+) -> None:
+    path, master = Path("log.mf4"), ("axis", domain or 1)
+    for name in ("v", "w"):
+        with MDF(path) if path.exists() else MDF() as file:
+            own = master if name == "v" else ("time", 1)
+            at = np.arange(30.0)
+            file.append([Signal(np.array(VALUES, float), at, name=name, master_metadata=own)])
+            if name == "w" and domain is None:
+                axis: Any = file.groups[0].channels[file.masters_db[0]]
+                axis.channel_type = axis.sync_type = 0
+            file.save(Path("new.mf4"), overwrite=True)
+        Path("new.mf4").replace(path)
+    code, text = judged(capsys, "always[0:2](v > 0)", "log.mf4")
+    assert (code, "expected records over time" in text, words in text) == (2, True, True), text
+    assert judged(capsys, "always(w > 0)", "log.mf4")[0] == 1
+    assert judged(capsys, "always(w > 0)", "log.mf4", "--dense")[0] == 1
+
+
+@pytest.mark.parametrize("step", [625, 16000, 40])
+def test_whole_numbers_long_after_a_start_are_no_seconds(capsys: Output, step: int) -> None:
+    name = write_log("timestamp,v", [str(12_345_678 + step * i) for i in range(30)])
+    code, text = judged(capsys, "always(v > 0)", name)
+    assert (code, "--time-unit" in text, " as ms" in text or " as us" in text) == (2, True, True)
+    assert judged(capsys, "always(v > 0)", name, "--time-unit", "us")[0] == 1
+    for start in (0, 1_700_000_000, 345_678):
+        name = write_log("timestamp,v", [str(start + 60 * i) for i in range(30)])
+        assert judged(capsys, "always(v > 0)", name)[0] == 1
+
+
+def test_rounded_times_have_no_choice_of_records(capsys: Output) -> None:
+    name = write_log("time,v", [str(1_700_000_000 + i // 10) for i in range(40)])
+    code, text = judged(capsys, "always(v > 0)", name)
+    assert (code, "--same-time" in text) == (2, True)  # at one time only
+    rows = [f"{i // 3},{i}" for i in range(30)]
+    Path("log.csv").write_text("\n".join(["time,v", *rows]) + "\n")
+    for options in ([], ["--dense"]):
+        code, text = judged(capsys, "always(v < 20)", "log.csv", *options)
+        assert (code, "as if times were rounded" in text, "--same-time" in text) == (2, True, False)
+
+
+def test_days_without_a_name_of_times_are_no_seconds(capsys: Output) -> None:
+    name = write_log("A,v", [f"{45413.5 + i / 24:.8f}" for i in range(30)], low=2)
+    code, text = judged(capsys, "eventually[0:3600](v < 0)", name)
+    assert (code, "--period SECONDS" in text, "--time-unit" in text) == (2, True, False)
