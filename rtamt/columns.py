@@ -529,8 +529,10 @@ def are_days(values: NDArray[Any]) -> bool:
     if step < _FINEST and dates:
         return True
     usual = min(_PARTS_OF_DAY, key=lambda seconds: abs(seconds - step * _DAY))
+    if abs(usual - step * _DAY) > 0.01 * usual:
+        return False
     digits = step / 10.0 ** math.floor(math.log10(step)) * 100
-    return abs(usual - step * _DAY) <= 0.01 * usual and abs(digits - round(digits)) > 0.02
+    return abs(digits - round(digits)) > 0.02
 
 
 def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:

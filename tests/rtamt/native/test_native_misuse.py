@@ -23,6 +23,7 @@ from rtamt import (
     Verdict,
 )
 from rtamt.machines.clocks import OperatorClock
+from rtamt.program.placement import MAX_UNKNOWNS
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -456,12 +457,12 @@ def test_a_bank_has_a_lane() -> None:
         native.EpisodeBank([LOAD], [ENDLESS], [1], [0], ("x",), 0, object())
 
 
-@pytest.mark.parametrize("count", [6, 7])
-def test_six_operators_without_an_end_may_stand_inside_others(count: int) -> None:
+@pytest.mark.parametrize("count", [MAX_UNKNOWNS, MAX_UNKNOWNS + 1])
+def test_few_operators_without_an_end_may_stand_inside_others(count: int) -> None:
     rows = [("WINDOW", "min", i, i, 0, None, False, False) for i in range(count)]
     rows.append(("WINDOW", "min", count, count, 0, None, False, False))
     given = ([LOAD], rows, [count + 1], range(count + 1), ("x",), EpisodeMonitor("x > 0")._reader)
-    if count > 6:
+    if count > MAX_UNKNOWNS:
         with pytest.raises(ValueError, match=r"^too many unknowns$"):
             native.EpisodeMachine(*given)
         return

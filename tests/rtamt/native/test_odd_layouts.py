@@ -173,7 +173,7 @@ def test_books_that_are_not_written(layout: str) -> None:
     bank = VectorEpisodeMonitor("always(x > 0)", 2, backend="native")._machine
     bank.update(np.array([[1.0], [-1.0]]))
     book: dict[str, Any] = {
-        "decided_at": np.full(2, -1),
+        "settled_at": np.full(2, -1),
         "violated": np.zeros(2, np.bool_),
         "failed": np.zeros(2, np.bool_),
         "first": np.full(2, -1),
@@ -188,7 +188,7 @@ def test_books_that_are_not_written(layout: str) -> None:
         with pytest.raises(ValueError, match=r"^expected contiguous arrays of the banks' shape$"):
             native.forget_verdicts(None, 1, 2, **odd)
     native.note_verdicts((bank,), None, **book)
-    assert book["decided_at"].tolist() == [-1, 0]
+    assert book["settled_at"].tolist() == [-1, 0]
     assert book["first"].tolist() == [-1, 0]
 
 

@@ -72,6 +72,10 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    # An edit within a second keeps the time and may keep the length of a file.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for name in {Path(name).parts[0].removesuffix(".py") for name in FILES}:
+        monkeypatch.delitem(sys.modules, name, raising=False)  # of another test's project
     before = set(sys.modules)
     yield tmp_path
     for name in set(sys.modules) - before:
