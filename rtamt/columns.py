@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 __all__ = [
     "NANOSECONDS",
     "Objects",
+    "are_clock_numbers",
     "are_days",
     "calendar_unit",
     "dates_of_numbers",
@@ -567,6 +568,34 @@ def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
         seconds = (hour * 3600 + minute * 60 + second).astype("timedelta64[s]")
         return np.asarray(dates.astype("datetime64[ns]") + seconds)
     return None
+
+
+def are_clock_numbers(values: NDArray[Any]) -> bool:
+    """Whether numbers such as 115945 or 1159 are probably times of day without marks.
+
+    Their steps are even as hours, minutes and seconds, and uneven as numbers.
+
+    Example:
+        >>> are_clock_numbers(np.array([115930, 115945, 120000])), are_clock_numbers(np.arange(90))
+        (True, False)
+    """
+    if values.dtype.kind not in "iuf" or len(values) < 3:
+        return False
+    numbers = values.astype(np.float64)
+    if not (np.isfinite(numbers).all() and (numbers >= 0).all() and (numbers < 240000).all()):
+        return False
+    steps = np.diff(numbers)
+    if (steps <= 0).any() or float(np.ptp(steps)) <= 0.02 * float(steps.min()):
+        return False
+    rest, low = np.divmod(numbers, 100)
+    hours, middle = np.divmod(rest, 100)
+    clocks = [3600 * hours + 60 * middle + low] if (middle < 60).all() else []
+    if (rest < 24).all():
+        clocks.append(60 * rest + low)
+    return any(
+        (low < 60).all() and float(np.ptp(each)) <= 0.02 * float(each.min())
+        for each in map(np.diff, clocks)
+    )
 
 
 # Objects and episodes. ----------------------------------------------------------------------------

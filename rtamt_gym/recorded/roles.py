@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, Specification, unit_of_times
 from rtamt.columns import (
+    are_clock_numbers,
     are_days,
     calendar_unit,
     dates_of_numbers,
@@ -286,7 +287,7 @@ def _readings(
         return None if dates is None or not rises(dates) else [""]
     if not looks_like_times(name, values, first=first):
         return None
-    if dates_of_numbers(values) is not None:
+    if dates_of_numbers(values) is not None or are_clock_numbers(values):
         return [""]
     if are_days(values):
         return []

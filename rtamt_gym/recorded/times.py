@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
 from rtamt.columns import (
+    are_clock_numbers,
     are_days,
     calendar_unit,
     dates_of_numbers,
@@ -275,12 +276,8 @@ class TimeAxis:
                     f"marks or a number of seconds. Write dates as {shown}, or give --time-unit s."
                 )
             raw = dates
-        if not said and are_days(raw):
-            raise InputError(
-                f"{rows.where(0)}, column '{column}': {raw[0]:.15g} may be a date, as the number "
-                "of days in spreadsheets and MATLAB, or a number of seconds. Write dates as texts, "
-                "or give --time-unit s."
-            )
+        if not said:
+            _check_no_clock(raw, f"{rows.where(0)}, column '{column}'")
         if raw.dtype.kind in "mM":
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
@@ -431,6 +428,23 @@ def newest_first(since: Floats) -> bool:
     """Return whether times fall from the first row to the last."""
     later, before = since[1:], since[:-1]
     return len(later) > 0 and bool((later <= before).all() and (later < before).any())
+
+
+def _check_no_clock(raw: RawTimes, place: str) -> None:
+    """Refuse numbers that may be days or times of day, and not seconds."""
+    for what, found, way in (
+        (
+            "a date, as the number of days in spreadsheets and MATLAB,",
+            are_days(raw),
+            "dates as texts",
+        ),
+        ("a time of day without marks", are_clock_numbers(raw), "times of day as 12:00:00"),
+    ):
+        if found:
+            raise InputError(
+                f"{place}: {raw[0]:.15g} may be {what} or a number of seconds. Write {way}, or "
+                "give --time-unit s."
+            )
 
 
 def _absurd(raw: RawTimes) -> bool:

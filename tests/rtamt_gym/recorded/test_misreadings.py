@@ -435,3 +435,25 @@ def test_days_without_a_name_of_times_are_no_seconds(capsys: Output) -> None:
     name = write_log("A,v", [f"{45413.5 + i / 24:.8f}" for i in range(30)], low=2)
     code, text = judged(capsys, "eventually[0:3600](v < 0)", name)
     assert (code, "--period SECONDS" in text, "--time-unit" in text) == (2, True, False)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        ["115930", "115945", "120000", "120015"],
+        ["225958.5", "225959.0", "225959.5", "230000.0"],
+        ["1158", "1159", "1200", "1201"],
+        ["1000", "1030", "1100", "1130"],
+        ["90058", "90059", "90100", "90101"],
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--dense"], ["--jitter", "5%"]])
+def test_times_of_day_without_marks_are_no_seconds(
+    capsys: Output, times: list[str], options: list[str]
+) -> None:
+    name = write_log("UTC time,v", times, low=3)
+    assert judged(capsys, "always(v > -5)", name, *options)[0] == 2
+    code, text = judged(capsys, "always[0:9](v > -5)", write_log("UTC,v", times, low=3))
+    assert (code, "--time-unit" in text) == (2, False)
+    name = write_log("UTC time,v", ["1157", "1158", "1159", "1160"], low=3)
+    assert judged(capsys, "always(v > -5)", name, *options)[0] == 0
