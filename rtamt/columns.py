@@ -256,7 +256,7 @@ _CALENDAR = {
     **dict.fromkeys(("minute", "minutes"), "min"),
     **dict.fromkeys(("hour", "hours", "hr", "hrs", "stunde", "stunden"), "h"),
     **dict.fromkeys(("day", "days", "doy", "yday", "tag", "tage", "date", "datum"), "day"),
-    **dict.fromkeys(("dayofyear", "dayofmonth"), "day"),
+    **dict.fromkeys(("dayofyear", "dayofmonth", "dayofweek", "weekday", "wochentag"), "day"),
     **dict.fromkeys(("week", "weeks", "woche", "wochen", "kw"), "week"),
     **dict.fromkeys(("month", "months", "monat", "monate"), "month"),
     **dict.fromkeys(("year", "years", "jahr", "jahre"), "year"),
@@ -853,7 +853,7 @@ def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
         values: Its values.
         first: Whether it is the first column of a table, which may hold times by any name.
     """
-    if values.dtype.kind not in "iuf" or len(values) < 4:
+    if values.dtype.kind not in "iuf" or len(values) < 4 or calendar_unit(name) is not None:
         return None
     if not np.isfinite(values.astype(np.float64)).all():
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
@@ -12,6 +13,7 @@ from rtamt.columns import (
     looks_like_times,
     may_tell_objects,
     objects_in,
+    split_times,
     stated_period,
     unit_of_times,
 )
@@ -95,19 +97,21 @@ def _check_objects(
     first: object,
 ) -> None:
     index: Any = getattr(frame, "index", None)
-    levels = [*enumerate(getattr(index, "names", ()) or ())]
-    cells: dict[str, Any] = {
-        "index" if name is None else str(name): index.get_level_values(i) for i, name in levels
-    }
+    cells: dict[str, Any] = _levels(index)
     times = next((v for n, v in cells.items() if unit_of_times(n) is not None), None)
     for name in ignored:
         cells[str(name)] = frame[name]
-        if times is None and (unit_of_times(str(name)) is not None or _dated(frame, name)):
+        if times is None and (unit_of_times(str(name)) is not None or _dated(frame[name])):
             times = cells.pop(str(name))
     instants = None if times is None else np.asarray(times)
     if instants is not None and instants.dtype.kind not in "iufmM":
         instants = None
     late = instants is not None and not (instants[1:] > instants[:-1]).all()
+    if instants is not None and len(instants) > 1 and (instants[1:] < instants[:-1]).all():
+        raise InputError(
+            f"expected times that increase, got the newest first, {instants[0]} before "
+            f"{instants[1]}; sort the rows, the oldest first"
+        )
     timed = instants is not None
     looked_at = {
         n: np.asarray(each)
@@ -134,6 +138,16 @@ def _check_objects(
     )
 
 
+def _levels(index: Any) -> dict[str, Any]:  # noqa: ANN401 - of any library
+    """Return the levels of an index; the last of several counts rows if it is not one of times."""
+    names = [*(getattr(index, "names", ()) or ())]
+    levels = {}
+    for i, name in enumerate(names):
+        rows = name is None or (0 < i == len(names) - 1 and unit_of_times(str(name)) is None)
+        levels["index" if rows else str(name)] = index.get_level_values(i)
+    return levels
+
+
 _SHOWN = 5
 """The most values that a message lists."""
 
@@ -148,20 +162,14 @@ def _filled(values: object) -> NDArray[np.bool_]:
 
 
 def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # noqa: ANN401
-    index = getattr(frame, "index", None)
-    dated = getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M")
-    if dated or unit_of_times(str(getattr(index, "name", None) or "")) is not None:
+    index: Any = getattr(frame, "index", None)
+    if index is not None and _holds_times(index, str(index.name or ""), first=True):
         times: Any = index
         found, without = "an index of times", "reset_index(drop=True)"
     else:
-        called = [
-            name
-            for name in ignored
-            if unit_of_times(str(name)) is not None
-            or _dated(frame, name)
-            or looks_like_times(str(name), np.asarray(frame[name]), first=name == first)
-            or _states_period(str(name), np.asarray(frame[name]))
-        ]
+        called = [name for name in ignored if _holds_times(frame[name], str(name), name == first)]
+        pairs = split_times([*map(str, ignored)])
+        called += [seconds for seconds, part, _ in pairs if _rise(frame[seconds], frame[part])]
         if not called:
             return
         times = frame[called[0]]
@@ -174,16 +182,37 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
     )
 
 
-def _states_period(name: str, values: NDArray[Any]) -> bool:
-    """Whether a column is a constant that states the time between samples."""
-    if values.dtype.kind not in "iuf" or not len(values) or not (values == values[0]).all():
+def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, FBT001 - of any library
+    """Whether a column or an index holds times, or the time between samples, that bounds need."""
+    if unit_of_times(name) is not None or _dated(values):
+        return True
+    array = np.asarray(values)
+    if array.dtype.kind in "OUT":
+        texts = [*map(str, array.tolist())]
+        return len({*texts}) > 1 and all(map(_DATE.fullmatch, texts))
+    if looks_like_times(name, array, first=first):
+        return True
+    if array.dtype.kind not in "iuf" or not len(array) or not (array == array[0]).all():
         return False
-    return stated_period(name, float(values[0]), single=False) is not None
+    return stated_period(name, float(array[0]), single=False) is not None
 
 
-def _dated(frame: Any, name: object) -> bool:  # noqa: ANN401 - of any library
-    kind = str(getattr(frame[name], "dtype", getattr(frame[name], "type", "")))
-    return kind.lower().startswith(("date", "timestamp", "timedelta", "duration"))
+_DATE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}([T, ]+\d{1,2}:\d\d.*)?|\d{1,2}:\d\d(:\d\d.*)?")
+
+
+def _rise(seconds: Any, parts: Any) -> bool:  # noqa: ANN401 - of any library
+    """Whether seconds and their parts rise together."""
+    whole, part = np.asarray(seconds), np.asarray(parts)
+    if whole.dtype.kind not in "iuf" or part.dtype.kind not in "iuf":
+        return False
+    after, before = slice(1, None), slice(None, -1)
+    later = whole[after] > whole[before]
+    return bool((later | ((whole[after] == whole[before]) & (part[after] > part[before]))).all())
+
+
+def _dated(values: Any) -> bool:  # noqa: ANN401 - of any library
+    kind = str(getattr(values, "dtype", getattr(values, "type", "")))
+    return kind.lower().startswith(("date", "timestamp", "timedelta", "duration", "period"))
 
 
 def _is_plain(times: object) -> bool:

@@ -228,3 +228,51 @@ def test_an_index_that_starts_again_is_several_traces() -> None:
         rtamt.judge("eventually(x > 5)", pd.concat([run, run]))
     joined = pd.concat([run, run], ignore_index=True)
     assert rtamt.judge("eventually(x > 5)", joined).robustness == 4
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        [0.0, 0.1, 0.2, 0.3],
+        pd.Index([0, 10, 20, 30], name="foo"),
+        ["2024-05-01 12:00", "2024-05-01 12:01", "2024-05-01 12:02", "2024-05-01 12:03"],
+        pd.period_range("2024", periods=4, freq="h"),
+    ],
+)
+def test_more_indices_of_times_are_not_ignored(index: pd.Index | list[Any]) -> None:
+    frame = pd.DataFrame({"x": [2.0, 3.0, 1.0, 0.0]}, index=index)
+    with pytest.raises(rtamt.InputError, match=r"an index of times, .*reset_index\(drop=True\)"):
+        rtamt.judge("always[0:2](x > 1)", frame)
+    assert rtamt.judge("always[0:2](x > 1)", frame.reset_index(drop=True)).robustness == 0
+    assert rtamt.judge("always[0:2](x > 1)", frame, period=2).robustness == 1
+
+
+def test_an_index_of_selected_rows_is_not_one_of_times() -> None:
+    frame = pd.DataFrame({"x": np.arange(40.0)}).iloc[::10]
+    assert rtamt.judge("always[0:2](x >= 0)", frame).robustness == 0
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        {"when": ["01.05.2024 12:00:00", "01.05.2024 12:00:01", "01.05.2024 12:00:02"]},
+        {"clock": ["12:00:00", "12:00:01", "12:00:02"]},
+        {"sec": [7, 7, 8], "nanosec": [0, 500_000_000, 0]},
+        {"s": [7, 7, 8], "ns": [0, 500_000_000, 0]},
+        {"hour": [22, 23, 0]},
+        {"dt": [0.5, 0.5, 0.5]},
+    ],
+)
+def test_more_columns_of_times_are_not_ignored(make: Make, times: Mapping[str, Any]) -> None:
+    frame = make({"x": [2.0, 3.0, 1.0], **times})
+    with pytest.raises(rtamt.InputError, match=f"a column of times '{next(iter(times))}'"):
+        rtamt.judge("always[0:2](x > 1)", frame)
+    assert rtamt.judge("always(x > 1)", frame).robustness == 0
+
+
+def test_the_newest_first_and_levels_of_rows_are_refused(make: Make) -> None:
+    with pytest.raises(rtamt.InputError, match=r"got the newest first, 2(\.0)? before 1"):
+        rtamt.judge("always(x > 1)", make({"t": [2.0, 1.0, 0.0], "x": [2.0, 3.0, 1.0]}))
+    levels = pd.MultiIndex.from_product([[0, 1], range(3)], names=["a", "b"])
+    with pytest.raises(rtamt.InputError, match="another trace starts in row 3"):
+        rtamt.judge("always(x > 1)", pd.DataFrame({"x": np.arange(6.0)}, index=levels))
