@@ -618,7 +618,8 @@ _ALONE = _set(
 _OF_TEXTS = _OBJECTS | _set(
     "topic metric sensor device host hostname instance machine station site tag tagname series "
     "variable var varname parameter param camera joint link body marker turbine pump motor user "
-    "client customer patient units policy algorithm algo config variant frameid childframeid "
+    "client customer patient units policy algorithm algo config variant frameid childframeid node "
+    "address port pin register asset equipment wheel leg finger limb ecu mac ip peer axis "
     "filename sourcefile logfile signalname channel channelname"
 ) - _set("scene test case track")
 """Names of objects if their values are texts; numbers may be flags or quantities."""
@@ -643,8 +644,8 @@ _VALUES = _set(
 """Names of the values in a table whose rows belong to different signals."""
 
 _STATES = _set(
-    "state status mode phase quality validity valid event comment note notes remark level severity "
-    "flag alarm color colour weather direction date datum day time timestamp zeit hour month year"
+    "state status mode quality validity valid comment note notes remark severity flag gear color "
+    "colour weather date datum day time timestamp zeit hour month year"
 )
 """Words of names of texts that may change next to one signal."""
 
@@ -804,7 +805,25 @@ def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bo
         return numbered and not {*values.tolist()} <= {0, 1}
     if {str(value).strip().lower() for value in values.tolist()} <= _FLAGS:
         return False
-    return names_objects(name, texts=True) or (_reads_values(read) and not _STATES & words)
+    if names_objects(name, texts=True):
+        return True
+    return not _STATES & words and (_reads_values(read) or _alternate(values))
+
+
+def _alternate(values: NDArray[Any]) -> bool:
+    """Whether texts change in most rows, as names of objects do whose records are interleaved."""
+    there = values[values != ""]
+    if len(there) < _MANY_TEXTS:
+        return False
+    _, counts = np.unique(there, return_counts=True)
+    changes = float((there[1:] != there[:-1]).mean())
+    return (
+        changes >= 0.5 and len(counts) > 1 and int(counts.min()) > 1 and len(counts) <= _FEW_TEXTS
+    )
+
+
+_MANY_TEXTS, _FEW_TEXTS = 6, 50
+"""The fewest texts, and the most different ones, that may name objects by their order alone."""
 
 
 _FLAGS = _set("true false on off yes no ok good bad ja nein 0 1") | {""}

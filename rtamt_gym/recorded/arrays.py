@@ -45,6 +45,8 @@ class ArrayRecording:
         arrays = {shown(name): array for name, array in arrays.items()}
         self.names: Sequence[str] = list(arrays)
         self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
+        self.texts = [n for n, array in arrays.items() if array.dtype.kind in _TEXTS]
+        """The columns of texts."""
         self._arrays, self._decimal = arrays, decimal
         self._invalid = {shown(name): wrong for name, wrong in (invalid or {}).items()}
 

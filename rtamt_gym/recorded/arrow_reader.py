@@ -176,6 +176,8 @@ class ArrowRecording:
         self._scalars = {shown(field.name) for field in fields if _is_scalar(field.type)}
         self._load, self._unit, self._decimal = load, unit, decimal
         self._texts_of = [field.name for field in fields if _is_text(field.type)]
+        self.texts = [*map(shown, self._texts_of)]
+        """The columns of texts."""
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; nan counts as an empty cell."""

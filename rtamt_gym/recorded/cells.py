@@ -31,6 +31,7 @@ NOT_KNOWN: Final = frozenset(
     [
         *("nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "<na>", "null", "none", "nil"),
         *("-", "--", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"),
+        *("nan(ind)", "-nan(ind)", "nan(snan)", "-nan(snan)"),
     ]
 )
 """The words, in lower case, that tools write where they have no number."""

@@ -205,6 +205,8 @@ class CsvRecording:
         self.dates: Sequence[str] = [n for n, cell in cells if read_dates([cell]) is not None]
         self.days = [n for n, cell in cells if n in self.dates and len(cell.strip()) <= _DAY]
         """The columns of dates without a time of day."""
+        self.texts = [n for n, cell in cells if n not in self.dates and _is_text(cell)]
+        """The columns whose first cell is a text."""
         self.blank = [
             name
             for i, (name, _) in enumerate(cells)
@@ -438,6 +440,10 @@ def _settings(lines: Iterable[str]) -> Mapping[str, float]:
             unit = f" [{found['unit']}]" if found["unit"].lower() not in ("", "hz") else ""
             settings[f"{found['name']}{unit}"] = float(number[0])
     return settings
+
+
+def _is_text(cell: str) -> bool:
+    return bool(cell.strip()) and floats_in([cell], gaps=True, nan=True) is None
 
 
 def _skip_note(before: int, lines: int) -> str:

@@ -18,6 +18,7 @@ from rtamt.columns import (
     hinted_unit,
     looks_like_times,
     may_tell_objects,
+    name_words,
     objects_in,
     own_times,
     plausible_units,
@@ -86,11 +87,15 @@ class RowTable:
             return
         timed = rows.times is not None
         late = rows.times is not None and not rises(rows.times)
+        uneven = rows.times is not None and not _are_even(rows.times)
+        texts: Collection[str] = getattr(self.recording, "texts", ())
         first = self.recording.names[0]
         names = [
             name
             for name in self.unread
-            if late or may_tell_objects(name, self.read, timed=timed, first=name == first)
+            if late
+            or may_tell_objects(name, self.read, timed=timed, first=name == first)
+            or (uneven and name in texts)
         ]
         if not names:
             return
@@ -166,6 +171,7 @@ class RowTable:
                     "count samples."
                 )
         self._check_period(expected, cells)
+        parts = {n: v for n, v in cells.items() if calendar_unit(n) or name_words(n) in _SECONDS}
         for name in names:
             if name not in cells:
                 continue
@@ -176,7 +182,8 @@ class RowTable:
             option = f"--time {shlex.quote(name)}"
             times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
             reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
-            if not ways and (calendar_unit(name) or are_days(values)):
+            several = calendar_unit(name) is not None and sum(map(_varies, parts.values())) > 1
+            if several or (not ways and (calendar_unit(name) or are_days(values))):
                 raise InputError(
                     f"{expected} '{name}', which {reads}, is part of a date. Write one "
                     "column of dates, or give --period SECONDS, the time between two rows, or "
@@ -271,6 +278,21 @@ def _are_split(
     except InputError:
         return False
     return rises(times) or rises(times[::-1])
+
+
+_SECONDS = (("second",), ("seconds",), ("sec",))
+
+
+def _varies(values: NDArray[np.generic]) -> bool:
+    return bool((values != values[0]).any())
+
+
+def _are_even(times: NDArray[np.generic]) -> bool:
+    """Return whether times are at even distances, up to 5% of the usual one."""
+    kind = times.dtype.kind
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(times.astype(np.int64 if kind in "mM" else np.float64)).astype(np.float64)
+        return len(steps) < 2 or float(np.ptp(steps)) <= 0.1 * float(np.median(steps))
 
 
 def _readings(

@@ -457,3 +457,27 @@ def test_times_of_day_without_marks_are_no_seconds(
     assert (code, "--time-unit" in text) == (2, False)
     name = write_log("UTC time,v", ["1157", "1158", "1159", "1160"], low=3)
     assert judged(capsys, "always(v > -5)", name, *options)[0] == 0
+
+
+@pytest.mark.parametrize("column", ["room", "location", "zone", "wheel"])
+def test_interleaved_records_at_times_of_their_own_are_refused(capsys: Output, column: str) -> None:
+    rows = [f"{i + 0.01 * k:.2f},{name},{9 * k}" for i in ROWS for k, name in enumerate("ab")]
+    Path("log.csv").write_text("\n".join([f"time,{column},v", *rows]) + "\n")
+    for options in ([], ["--dense"], ["--jitter", "5%"]):
+        code, text = judged(capsys, "eventually(v > 5)", "log.csv", *options)
+        assert (code, f"--where {column}=a" in text) == (2, True)
+    assert judged(capsys, "eventually(v > 5)", "log.csv", "--where", f"{column}=a")[0] == 1
+
+
+@pytest.mark.parametrize("cells", ["aaaabbbbccccdddd", "abcdefghijklmnop", "aaaaaaaabbbbbbbb"])
+def test_texts_of_one_trace_stay_readable(capsys: Output, cells: str) -> None:
+    rows = [f"{i + 0.1 * (i % 2):.2f},{cell},{i}" for i, cell in enumerate(cells)]
+    Path("log.csv").write_text("\n".join(["time,room,v", *rows]) + "\n")
+    assert judged(capsys, "eventually(v > 5)", "log.csv", "--dense")[0] == 0
+
+
+def test_several_parts_of_dates_are_not_one_time(capsys: Output) -> None:
+    rows = [f"{90 * i // 60},{90 * i % 60},{-1 if i == 2 else 1}" for i in ROWS]
+    Path("log.csv").write_text("\n".join(["minute,second,v", *rows]) + "\n")
+    code, text = judged(capsys, "eventually[0:3](v < 0)", "log.csv")
+    assert (code, "--period SECONDS" in text, "--time" in text) == (2, True, False)
