@@ -21,6 +21,7 @@ __all__ = [
     "dates_of_numbers",
     "has_plain_time_name",
     "hinted_unit",
+    "is_date",
     "looks_like_times",
     "may_tell_objects",
     "name_words",
@@ -536,6 +537,21 @@ def are_days(values: NDArray[Any]) -> bool:
     return abs(digits - round(digits)) > 0.02
 
 
+_DATE = re.compile(
+    r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}([T, ]+\d{1,2}:\d\d.*)?|\d{1,2}:\d\d(:\d\d.*)?", re.ASCII
+)
+
+
+def is_date(text: str) -> bool:
+    """Whether a text looks like a date or a time of day in digits.
+
+    Example:
+        >>> is_date("2024-05-01T12:00Z"), is_date("12:00:01.5"), is_date("1.5")
+        (True, True, False)
+    """
+    return _DATE.fullmatch(text.strip()) is not None
+
+
 def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
     """Return the dates that numbers such as 20240501 or 20240501123000 write; None for others.
 
@@ -807,6 +823,8 @@ def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bo
         return False
     if names_objects(name, texts=True):
         return True
+    if all(map(is_date, {*map(str, values.tolist())} - {""})):
+        return False
     return not _STATES & words and (_reads_values(read) or _alternate(values))
 
 

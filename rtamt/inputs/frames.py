@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.columns import (
+    is_date,
     looks_like_times,
     may_tell_objects,
     objects_in,
@@ -189,15 +189,12 @@ def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, 
     array = np.asarray(values)
     if array.dtype.kind in "OUT":
         texts = [*map(str, array.tolist())]
-        return len({*texts}) > 1 and all(map(_DATE.fullmatch, texts))
+        return len({*texts}) > 1 and all(map(is_date, texts))
     if looks_like_times(name, array, first=first):
         return True
     if array.dtype.kind not in "iuf" or not len(array) or not (array == array[0]).all():
         return False
     return stated_period(name, float(array[0]), single=False) is not None
-
-
-_DATE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}([T, ]+\d{1,2}:\d\d.*)?|\d{1,2}:\d\d(:\d\d.*)?")
 
 
 def _rise(seconds: Any, parts: Any) -> bool:  # noqa: ANN401 - of any library

@@ -26,6 +26,7 @@ from rtamt.columns import (
     stated_period,
 )
 from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
@@ -100,6 +101,11 @@ class RowTable:
         if not names:
             return
         cells = self._cells(rows, names)
+        if not timed and first in cells and _has_footer(cells[first]):
+            raise InputError(
+                f"{rows.source}: expected samples, but the last row has no number in '{first}', as "
+                "a row of totals. Remove it, or give --one-trace if it is a sample."
+            )
         found = objects_in(cells, rows.times, [*filled.values()], self.read, first)
         if found is None:
             return
@@ -285,6 +291,18 @@ _SECONDS = (("second",), ("seconds",), ("sec",))
 
 def _varies(values: NDArray[np.generic]) -> bool:
     return bool((values != values[0]).any())
+
+
+def _has_footer(values: NDArray[np.generic]) -> bool:
+    """Return whether all cells but the last are numbers that rise."""
+    if values.dtype.kind not in "fOUT" or len(values) < 3:
+        return False
+    if values.dtype.kind == "f":
+        numbers = values.astype(np.float64)
+        return bool(np.isnan(numbers[-1])) and rises(numbers[:-1])
+    *body, last = map(str, values.tolist())
+    read = floats_in(body)
+    return read is not None and rises(read) and floats_in([last]) is None
 
 
 def _are_even(times: NDArray[np.generic]) -> bool:

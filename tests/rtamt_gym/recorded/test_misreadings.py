@@ -184,7 +184,12 @@ def test_a_column_of_values_has_signals_next_to_it(capsys: Output, column: str, 
 
 @pytest.mark.parametrize(
     ("column", "names"),
-    [("state", ("run", "stop")), ("quality", ("good", "bad")), ("open", ("yes", "no"))],
+    [
+        ("state", ("run", "stop")),
+        ("quality", ("good", "bad")),
+        ("open", ("yes", "no")),
+        ("received", ("2024-05-01", "2024-05-02")),
+    ],
 )
 def test_states_next_to_values_are_no_signals(
     capsys: Output, column: str, names: tuple[object, object]
@@ -481,3 +486,14 @@ def test_several_parts_of_dates_are_not_one_time(capsys: Output) -> None:
     Path("log.csv").write_text("\n".join(["minute,second,v", *rows]) + "\n")
     code, text = judged(capsys, "eventually[0:3](v < 0)", "log.csv")
     assert (code, "--period SECONDS" in text, "--time" in text) == (2, True, False)
+
+
+@pytest.mark.parametrize("label", ["Sum", "", "N/A"])
+def test_a_row_of_totals_is_not_a_sample(capsys: Output, label: str) -> None:
+    rows = "0,1\n1,1\n2,1\n3,1\n"
+    Path("log.csv").write_text(f"row,v\n{rows}{label},4\n")
+    code, text = judged(capsys, "eventually(v > 3)", "log.csv")
+    assert (code, "a row of totals" in text) == (2, True)
+    assert judged(capsys, "eventually(v > 3)", "log.csv", "--one-trace")[0] == 0
+    Path("log.csv").write_text(f"row,v\n{rows}")
+    assert judged(capsys, "eventually(v > 3)", "log.csv")[0] == 1
