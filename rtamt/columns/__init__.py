@@ -1,0 +1,44 @@
+"""Roles of the columns of a table: times with their unit, and ids of objects or episodes."""
+
+from rtamt.columns.names import (
+    NANOSECONDS,
+    calendar_unit,
+    has_plain_time_name,
+    hinted_unit,
+    name_words,
+    own_times,
+    split_times,
+    unit_of_times,
+)
+from rtamt.columns.objects import Objects, may_tell_objects, names_objects, objects_in
+from rtamt.columns.times import (
+    are_clock_numbers,
+    are_days,
+    dates_of_numbers,
+    is_date,
+    looks_like_times,
+    plausible_units,
+    stated_period,
+)
+
+__all__ = [
+    "NANOSECONDS",
+    "Objects",
+    "are_clock_numbers",
+    "are_days",
+    "calendar_unit",
+    "dates_of_numbers",
+    "has_plain_time_name",
+    "hinted_unit",
+    "is_date",
+    "looks_like_times",
+    "may_tell_objects",
+    "name_words",
+    "names_objects",
+    "objects_in",
+    "own_times",
+    "plausible_units",
+    "split_times",
+    "stated_period",
+    "unit_of_times",
+]

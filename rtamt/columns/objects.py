@@ -1,0 +1,398 @@
+"""Objects, episodes and runs whose rows are in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.columns.names import (
+    CLOCKS,
+    INDEX,
+    QUANTITIES,
+    calendar_unit,
+    read_name,
+    unit_of_times,
+    word_set,
+)
+from rtamt.columns.times import is_date
+
+__all__ = [
+    "Objects",
+    "may_tell_objects",
+    "names_objects",
+    "objects_in",
+]
+
+
+_OBJECTS = word_set(
+    "name vehicle veh car truck agent actor entity object obj robot drone uav ego track "
+    "participant pedestrian person player driver subject device unit episode ep eps run trial "
+    "rollout trajectory traj session scenario scene experiment simulation sim env environment seed "
+    "test testcase case demo trip flight aircraft vessel ship bot specimen dut part serial patient "
+    "game match attempt replicate repetition fahrzeug objekt lauf versuch fahrt"
+)
+_ALONE = word_set(
+    "id name vehicle veh agent actor entity object obj robot drone uav participant player "
+    "subject episode episodes ep eps run trial rollout trajectory traj session scenario experiment "
+    "simulation sim env environment seed trip aircraft vessel specimen dut replicate repetition "
+    "rep vin mmsi imei uuid guid icao24 callsign fahrzeug objekt lauf versuch fahrt"
+)
+"""Names of objects, episodes or runs without another word; others may be flags or quantities."""
+
+_OF_TEXTS = _OBJECTS | word_set(
+    "topic metric sensor device host hostname instance machine station site tag tagname series "
+    "variable var varname parameter param camera joint link body marker turbine pump motor user "
+    "client customer patient units policy algorithm algo config variant frameid childframeid node "
+    "address port pin register asset equipment wheel leg finger limb ecu mac ip peer axis "
+    "filename sourcefile logfile signalname channel channelname"
+) - word_set("scene test case track")
+"""Names of objects if their values are texts; numbers may be flags or quantities."""
+
+_NUMBERED = word_set(
+    "unit device driver flight case test scene demo bot patient game match attempt"
+)
+"""Names of objects if their values are numbers other than 0 and 1, which may be flags."""
+
+_LAST = word_set("seed episode rollout trajectory trial")
+"""Names of episodes also behind other words: random seed."""
+
+_KEY_WORDS = word_set("id ids name no nr num number idx index uid uuid key label")
+_COUNTERS = word_set(
+    "index step frameindex frameid stepindex stepid sampleindex sampleid rowindex rowid timeindex "
+    "timestepindex globalindex messageid msgid packetid seqid sequenceid lineid"
+)
+"""Names of numbers of rows, which are not ids of objects."""
+
+_VALUES = word_set(
+    "value values val wert messwert reading valeur valor varvalue tagvalue datavalue signalvalue "
+    "numericvalue"
+)
+"""Names of the values in a table whose rows belong to different signals."""
+
+_STATES = word_set(
+    "state status mode quality validity valid comment note notes remark severity flag gear color "
+    "colour weather date datum day time timestamp zeit hour month year"
+)
+"""Words of names of texts that may change next to one signal."""
+
+
+def names_objects(column: str, *, texts: bool = False) -> bool:
+    """Whether a name is one of ids or names of objects, episodes or runs.
+
+    Args:
+        column: The name.
+        texts: Whether the values are texts, which cannot be flags or quantities.
+
+    Example:
+        >>> [names_objects(name) for name in ("vehicle_id", "trackId", "episode_index", "run")]
+        [True, True, True, True]
+        >>> [names_objects(name) for name in ("frame_index", "index", "step", "pedestrian")]
+        [False, False, False, False]
+        >>> names_objects("sensor"), names_objects("sensor", texts=True)
+        (False, True)
+    """
+    words = ["index" if word == "idx" else word for word in read_name(column).words]
+    joined = "".join(words)
+    if texts and joined in _OF_TEXTS:
+        return True
+    if not words or joined in _COUNTERS or "".join(words[-2:]) in _COUNTERS - {"index", "step"}:
+        return False
+    if joined in _ALONE or (joined.endswith("id") and joined[:-2] in _OBJECTS):
+        return True
+    if len(words) < 2:
+        return False
+    if words[-1] in _LAST:
+        return True
+    return words[-1] in ("id", "index") or (words[-1] in _KEY_WORDS and words[-2] in _OBJECTS)
+
+
+def may_tell_objects(
+    column: str, read: Collection[str], *, timed: bool, first: bool = False
+) -> bool:
+    """Whether a column may tell objects or episodes apart, by its name; its values decide.
+
+    Args:
+        column: The name.
+        read: The columns that formulas read.
+        timed: Whether the table has times; if not, times and numbers of rows may start again.
+        first: Whether it is the first column of the table.
+    """
+    if names_objects(column) or names_objects(column, texts=True) or _ends_episodes(column):
+        return True
+    words = {*read_name(column).words}
+    if words <= _NUMBERED or "run" in words or (_reads_values(read) and not _STATES & words):
+        return True
+    if timed:
+        return False
+    joined = "".join(read_name(column).words)
+    return first or _counts_time(column) or bool(INDEX.fullmatch(column)) or joined in _ROWS
+
+
+def _counts_time(column: str) -> bool:
+    words = read_name(column).words
+    return unit_of_times(column) is not None or bool(CLOCKS & {*words}) or words == ("clk",)
+
+
+def _reads_values(read: Collection[str]) -> bool:
+    return any("".join(read_name(name).words) in _VALUES for name in read)
+
+
+class Objects(NamedTuple):
+    """Evidence that the rows of a table belong to several objects or episodes.
+
+    Attributes:
+        column: The column that tells them apart; empty if it is not known.
+        values: Its values, in the order in which they occur; empty if it is not known.
+        row: The row at which another episode starts, by a column of flags or of a count that
+            starts again; None if the values tell objects apart.
+    """
+
+    column: str
+    values: tuple[str, ...]
+    row: int | None = None
+
+
+def objects_in(
+    cells: Mapping[str, NDArray[Any]],
+    times: NDArray[Any] | None = None,
+    filled: Sequence[NDArray[np.bool_]] = (),
+    read: Collection[str] = (),
+    first: str | None = None,
+) -> Objects | None:
+    """Return the evidence that a table holds several objects or episodes; None if there is none.
+
+    Rows that record different variables each are not several objects.
+
+    Args:
+        cells: The columns that no formula reads: numbers, or texts where an empty one is no value.
+        times: The time of each row; None if the table has no times.
+        filled: For each variable, the rows in which it has a value.
+        read: The columns that formulas read. Next to a column ``value``, any column of texts that
+            are not states names signals.
+        first: The first column of the table, which may hold times by any name.
+
+    Example:
+        >>> ids = {"vehicle_id": np.array([0, 1, 0, 1])}
+        >>> objects_in(ids)
+        Objects(column='vehicle_id', values=('0', '1'), row=None)
+        >>> objects_in({"gear": np.array([1, 1, 2, 2])}) is None
+        True
+        >>> objects_in({"step": np.array([0, 1, 0, 1])})
+        Objects(column='step', values=(), row=2)
+    """
+    keys = {name: _keys(values) for name, values in cells.items()}
+    several = {
+        name: codes
+        for name, codes in keys.items()
+        if codes is not None and _recur(codes) and _share(codes, filled)
+    }
+    for name, codes in several.items():
+        if _tells_objects(name, cells[name], read):
+            return Objects(name, _values(cells[name], codes))
+    rising = times is not None and bool((times[1:] > times[:-1]).all())
+    for name, values in cells.items():
+        row = _next_episode(name, values, timed=rising)
+        if row is None and times is None:
+            row = _restart(name, values, first=name == first)
+        if row is not None:
+            return Objects(name, (), row)
+    if times is None or len(times) < 2 or rising:
+        return None
+    apart = {name: codes for name, codes in several.items() if _ordered_within(codes, times)}
+    if apart:
+        name = min(apart, key=lambda n: (not names_objects(n), int(apart[n].max())))
+        return Objects(name, _values(cells[name], apart[name]))
+    return Objects("", ()) if _mixed(cells, times, filled) else None
+
+
+def _mixed(
+    cells: Mapping[str, NDArray[Any]], times: NDArray[Any], filled: Sequence[NDArray[np.bool_]]
+) -> bool:
+    """Whether other columns change where times repeat or go back."""
+    late, back = times[1:] <= times[:-1], times[1:] < times[:-1]
+    if late.all() and back.any():  # the newest row comes first
+        return False
+    both = np.zeros(len(late), bool) if filled else np.ones(len(late), bool)
+    for here in filled:
+        both |= here[1:] & here[:-1]
+    evident = late & (both | back)
+    changes = (_changes(values) for values in cells.values() if not _counts_rows(values))
+    return any((evident & change).any() for change in changes)
+
+
+def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
+    """Whether values that occur again are names or numbers of objects."""
+    if names_objects(name):
+        return True
+    named = read_name(name).words
+    words = {*named}
+    if values.dtype.kind not in "OUT":
+        numbered = (len(named) == 1 and words <= _NUMBERED) or named[-1:] == ("run",)
+        return numbered and not {*values.tolist()} <= {0, 1}
+    if {str(value).strip().lower() for value in values.tolist()} <= _FLAGS:
+        return False
+    if names_objects(name, texts=True):
+        return True
+    if all(map(is_date, {*map(str, values.tolist())} - {""})):
+        return False
+    return not _STATES & words and (_reads_values(read) or _alternate(values))
+
+
+def _alternate(values: NDArray[Any]) -> bool:
+    """Whether texts change in most rows, as names of objects do whose records are interleaved."""
+    there = values[values != ""]
+    if len(there) < _MANY_TEXTS:
+        return False
+    _, counts = np.unique(there, return_counts=True)
+    changes = float((there[1:] != there[:-1]).mean())
+    return (
+        changes >= 0.5 and len(counts) > 1 and int(counts.min()) > 1 and len(counts) <= _FEW_TEXTS
+    )
+
+
+_MANY_TEXTS, _FEW_TEXTS = 6, 50
+"""The fewest texts, and the most different ones, that may name objects by their order alone."""
+
+
+_FLAGS = word_set("true false on off yes no ok good bad ja nein 0 1") | {""}
+
+_LAST_ROWS = word_set(
+    "terminated truncated terminal terminals timeout timeouts islast isterminal nextdone "
+    "episodeend episodeends episodedone endofepisode lastinepisode"
+)
+_FIRST_ROWS = word_set("isfirst episodestart episodestarts firstinepisode")
+_DONE = word_set("done dones")
+"""Names of flags of the last or the first row of an episode; ``done`` may be another flag."""
+
+
+def _ends_episodes(column: str) -> bool:
+    return "".join(read_name(column).words) in _LAST_ROWS | _FIRST_ROWS | _DONE
+
+
+def _next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
+    """Return the first row of another episode by a flag of last or first rows; None without one."""
+    joined = "".join(read_name(name).words)
+    if not _ends_episodes(name) or (timed and joined in _DONE):
+        return None
+    texts = [str(value).strip().lower() for value in values.tolist()]
+    if not {*texts} <= {"true", "false", "0", "1", "0.0", "1.0"}:
+        return None
+    flags = np.array([text in ("true", "1", "1.0") for text in texts])
+    if joined in _FIRST_ROWS:
+        (rows,) = np.nonzero(flags[1:])
+    else:
+        (rows,) = np.nonzero(flags[:-1] & ~flags[1:])
+    return int(rows[0]) + 1 if len(rows) else None
+
+
+_ROWS = word_set(
+    "step steps timestep timesteps frame frames index idx row rows sample samples stepindex "
+    "frameindex sampleindex rowindex timeindex timestepindex stepid sampleid rowid"
+)
+"""Names of numbers of rows."""
+
+
+_FEW_ROWS = 4
+"""The least number of rows of a run that times by any name tell."""
+
+
+def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
+    """Return the row at which times or numbers of rows start again; None if they do not.
+
+    Args:
+        name: The column.
+        values: Its values.
+        first: Whether it is the first column of a table, which may hold times by any name.
+    """
+    if values.dtype.kind not in "iuf" or len(values) < 4 or calendar_unit(name) is not None:
+        return None
+    if not np.isfinite(values.astype(np.float64)).all():
+        return None
+    with np.errstate(over="ignore"):
+        steps = np.diff(values.astype(np.float64))
+    (falls,) = np.nonzero(steps < 0)
+    if not len(falls) or len(falls) == len(steps):
+        return None
+    words = read_name(name)
+    row = int(falls[0]) + 1
+    if unit_of_times(name) is not None:
+        return row
+    counts = bool(INDEX.fullmatch(name)) or "".join(words.words) in _ROWS
+    rises = steps[steps >= 0]
+    usual = float(np.median(rises))
+    even = float((np.abs(rises - usual) <= 0.2 * usual).mean()) >= 0.9
+    if not (rises > 0).all() or not even or (np.abs(values[falls + 1] - values[0]) >= usual).any():
+        return None
+    if counts:
+        return row
+    shortest = int(np.diff([0, *(falls + 1), len(values)]).min())
+    quantity = bool(QUANTITIES & {*words.words}) or words.unit is not None
+    return row if _counts_time(name) or (first and not quantity and shortest >= _FEW_ROWS) else None
+
+
+def _keys(values: NDArray[Any]) -> NDArray[np.intp] | None:
+    """Numbers of the values in a column of texts or integers, -1 without one; None for others."""
+    kind = values.dtype.kind
+    if kind == "f":
+        absent = np.isnan(values)
+        if (values[~absent] % 1).any() or np.isinf(values).any():
+            return None
+    elif kind in "iu":
+        absent = np.zeros(len(values), bool)
+    elif kind in "OUT":
+        values = np.array([str(value) for value in values.tolist()])
+        absent = values == ""
+    else:
+        return None
+    codes = np.full(len(values), -1)
+    codes[~absent] = np.unique(values[~absent], return_inverse=True)[1]
+    return codes
+
+
+def _recur(codes: NDArray[np.intp]) -> bool:
+    """Whether there are several values, most of which occur more than once."""
+    counts = np.bincount(codes[codes >= 0])
+    return len(counts) > 1 and 2 * int((counts == 1).sum()) <= len(counts)
+
+
+def _share(codes: NDArray[np.intp], filled: Collection[NDArray[np.bool_]]) -> bool:
+    """Whether a variable has values in the rows of several objects."""
+    return not filled or any(len(np.unique(codes[here & (codes >= 0)])) > 1 for here in filled)
+
+
+def _ordered_within(codes: NDArray[np.intp], times: NDArray[Any]) -> bool:
+    """Whether the times of each value rise, or fall."""
+    if (codes < 0).any():
+        return False
+    order = np.argsort(codes, kind="stable")
+    same = np.diff(codes[order]) == 0
+    later, before = times[order][1:][same], times[order][:-1][same]
+    return bool((later > before).all() or (later < before).all())
+
+
+def _counts_rows(values: NDArray[Any]) -> bool:
+    """Whether numbers rise, or fall, from each row to the next."""
+    if values.dtype.kind not in "iufmM":
+        return False
+    return bool((values[1:] > values[:-1]).all() or (values[1:] < values[:-1]).all())
+
+
+def _changes(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each row has another value than the one before."""
+    changed = values[1:] != values[:-1]
+    if values.dtype.kind == "f":
+        changed &= ~(np.isnan(values[1:]) & np.isnan(values[:-1]))
+    return np.asarray(changed, bool)
+
+
+def _values(cells: NDArray[Any], codes: NDArray[np.intp]) -> tuple[str, ...]:
+    """The texts of the values in the order in which they occur."""
+    _, places = np.unique(codes[codes >= 0], return_index=True)
+    rows = np.nonzero(codes >= 0)[0][np.sort(places)]
+    found = cells[rows]
+    if found.dtype.kind == "f":
+        found = found.astype(np.int64)
+    return tuple(str(value) for value in found.tolist())
