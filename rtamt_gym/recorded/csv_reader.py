@@ -188,6 +188,7 @@ class CsvRecording:
             self._notes.append(_skip_note(len(skipped), layout.at))
         if any(name != shown(own) for name, own in zip(self.names, layout.names, strict=True)):
             self._notes.append(_LATIN)
+        self._top, self._skipped = top, len(skipped)
         self.above = _settings([*skipped, *top[: layout.at]])
         """The numbers in the lines above the names, by the text before them."""
         rows = self._rows_of(top, layout.at, given, len(skipped))
@@ -234,6 +235,14 @@ class CsvRecording:
         unit = self._unit_of(wanted.time)
         read = self._read_fast(wanted) or self._read_blocks(wanted)
         return replace(read, unit=read.unit or unit)
+
+    def lines_above(self, name: str) -> int | None:
+        """Return how many lines stand above the first line with a name as a cell; None without."""
+        for at, line in enumerate(self._top):
+            cells = line.strip().split(self.separator if self.separator != " " else None)
+            if name in (cell.strip().strip('"') for cell in cells):
+                return self._skipped + at
+        return None
 
     def _read_again(self, wanted: Wanted) -> Rows:
         if self._lines is not None:

@@ -497,3 +497,11 @@ def test_a_row_of_totals_is_not_a_sample(capsys: Output, label: str) -> None:
     assert judged(capsys, "eventually(v > 3)", "log.csv", "--one-trace")[0] == 0
     Path("log.csv").write_text(f"row,v\n{rows}")
     assert judged(capsys, "eventually(v > 3)", "log.csv")[0] == 1
+
+
+def test_the_line_with_the_names_is_proposed(capsys: Output) -> None:
+    rows = "\n".join(f"{i / 10:.1f},{value}" for i, value in enumerate(VALUES))
+    Path("log.csv").write_text(f'Model,MSO44\nInterval,0.1\n\n"TIME","CH1"\n{rows}\n')
+    code, text = judged(capsys, "always[0:2](CH1 > 0)", "log.csv")
+    assert (code, "give --skip 3 if line 4, which has 'CH1', has the names" in text) == (2, True)
+    assert judged(capsys, "always[0:2](CH1 > 0)", "log.csv", "--skip", "3")[0] == 1
