@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -263,6 +264,9 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
     )
     if done.returncode == 0:
         (path,) = folder.glob("_native.*")
+        units = Path(__file__).parents[2] / "rtamt" / "rtamt_monitor.so"
+        if units.is_file():  # the export of FMUs looks for it beside the module
+            shutil.copy(units, folder)
         return path, set()
     refused = set(_refused(done.stdout, folder))
     assert refused, done.stdout[-4000:] + done.stderr[-4000:]
