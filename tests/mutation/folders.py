@@ -280,7 +280,7 @@ FOLDERS: Final = {
         ),
         Folder(
             "rtamt",
-            ("rtamt/columns.py", "rtamt/errors.py", "rtamt/limits.py"),
+            ("rtamt/columns", "rtamt/errors.py", "rtamt/limits.py"),
             Covering(
                 (
                     "tests/rtamt/test_errors.py",
