@@ -220,7 +220,7 @@ def test_what_waits_for_a_look_is_bounded(looks: bool) -> None:  # noqa: FBT001 
             send(ros, "x", float(k))
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    assert sizes[2] - sizes[0] < 1000
+    assert sizes[2] - sizes[0] < 4000  # a byte a message, as other threads allocate too
     ros.tick()
     assert ros.data("rtamt/spec") == [2.0]
 
