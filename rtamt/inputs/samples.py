@@ -284,19 +284,6 @@ class SampleReader:
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
-        given, length = self._given(data, sample, previous, n=n, extra=extra)
-        return given + self.rates.of_columns(given, previous), length
-
-    def _given(
-        self,
-        data: TraceColumns,
-        sample: int = 0,
-        previous: Sequence[float] = (),
-        *,
-        n: int | None = None,
-        extra: bool = False,
-    ) -> tuple[list[Floats], int]:
-        """The columns of the variables without the rates."""
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
@@ -319,7 +306,8 @@ class SampleReader:
             raise InputError(f"{what}: say how many samples with n=")
         length = lengths.pop()
         made = {v: np.full(length, value) for v, value in held.items()} | given
-        return [made[v] for v in self.variables], length
+        values = [made[v] for v in self.variables]
+        return values + self.rates.of_columns(values, previous), length
 
     def lines(
         self,
@@ -367,18 +355,17 @@ class SampleReader:
                 {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}
                 for end in ("lower", "upper")
             ]
-        found = [self._given(half, n=n, extra=extra) for half in halves]
-        (lower, length), (upper, _) = found[0], found[-1]
-        if self.nan != "unknown" and upper is not lower:
+        found = [self.columns(half, n=n, extra=extra) for half in halves]
+        (whole, length), count, apart = found[0], len(self.variables), len(found) > 1
+        lower, upper = whole[:count], found[-1][0][:count]
+        if self.nan != "unknown" and apart:
             lower, upper = self._filled(lower), self._filled(upper)
         if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
+            apart = True
             upper = [np.where(np.isnan(column), np.inf, column) for column in upper]
             lower = [np.where(np.isnan(column), -np.inf, column) for column in lower]
-        if not self.rates:
-            return lower, upper, length
-        if upper is lower:
-            lower = upper = lower + self.rates.of_columns(lower)
-            return lower, upper, length
+        if not apart:
+            return whole, whole, length
         least, greatest = self.rates.of_bounds(lower, upper)
         return lower + least, upper + greatest, length
 

@@ -50,7 +50,6 @@ __all__ = [
     "Factories",
     "books_of",
     "choose",
-    "factories_of",
     "read_only",
 ]
 
@@ -168,14 +167,6 @@ def choose(backend: Backend) -> BackendName:
         msg = f"backend={backend!r} was not built; reinstall rtamt where a C++20 compiler is found"
         raise InputError(msg)
     return backend
-
-
-def factories_of(backend: BackendName, program: Program) -> Factories:
-    """The functions that make the machines of a monitor.
-
-    Machines in C++ read samples themselves, without the rates of change.
-    """
-    return BACKENDS["python" if program.rates else backend]
 
 
 def books_of(banks: Sequence[EpisodeBank]) -> BookFunctions:

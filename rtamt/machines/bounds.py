@@ -133,7 +133,7 @@ class TraceBounds:
 
     def robustness(self) -> float:
         """The robustness if the trace is complete, the least one of what is not known."""
-        return self._given.at_zero(_complete)
+        return self._given.at_zero(_COMPLETE)
 
     def bounds(self, end: End) -> tuple[float, float]:
         """The least and the greatest robustness that a reading of the end leaves possible.
@@ -169,13 +169,13 @@ class TraceBounds:
         ]
 
 
-_complete = TraceEnd("complete", best=False)
+_COMPLETE = TraceEnd("complete", best=False)
 
 
 def _endings(end: End) -> tuple[TraceEnd, TraceEnd]:
-    """The endings for the lower and of the upper bound."""
+    """The endings for the lower and for the upper bound."""
     if end == "complete":
-        return _complete, _complete
+        return _COMPLETE, _COMPLETE
     return TraceEnd(end, best=False), TraceEnd(end, best=True)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError, StateError
 from rtamt.inputs.between import Between
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.backend import factories_of, read_only
+from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.online import (
@@ -134,9 +134,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
     def _made(self, reader: SampleReader) -> DiscreteMachine:
         limit_discrete(self.program)
-        return factories_of(self.backend, self.program).discrete_machine(
-            self.program, reader, (self.program.result,)
-        )
+        return BACKENDS[self.backend].discrete_machine(self.program, reader, (self.program.result,))
 
     @property
     def values(self) -> dict[str, float]:
@@ -286,7 +284,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     def _made(self, reader: SampleReader) -> EpisodeMachine:
         limit_episode(self.program, unknown=reader.nan == "unknown")
         reader.intervals_fit = intervals_fit(self.program)
-        return factories_of(self.backend, self.program).episode_machine(self.program, reader)
+        return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     @property
     def fed_machine(self) -> EpisodeMachine | None:

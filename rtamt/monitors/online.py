@@ -122,6 +122,8 @@ class Sampled(Online[_M, Program]):
             self._period,
             self.program,
         ) = compiled(type(self), spec, period, options, online=self._online)
+        if self.program.rates:  # machines in C++ read samples themselves, without the rates
+            self.backend = "python"
         self._align = options.get("align")
 
     def _arguments(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import Floats, LaneReader
 from rtamt.inputs.samples import listed
-from rtamt.machines.backend import factories_of
+from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (
     EpisodeValues,
@@ -175,9 +175,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
         limit_discrete(self.program, self.num)
-        return factories_of(self.backend, self.program).discrete_bank(
-            self.program, self.num, reader
-        )
+        return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 
     def __repr__(self) -> str:
         what = f"{self.num} lanes of {self.specification.formula}"
@@ -274,7 +272,7 @@ class VectorEpisodeMonitor(
     def _made(self, reader: LaneReader) -> EpisodeBank:
         limit_episode(self.program, self.num, unknown=self._nan == "unknown")
         self._intervals_fit = intervals_fit(self.program, self.num)
-        return factories_of(self.backend, self.program).episode_bank(self.program, self.num, reader)
+        return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
         "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."

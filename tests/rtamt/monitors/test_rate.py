@@ -232,3 +232,15 @@ def test_rates_that_are_refused(call: Callable[[], object], text: str) -> None:
 def test_rate_names_a_variable_too() -> None:
     assert rtamt.evaluate("rate > rate(rate)", {"rate": [1, 3]}).tolist() == [1, 1]
     assert str(rtamt.parse("rate( x )>0").formula) == "rate(x) > 0"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_monitors_with_rates_state_the_back_end_that_runs(
+    backend: Literal["native", "python"],
+) -> None:
+    rate, plain = "always(rate(x) <= 1)", "always(x <= 1)"
+    for text, runs in ((rate, "python"), (plain, backend)):
+        assert Monitor(text, backend=backend).backend == runs
+        assert EpisodeMonitor(text, backend=backend).backend == runs
+        assert VectorMonitor(text, 2, backend=backend).backend == runs
+        assert VectorEpisodeMonitor(text, 2, backend=backend).backend == runs
