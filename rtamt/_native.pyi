@@ -13,7 +13,7 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines import books, protocols
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.protocols import End
-from rtamt.machines.ranges import RefusesRanges
+from rtamt.machines.terms import RefusesRanges
 
 FUNCTIONS: dict[str, int]  # names and arities of the functions of MAP
 FOLDS: dict[str, int]  # names of the lattice folds of WINDOW, and the numbers in an element

@@ -18,8 +18,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, SupportsIndex, assert_never
 
 from rtamt.program.instructions import Map, Window
-from rtamt.program.program import Program
-from rtamt.program.schedule import Delay, schedule
+from rtamt.program.program import Delay, Program, schedule
 from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, exact
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.terms import (

@@ -20,7 +20,7 @@ from rtamt.checking.samples import TermTruths
 from rtamt.checking.truths import COMBINED, read_until
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Window
-from rtamt.program.polarity import positive
+from rtamt.program.placement import positive
 from rtamt.program.program import Program
 
 __all__ = ["change_times", "truth_of_runs"]

@@ -24,10 +24,10 @@ from rtamt.checking.samples import unknown_samples
 from rtamt.checking.solver import Solution, Solver, is_exact
 from rtamt.checking.truths import World, truth
 from rtamt.checking.witness import ExampleTrace, Goal, judged_so, shortened
+from rtamt.machines.bounds import split
 from rtamt.machines.protocols import End
 from rtamt.program.instructions import Window
 from rtamt.program.program import Program
-from rtamt.program.split import split
 
 __all__ = ["SearchAnswer", "WitnessSearch"]
 

@@ -20,7 +20,7 @@ from rtamt.checking.graph import FALSE, TRUE, Graph, Truth
 from rtamt.checking.samples import TermTruths
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Const, Window
-from rtamt.program.polarity import positive
+from rtamt.program.placement import positive
 from rtamt.program.program import Program
 
 __all__ = ["COMBINED", "World", "read_until", "truth"]

@@ -29,8 +29,7 @@ from rtamt.program.encoding import (
 from rtamt.program.instructions import Const
 from rtamt.program.lowering import refuse_rates
 from rtamt.program.memory import limit_discrete, limit_episode
-from rtamt.program.placement import place
-from rtamt.program.polarity import positive
+from rtamt.program.placement import place, positive
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 

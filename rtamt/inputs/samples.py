@@ -30,9 +30,9 @@ from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.inputs.rates import Rates
+from rtamt.program.intervals import of_ends
 from rtamt.program.memory import limit_episode
-from rtamt.program.program import Program
-from rtamt.program.ranges import of_ends, ranges_of
+from rtamt.program.program import Program, ranges_of
 
 __all__ = [
     "NanPolicy",

@@ -20,7 +20,7 @@ from rtamt.machines.books import PYTHON_BOOKS, BookFunctions
 from rtamt.machines.clocks import OperatorClock, PythonClockBank
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
-from rtamt.machines.dense.signs import PythonDenseSigns
+from rtamt.machines.dense.outlook import PythonDenseSigns
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
@@ -35,23 +35,11 @@ from rtamt.machines.protocols import (
     EpisodeMachine,
     EpisodeRun,
 )
-from rtamt.machines.ranges import FindRanges, term_ranges
-from rtamt.machines.terms import FindTerms, term_columns
+from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
 from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.program import Program
-
-__all__ = [
-    "BACKEND",
-    "BACKENDS",
-    "Backend",
-    "BackendName",
-    "Factories",
-    "books_of",
-    "choose",
-    "read_only",
-]
 
 BackendName = Literal["native", "python"]
 Backend = Literal["auto", BackendName]
@@ -75,7 +63,7 @@ class Factories:
         clock_bank: ``(clocks, parts, num)``, as `rtamt.machines.clocks.PythonClockBank` takes them.
         clock: Counts times for a program.
         term_columns: See `rtamt.machines.terms.term_columns`.
-        term_ranges: See `rtamt.machines.ranges.term_ranges`.
+        term_ranges: See `rtamt.machines.terms.term_ranges`.
         episode_panel: ``(machines, places, reads, decided, seen, number)``, for
             `rtamt.monitors.joint`; None where there is none, or for these machines.
         episode_run: ``(program, reader, columns, n, end)``; None where columns are always faster.

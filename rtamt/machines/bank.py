@@ -18,9 +18,6 @@ from rtamt.machines.state import StateFields
 from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.program import Program
 
-__all__ = ["PythonDiscreteBank", "PythonEpisodeBank"]
-
-
 _Machine = PythonDiscreteMachine | PythonUncertainEpisode
 _M = TypeVar("_M", PythonDiscreteMachine, PythonUncertainEpisode)
 

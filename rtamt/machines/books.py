@@ -12,15 +12,6 @@ from numpy.typing import NDArray
 from rtamt.inputs.lanes import Floats, Lanes
 from rtamt.machines.protocols import End, EpisodeBank
 
-__all__ = [
-    "PYTHON_BOOKS",
-    "BankOutcomes",
-    "BookFunctions",
-    "LaneColumn",
-    "LaneValue",
-    "spread",
-]
-
 Banks = Sequence[EpisodeBank]
 LaneCounts = NDArray[np.int64]
 LaneValue = Literal["robustness", "lower", "upper"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +13,12 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine, without_nan
 from rtamt.machines.protocols import End
-from rtamt.machines.ranges import FindRanges
-from rtamt.machines.walk import Keys, TraceEnd, Walk, to_keys
-from rtamt.program.memory import limit_beyond
+from rtamt.machines.terms import FindRanges
+from rtamt.machines.walk import Keys, TraceEnd, Walk, initial_registers, to_keys
+from rtamt.program.instructions import Const, Load, Map, Window, latencies_of
+from rtamt.program.memory import limit_beyond, sufficient
+from rtamt.program.placement import positive
 from rtamt.program.program import Program
-from rtamt.program.split import SplitProgram, outputs_among, split, sufficient
-
-__all__ = ["Flags", "TraceBounds"]
 
 
 class Flags(NamedTuple):
@@ -191,3 +192,86 @@ def _differ(low: Keys, high: Keys) -> NDArray[np.bool_]:
     low, high = (np.pad(a, (0, length - len(a)), mode="edge") for a in (low, high))
     differ: NDArray[np.bool_] = (low < 0) != (high < 0)
     return differ
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SplitProgram:
+    """A program for bounds.
+
+    Attributes:
+        predicates: Computes the predicates, opposites of predicates among them, as its outputs.
+        formulas: What is made of them; its variables are those outputs.
+        exact: The same registers, with bounds that are not cut to the trace.
+        needed: Samples on which the bounds depend; None: all.
+    """
+
+    predicates: Program
+    formulas: Program
+    exact: Program
+    needed: int | None
+
+
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
+def split(program: Program, n: int, *, best: bool) -> SplitProgram:
+    """The programs that bound the result of a program.
+
+    Args:
+        program: The program.
+        n: What `sufficient` gives for the traces.
+        best: Whether neutral predicates are 0.0, as in the upper bound; in the lower, -0.0.
+    """
+    zero = 0.0 if best else -0.0
+    exact, program = (positive(p).reading(zero) for p in (program, program.clamped(n)))
+    behind = range(program.terms, len(program.instructions))
+    read = {a for r in behind for a in program.formula(r).args} | {program.result}
+    # The constants stay where they are: they keep their value at unseen samples.
+    inputs = [
+        r
+        for r in sorted(read)
+        if r < program.terms and not isinstance(program.instructions[r], Const)
+    ]
+    names = {r: f"#{i}" for i, r in enumerate(inputs)}  # no variables of a specification
+    first = inputs[0] if inputs else program.result
+    predicates = program.restricted(first, {names[r]: r for r in inputs})
+    instructions = [Load(names[r]) if r in names else i for r, i in enumerate(program.instructions)]
+    formulas = replace(
+        program,
+        instructions=tuple(instructions),
+        latencies=latencies_of(instructions),
+        variables=tuple(names.values()),
+        rates={},
+    )
+    needed: int | None = 1
+    for register in initial_registers(formulas):
+        if isinstance(instructions[register], Window):
+            late = formulas.latencies[register]
+            needed = None if late is None or needed is None else max(needed, late + 1)
+    return SplitProgram(predicates, formulas, exact, needed)
+
+
+@functools.lru_cache(maxsize=512)
+def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
+    """Where the outputs of a program of terms are among the outputs of another, which has them all.
+
+    The programs have the same variables and the same semantics.
+    """
+    known: dict[tuple[object, ...], int] = {}
+
+    def numbered(program: Program) -> list[int]:
+        """A number for every term; equal ones for equal terms."""
+        numbers: list[int] = []
+        for register in range(program.terms):
+            match program.term(register):
+                case Load(variable):
+                    key: tuple[object, ...] = "load", variable
+                case Const(value):
+                    key = "const", repr(value)  # which tells 0.0 from -0.0
+                case Map(function, args):
+                    key = function, *(numbers[a] for a in args)
+            numbers.append(known.setdefault(key, len(known)))
+        return numbers
+
+    numbers = numbered(whole)
+    places = {numbers[r]: place for place, r in enumerate(whole.outputs.values())}
+    numbers = numbered(part)
+    return tuple(places[numbers[r]] for r in part.outputs.values())

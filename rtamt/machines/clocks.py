@@ -19,8 +19,6 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.lanes import Lanes
 from rtamt.machines.state import StateFields
 
-__all__ = ["ClockEvent", "ClockKind", "OperatorClock", "PythonClockBank"]
-
 ClockKind = Literal["oldest", "newest", "last"]
 """What a clock counts from."""
 

@@ -14,10 +14,7 @@ from rtamt.machines.terms import Operation, PythonSampleMachine, Registers, map_
 from rtamt.machines.windows import DelayLine, FoldedWindow, make_window
 from rtamt.program.algebra import FOLDS, Element
 from rtamt.program.instructions import Map, Window
-from rtamt.program.program import Program
-from rtamt.program.schedule import Delay, Scheduled, schedule
-
-__all__ = ["PythonDiscreteMachine"]
+from rtamt.program.program import Delay, Program, Scheduled, schedule
 
 
 class PythonDiscreteMachine(PythonSampleMachine):

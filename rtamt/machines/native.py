@@ -19,14 +19,12 @@ from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.clocks import OperatorClock
-from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
-from rtamt.machines.dense.outlook import everywhere
-from rtamt.machines.dense.rows import RegionRows, dense_of, readings_of
-from rtamt.machines.dense.signs import PythonDenseSigns
+from rtamt.machines.dense.outlook import PythonDenseSigns, everywhere
+from rtamt.machines.dense.rows import RegionRows, declared_of, dense_of, readings_of
 from rtamt.machines.protocols import DenseSigns, End, EpisodeBank, EpisodeRun
-from rtamt.machines.ranges import RefusesRanges
 from rtamt.machines.state import StateFields
+from rtamt.machines.terms import RefusesRanges
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.encoding import (
@@ -41,27 +39,6 @@ from rtamt.program.encoding import (
 )
 from rtamt.program.placement import Placement, place
 from rtamt.program.program import Program
-
-__all__ = [
-    "BOOKS",
-    "are_own",
-    "clock_bank",
-    "dense_episode_machine",
-    "dense_episode_on_regions",
-    "dense_machine",
-    "dense_signs",
-    "discrete_bank",
-    "discrete_machine",
-    "episode_bank",
-    "episode_machine",
-    "episode_panel",
-    "episode_run",
-    "read_only",
-    "refuse_running",
-    "term_columns",
-    "term_ranges",
-]
-
 
 read_only = _native.read_only
 

@@ -2,7 +2,7 @@
 
 A predicate that counts 0 under interface-aware semantics neither holds nor fails. In one episode it
 is -0.0, which gives the lower bound; in the other it is 0.0, which gives the upper bound and the
-robustness. Programs of episodes are monotone in their predicates (`rtamt.program.polarity`), so
+robustness. Programs of episodes are monotone in their predicates (`rtamt.program.placement`), so
 every other reading lies between these two. What hangs on such a predicate stays undecided: -0.0 is
 its lower bound, and 0.0 its upper.
 """
@@ -23,10 +23,8 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, MachineState, Stateful
 from rtamt.machines.readout import Readout, moved, verdicts_of
 from rtamt.program.algebra import greater, lesser
-from rtamt.program.polarity import positive
+from rtamt.program.placement import positive
 from rtamt.program.program import Program
-
-__all__ = ["bank_with_neutrals", "machine_with_neutrals"]
 
 Floats = NDArray[np.float64]
 MakeEpisodeMachine = Callable[[Program, SampleReader], EpisodeMachine]

@@ -23,8 +23,6 @@ from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.instructions import Instruction, Load, Window, latencies_of
 from rtamt.program.program import Program
 
-__all__ = ["MakeMachine", "Passes", "result_alone", "run_offline", "run_outputs", "without_nan"]
-
 Array = NDArray[np.float64]
 
 

@@ -8,7 +8,7 @@ definition: where the two differ, the C++ machine is wrong.
 `DiscreteMachine`    runs a program on samples: `rtamt.machines.discrete`
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
-`DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.signs`
+`DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.outlook`
 `DiscreteBank`       many discrete machines in lockstep: `rtamt.machines.bank`
 `EpisodeBank`        many episode machines in lockstep: `rtamt.machines.bank`
 `ClockBank`          clocks of temporal operators in lockstep: `rtamt.machines.clocks`
@@ -27,23 +27,6 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.inputs.between import Between
 from rtamt.inputs.events import GivenLike
 from rtamt.program.implications import Counted, InstantRuns
-
-__all__ = [
-    "Bank",
-    "ClockBank",
-    "DenseEpisodeMachine",
-    "DenseMachine",
-    "DenseSigns",
-    "DiscreteBank",
-    "DiscreteMachine",
-    "End",
-    "EpisodeBank",
-    "EpisodeMachine",
-    "EpisodeRun",
-    "MachineState",
-    "SampleMachine",
-    "Stateful",
-]
 
 Floats = NDArray[np.float64]
 End = Literal["complete", "cut", "open"]

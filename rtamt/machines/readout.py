@@ -16,8 +16,6 @@ from types import MemberDescriptorType
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Readout", "moved", "read_only", "verdict_of", "verdicts_of"]
-
 
 class Readout:
     """Keeps slots of a monitor at robustness, lower, upper and verdict while the monitor lives.

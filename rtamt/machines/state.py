@@ -7,8 +7,6 @@ from typing import Any, ClassVar, NoReturn
 
 from rtamt.errors import StateError
 
-__all__ = ["Retiring", "StateFields", "refuse_stale"]
-
 
 def refuse_stale() -> NoReturn:
     """Raise the error of an update of a machine whose monitor has another one."""

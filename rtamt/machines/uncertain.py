@@ -2,7 +2,7 @@
 
 Until the first such sample, one machine runs alone. From there on a twin goes on from its state:
 the one takes the least values of all terms, the twin the greatest. Programs of episodes are
-monotone in their predicates (`rtamt.program.polarity`), so whatever the samples are inside their
+monotone in their predicates (`rtamt.program.placement`), so whatever the samples are inside their
 intervals, their robustness lies between the one's and the twin's, and their bounds lie between its
 lower bound and the twin's upper one.
 """
@@ -20,11 +20,9 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import Readout, moved
 from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import Registers
+from rtamt.program.intervals import of_ends
 from rtamt.program.placement import place
-from rtamt.program.program import Program
-from rtamt.program.ranges import of_ends, ranges_of
-
-__all__ = ["PythonUncertainEpisode", "SampleTerms"]
+from rtamt.program.program import Program, ranges_of
 
 
 class SampleTerms(NamedTuple):

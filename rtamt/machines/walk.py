@@ -4,7 +4,7 @@
 values from whole columns, and gives those of every register at every time. It serves both
 back-ends, and formulas that the machine refuses.
 
-Behind its terms, a program of bounds has no negations (`rtamt.program.polarity`): it only takes
+Behind its terms, a program of bounds has no negations (`rtamt.program.placement`): it only takes
 minima and maxima. So columns hold the integers of `rtamt.program.algebra.ordered`, on which NumPy's
 minimum and maximum order -0.0 below 0.0.
 
@@ -30,9 +30,6 @@ from rtamt.machines.protocols import End
 from rtamt.program.algebra import FOLDS, LatticeFold, ordered
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
-from rtamt.program.split import initial_registers
-
-__all__ = ["Keys", "TraceEnd", "Walk", "number_of", "to_keys"]
 
 Keys = NDArray[np.int64]
 """Numbers as `ordered` gives them."""
@@ -424,3 +421,14 @@ def _prefixes_of_block(
         total = choose(total, element)
     older = tuple(np.array(column) for column in zip(*before, strict=True))
     return combine(older, tuple(tables))[-1].T.reshape(-1)[:n], total
+
+
+@functools.lru_cache(maxsize=512)
+def initial_registers(program: Program) -> tuple[int, ...]:
+    """Registers that are read at time 0 alone, in order; the last is the result."""
+    found = {program.result}
+    for register in range(program.result, -1, -1):
+        instruction = program.instructions[register]
+        if register in found and isinstance(instruction, Map):
+            found.update(instruction.args)
+    return tuple(sorted(found))

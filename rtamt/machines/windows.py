@@ -14,18 +14,6 @@ import numpy as np
 from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FOLDS, Arrays, Element, LatticeFold
 
-__all__ = [
-    "DelayLine",
-    "FoldedWindow",
-    "LatestWindow",
-    "RunningWindow",
-    "SlidingWindow",
-    "fold_all",
-    "make_window",
-    "slide",
-    "suffixes",
-]
-
 
 class FoldedWindow(StateFields):
     """A window over a stream of elements, and their fold; it begins full of identities."""

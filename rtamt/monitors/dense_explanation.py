@@ -31,11 +31,12 @@ from rtamt.machines.dense.rows import (
     FindBoth,
     RegionRows,
     TraceValues,
+    Waiting,
     dense_of,
     readings_of,
     terms_of,
+    together,
 )
-from rtamt.machines.dense.waiting import Waiting, together
 from rtamt.monitors.circumstances import Share, ShareRole, beside
 from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
 from rtamt.monitors.explanation import idle_registers, with_all_named

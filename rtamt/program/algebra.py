@@ -29,18 +29,6 @@ from rtamt.program.intervals import (
     quotient,
 )
 
-__all__ = [
-    "FOLDS",
-    "FUNCTIONS",
-    "Arrays",
-    "Element",
-    "Function",
-    "LatticeFold",
-    "greater",
-    "lesser",
-    "ordered",
-]
-
 INF = math.inf
 
 

@@ -22,16 +22,6 @@ from rtamt.program.lowering import ProgramBuilder, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period, seconds_text
 
-__all__ = [
-    "MAX_TICKS",
-    "NANOSECOND",
-    "DenseBuilder",
-    "DenseProgram",
-    "as_resolution",
-    "compile_dense",
-    "duration_text",
-]
-
 MAX_TICKS = 2**62
 """Times, bounds and sums of nested bounds are less than this number of ticks, so that the sum of a
 time and a bound is an int64."""

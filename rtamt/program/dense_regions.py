@@ -25,8 +25,6 @@ from rtamt.program.instructions import Instruction, Map, Window
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import Program
 
-__all__ = ["RegionProgram", "compile_regions", "regions_of_all"]
-
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class RegionProgram:

@@ -13,25 +13,7 @@ from typing import NamedTuple, assert_never
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
 from rtamt.program.instructions import Const, Instruction, Load, Map, Window
 from rtamt.program.placement import Placement, place
-from rtamt.program.program import Program
-from rtamt.program.schedule import Delay, schedule
-
-__all__ = [
-    "DenseRow",
-    "DiscreteRow",
-    "Encoded",
-    "EncodedDense",
-    "EncodedEpisode",
-    "EncodedRegionRow",
-    "EncodedRegions",
-    "FormulaRow",
-    "clock_of",
-    "encoded_dense",
-    "encoded_discrete",
-    "encoded_episode",
-    "encoded_regions",
-    "encoded_terms",
-]
+from rtamt.program.program import Delay, Program, schedule
 
 
 class DiscreteRow(NamedTuple):

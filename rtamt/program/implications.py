@@ -21,17 +21,6 @@ from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Bounds
 
-__all__ = [
-    "Counted",
-    "InstantRuns",
-    "Reads",
-    "Routes",
-    "TraceSpan",
-    "implications",
-    "signs",
-    "unanswered",
-]
-
 InstantRuns = tuple[tuple[int, float], ...]
 """First and last one of runs of instants, in order; no run touches the next; the last may be inf.
 

@@ -17,18 +17,6 @@ from typing import assert_never
 from rtamt.language.printing import number_text
 from rtamt.program.algebra import FOLDS
 
-__all__ = [
-    "Const",
-    "Instruction",
-    "Load",
-    "Map",
-    "Window",
-    "latencies_of",
-    "latency_of",
-    "listed",
-    "operands",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Load:

@@ -42,8 +42,6 @@ from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
-__all__ = ["STANDARD", "Interface", "Names", "PredicateValue", "SemanticsName", "as_interface"]
-
 SemanticsName = Literal[
     "standard",
     "boolean",

@@ -18,24 +18,6 @@ import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-__all__ = [
-    "EVERYTHING",
-    "Ends",
-    "IntervalRule",
-    "Range",
-    "corners",
-    "even",
-    "everything",
-    "logarithm",
-    "meeting",
-    "monotone",
-    "near",
-    "opposite",
-    "power",
-    "quotient",
-    "range_of",
-]
-
 INF = math.inf
 Ends = tuple[float, float]
 """The least and the greatest value."""
@@ -55,6 +37,12 @@ class Range(NamedTuple):
     lower: float
     upper: float
     known: bool = False
+
+
+def of_ends(lower: float, upper: float) -> Range:
+    """Return the range of a variable, which is known if its ends are the same to the bit."""
+    same = lower == upper and math.copysign(1.0, lower) == math.copysign(1.0, upper)
+    return Range(lower, upper, same)
 
 
 _Apply = Callable[..., float]

@@ -26,8 +26,6 @@ from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, alignment, samples
 
-__all__ = ["ProgramBuilder", "compile_program", "refuse_rates"]
-
 
 class ProgramBuilder:
     """Writes the instructions of a specification; equal ones share a register."""

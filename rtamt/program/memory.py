@@ -13,18 +13,7 @@ from rtamt.errors import InputError, brief
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import Placement, place
-from rtamt.program.program import Program
-from rtamt.program.schedule import Delay, schedule
-from rtamt.program.split import sufficient
-
-__all__ = [
-    "discrete_numbers",
-    "episode_numbers",
-    "intervals_fit",
-    "limit_beyond",
-    "limit_discrete",
-    "limit_episode",
-]
+from rtamt.program.program import Delay, Program, schedule
 
 _DOUBLE = 8
 _WORLDS = 3
@@ -196,3 +185,32 @@ def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
         f"the limit is {limit}",
         "write shorter windows, take samples further apart, or raise rtamt.limits.window_bytes",
     )
+
+
+def sufficient(program: Program, n: int) -> int:
+    """A number to which bounds may be cut for a trace of n samples or less.
+
+    From some sample on, all unseen ones are equal, and it does not matter how many there are.
+    """
+    memory, greatest = _memory_and_bound(program)
+    return min(n + memory, greatest)
+
+
+@functools.lru_cache(maxsize=512)
+def _memory_and_bound(program: Program) -> tuple[int, int]:
+    """After how many unseen samples all later ones are equal at most; the greatest window bound."""
+    windows = [i for i in program.instructions if isinstance(i, Window)]
+    before = [max(0, -_begin(window)) for window in windows]
+    if not any(window.hi is None for window in windows):
+        # No time after this one is read, so that no window reaches back further than it.
+        last = sum(max(0, window.hi or 0) for window in windows)
+        before = [min(last + 1, reach) for reach in before]
+    return sum(before), max(
+        (abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0
+    )
+
+
+def _begin(window: Window) -> int:
+    """The offset from which on a window must read one number alone to have a value that stays."""
+    # Folds are idempotent: a window without begin needs it at its end.
+    return window.lo if window.lo is not None else window.hi or 0

@@ -9,7 +9,7 @@ This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, assert_never
 
@@ -27,11 +27,10 @@ from rtamt.program.instructions import (
     listed,
     operands,
 )
+from rtamt.program.intervals import Range, range_of
 
 if TYPE_CHECKING:
     from rtamt.language.specification import Specification
-
-__all__ = ["Program"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -351,3 +350,59 @@ def _renumbered(instruction: Instruction, new: Mapping[int, int]) -> Instruction
             return replace(instruction, args=tuple(new[a] for a in instruction.args))
         case _ as never:
             assert_never(never)
+
+
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """The operand, ``length`` samples late."""
+
+    length: int
+    operand: int
+
+
+Scheduled = Map | Window | Delay
+
+
+def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
+    """The instructions after the terms and the slots that they write, with the delay lines.
+
+    The program's registers take the first slots, delay lines the next. A delay line comes before
+    the first instruction that reads it.
+    """
+    slots: dict[tuple[int, int], int] = {}
+    for register in range(program.terms, len(program.instructions)):
+        instruction = program.formula(register)
+        args = []
+        for operand in instruction.args:
+            length = program.delay(register, operand)
+            slot = slots.get((operand, length), operand)
+            if length and slot == operand:
+                slot = slots[operand, length] = len(program.instructions) + len(slots)
+                yield slot, Delay(length, operand)
+            args.append(slot)
+        yield register, replace(instruction, args=tuple(args))
+
+
+def ranges_of(program: Program, variables: Sequence[Range]) -> list[Range]:
+    """The ranges of a program's terms, in the order of their registers.
+
+    The list ends before the first term that has no value.
+
+    Args:
+        program: The program.
+        variables: The range of each variable.
+    """
+    found: list[Range] = []
+    for instruction in program.instructions[: program.terms]:
+        match instruction:
+            case Load(variable):
+                found.append(variables[program.variables.index(variable)])
+            case Const(value):
+                found.append(Range(value, value, known=True))
+            case Map(name, args):
+                row = FUNCTIONS[name]
+                made = range_of(row.apply, row.rule, *(found[a] for a in args))
+                if made is None:
+                    break
+                found.append(made)
+    return found

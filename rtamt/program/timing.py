@@ -25,17 +25,6 @@ from rtamt.errors import (
 from rtamt.language.interval import UNITS, Interval, decimal_text, exact, is_decimal
 from rtamt.language.table import Bounds
 
-__all__ = [
-    "MAX_WINDOW",
-    "Align",
-    "Period",
-    "alignment",
-    "as_align",
-    "as_period",
-    "samples",
-    "seconds_text",
-]
-
 MAX_WINDOW = 2**31
 """The greatest bound in samples."""
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, GivenLike
-from rtamt.machines.dense.declared import declared_of
 from rtamt.machines.dense.regions import (
     CUT,
     WORLDS,
@@ -28,21 +27,25 @@ from rtamt.machines.dense.regions import (
     RegionSliding,
     RegionStream,
 )
-from rtamt.machines.dense.rows import RegionRows, TraceValues, readings_of, terms_of
+from rtamt.machines.dense.rows import (
+    RegionRows,
+    TraceValues,
+    Waiting,
+    declared_of,
+    readings_of,
+    terms_of,
+    together,
+)
 from rtamt.machines.dense.runs import Runs
-from rtamt.machines.dense.waiting import Waiting, together
 from rtamt.machines.protocols import End
-from rtamt.machines.ranges import FindRanges, term_ranges
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import Retiring, StateFields
-from rtamt.machines.terms import FindTerms, Registers, term_columns
+from rtamt.machines.terms import FindRanges, FindTerms, Registers, term_columns, term_ranges
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import Placement, place
-
-__all__ = ["PythonDenseEpisodeMachine", "Regions"]
 
 
 class Regions(StateFields):

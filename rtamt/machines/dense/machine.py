@@ -2,32 +2,324 @@
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import math
-from collections.abc import Mapping, Sequence
-from typing import assert_never
+import operator
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import ClassVar, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, GivenLike
-from rtamt.machines.dense.declared import declared_of
-from rtamt.machines.dense.streams import (
-    Breakpoint,
-    Joint,
-    MapNode,
-    StepStream,
-    StreamNode,
-    just_after,
-)
-from rtamt.machines.dense.windows import SuffixNode, WindowNode
+from rtamt.machines.dense.rows import declared_of
 from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import Registers, Terms
-from rtamt.program.algebra import FOLDS
+from rtamt.program.algebra import FOLDS, FUNCTIONS, Element, LatticeFold
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.instructions import Map, Window
 
-__all__ = ["PythonDenseMachine"]
+Breakpoint = tuple[float, float]
+"""A tick and the value from there on. Ticks are whole numbers: an `int`, or inf or -inf."""
+_Values = tuple[float, ...]
+
+
+def just_after(tick: float) -> float:
+    """The next tick; a stream with this frontier is known at the tick itself."""
+    return tick + 1
+
+
+class StepStream(StateFields):
+    """The value of a register as far as it is known.
+
+    Attributes:
+        new: The breakpoints that the present call of the machine has added.
+        frontier: The time before which the register is known.
+        value: The value just before the frontier; nan where there is none.
+    """
+
+    __slots__ = ("frontier", "new", "value")
+    STATE = ("new", "frontier", "value")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        self.new: list[Breakpoint] = []
+        self.frontier = -math.inf
+        self.value = math.nan
+
+    def push(self, tick: float, value: float) -> None:
+        """Take in the value from a tick on; it makes a breakpoint if it or its sign differs."""
+        if value != self.value or math.copysign(1.0, value) != math.copysign(1.0, self.value):
+            self.new.append((tick, value))
+            self.value = value
+
+
+class Joint(StateFields):
+    """Queues of breakpoints of several streams, which are read in the order of time.
+
+    Args:
+        width: The number of streams.
+        before: The value of each before its first breakpoint; none if it is not given.
+    """
+
+    __slots__ = ("_before", "_now", "_waiting")
+    STATE = ("_now", "_waiting")
+
+    def __init__(self, width: int, before: Sequence[float] | None = None) -> None:
+        self._before = [math.nan] * width if before is None else before
+        self._waiting: list[deque[Breakpoint]] = [deque() for _ in range(width)]
+        self.reset()
+
+    def reset(self) -> None:
+        for waiting in self._waiting:
+            waiting.clear()
+        self._now = list(self._before)
+
+    def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
+        """Take in new breakpoints of every stream."""
+        for waiting, new in zip(self._waiting, steps, strict=True):
+            waiting.extend(new)
+
+    def retract(self, counts: Sequence[int]) -> None:
+        """Remove the newest breakpoints of every stream, as many as each count says."""
+        for waiting, count in zip(self._waiting, counts, strict=True):
+            for _ in range(count):
+                waiting.pop()
+
+    @property
+    def next(self) -> float:
+        """The time of the next breakpoint of any stream; inf if none waits."""
+        return min((waiting[0][0] for waiting in self._waiting if waiting), default=math.inf)
+
+    def take(self) -> _Values:
+        """Remove the breakpoints of the next time; return all streams' values from then on."""
+        time = self.next
+        for i, waiting in enumerate(self._waiting):
+            if waiting and waiting[0][0] == time:
+                self._now[i] = waiting.popleft()[1]
+        return tuple(self._now)
+
+    def ahead(self, last: float) -> Iterator[tuple[float, _Values]]:
+        """The times up to the last with the values that `take` will return; removes nothing."""
+        now = self._now[:]
+        steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))
+        for time, group in itertools.groupby(steps, key=operator.itemgetter(0)):
+            if time > last:
+                break
+            for _, i, value in group:
+                now[i] = value
+            yield time, tuple(now)
+
+
+def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int, float]]:
+    return ((time, i, value) for time, value in steps)
+
+
+class StreamNode(StateFields):
+    """Makes the stream of a register from the streams of its operands."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_joint",)
+
+    def __init__(self, args: Sequence[StepStream], out: StepStream) -> None:
+        self._args, self._out = args, out
+        self._joint = Joint(len(args))
+
+    def reset(self) -> None:
+        self._joint.reset()
+
+    def advance(self, begin: float, known: float) -> None:
+        """Go as far as the operands are known, in a trace known from ``begin`` to ``known``."""
+        raise NotImplementedError
+
+    def finish(self, begin: float, end: float) -> None:
+        """Go to the end of the trace; the operands are known up to there."""
+        raise NotImplementedError
+
+    def _collect(self) -> None:
+        self._joint.extend([arg.new for arg in self._args])
+
+
+class MapNode(StreamNode):
+    """Applies a function to the operands' values at one time."""
+
+    def __init__(self, function: str, args: Sequence[StepStream], out: StepStream) -> None:
+        super().__init__(args, out)
+        self._apply = FUNCTIONS[function].apply
+
+    def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
+        self._run(min(arg.frontier for arg in self._args))
+
+    def finish(self, begin: float, end: float) -> None:  # noqa: ARG002
+        self._run(just_after(end))
+
+    def _run(self, before: float) -> None:
+        self._collect()
+        while (time := self._joint.next) < before:
+            self._out.push(time, self._apply(*self._joint.take()))
+        self._out.frontier = before
+
+
+class WindowNode(StreamNode):
+    """Folds the steps that a window meets.
+
+    The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
+    s + lo < t'. So it enters at s = t - hi and leaves at s = t' - lo, and the fold is a
+    right-continuous function of s. The last instant of the trace counts as a step without an end,
+    except for windows that begin after s: those are empty from ``end - lo`` on.
+    """
+
+    STATE = (*StreamNode.STATE, "_inside", "_begun")
+
+    def __init__(
+        self, fold: LatticeFold, lo: float, hi: float, args: Sequence[StepStream], out: StepStream
+    ) -> None:
+        super().__init__(args, out)
+        self._lo, self._hi = lo, hi
+        self._empty = fold.identity[-1]
+        self._inside = Total(fold) if math.isinf(lo) else Queue(fold, lo)
+        self._begun = False
+
+    def reset(self) -> None:
+        super().reset()
+        self._inside.reset()
+        self._begun = False
+
+    def advance(self, begin: float, known: float) -> None:
+        self._collect()
+        before = min(known, min(arg.frontier for arg in self._args) - self._hi)
+        self._run(begin, before)
+        self._out.frontier = before
+
+    def finish(self, begin: float, end: float) -> None:
+        self._collect()
+        if self._lo > 0:
+            empty = max(begin, end - self._lo)
+            self._run(begin, empty)
+            self._out.push(empty, self._empty)
+        else:
+            self._run(begin, just_after(end))
+
+    def _run(self, begin: float, before: float) -> None:
+        joint, inside = self._joint, self._inside
+        while True:
+            # The fold has a value at the begin of the trace, even if the window is empty there.
+            now = min(joint.next - self._hi, inside.leaves) if self._begun else begin
+            if not now < before:
+                break
+            while joint.next - self._hi <= now:
+                inside.push(joint.next, joint.take())
+            while inside.leaves <= now:
+                inside.pop()
+            self._out.push(now, inside.value)
+            self._begun = True
+
+
+class Total(StateFields):
+    """The fold of all steps so far, for windows without begin."""
+
+    STATE = ("_total",)
+    leaves = math.inf
+
+    def __init__(self, fold: LatticeFold) -> None:
+        self._combine, self._identity = fold.combine, fold.identity
+        self.reset()
+
+    def reset(self) -> None:
+        self._total = self._identity
+
+    def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
+        """Take in the next step."""
+        self._total = self._combine(self._total, x)
+
+    def pop(self) -> None:
+        raise AssertionError
+
+    @property
+    def value(self) -> float:
+        """The fold."""
+        return self._total[-1]
+
+
+class Queue(StateFields):
+    """The steps inside a window, first in, first out, in two stacks, and their fold.
+
+    ``_older`` has, for each of its steps, the fold of that step and the younger ones in ``_older``.
+    When it is used up, the steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and
+    Schneider, "General incremental sliding-window aggregation", VLDB 2015).
+    """
+
+    STATE = ("_begins", "_older", "_younger", "_total")
+
+    def __init__(self, fold: LatticeFold, lo: float) -> None:
+        self._combine, self._identity = fold.combine, fold.identity
+        self._lo = lo
+        self.reset()
+
+    def reset(self) -> None:
+        self._begins: deque[float] = deque()
+        self._older: list[Element] = []
+        self._younger: list[Element] = []
+        self._total = self._identity
+
+    def push(self, begin: float, x: Element) -> None:
+        """Take in the next step."""
+        self._begins.append(begin)
+        self._younger.append(x)
+        self._total = self._combine(self._total, x)
+
+    def pop(self) -> None:
+        """Remove the oldest step."""
+        if not self._older:
+            fold = self._identity
+            while self._younger:
+                fold = self._combine(self._younger.pop(), fold)
+                self._older.append(fold)
+            self._total = self._identity
+        self._older.pop()
+        self._begins.popleft()
+
+    @property
+    def value(self) -> float:
+        """The fold."""
+        return self._combine(self._older[-1] if self._older else self._identity, self._total)[-1]
+
+    @property
+    def leaves(self) -> float:
+        """The time at which the oldest step leaves; it ends where the next one begins."""
+        return self._begins[1] - self._lo if len(self._begins) > 1 else math.inf
+
+
+class SuffixNode(StreamNode):
+    """Folds all steps from s + lo to the end of the trace; known only when the trace has ended."""
+
+    def __init__(
+        self, fold: LatticeFold, lo: float, args: Sequence[StepStream], out: StepStream
+    ) -> None:
+        super().__init__(args, out)
+        self._fold, self._lo = fold, lo
+
+    def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
+        self._collect()
+
+    def finish(self, begin: float, end: float) -> None:
+        self.advance(begin, end)
+        steps: list[tuple[float, Element]] = []
+        while (time := self._joint.next) <= end:
+            steps.append((time, self._joint.take()))
+        fold = self._fold.identity
+        folds = [(end, fold[-1])] if self._lo > 0 else []  # windows after the end are empty
+        for time, x in reversed(steps):
+            fold = self._fold.combine(x, fold)
+            folds.append((time, fold[-1]))
+        # Several folds may come to the same time, as at the begin: the latest step's counts.
+        values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
+        for time, value in values.items():
+            self._out.push(time, value)
 
 
 class PythonDenseMachine(Retiring, StateFields):

@@ -34,22 +34,6 @@ from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 from rtamt.program.instructions import Window
 
-__all__ = [
-    "CUT",
-    "LOWER",
-    "NOW",
-    "UPPER",
-    "WORLDS",
-    "AtBegin",
-    "RegionConstant",
-    "RegionFuture",
-    "RegionPast",
-    "RegionPointwise",
-    "RegionPredicate",
-    "RegionSliding",
-    "RegionStream",
-]
-
 Array = NDArray[np.float64]
 INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -16,25 +17,167 @@ from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import Given, not_known
 from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
-from rtamt.machines.dense.waiting import Waiting, together, values_at
-from rtamt.machines.ranges import FindRanges
-from rtamt.machines.terms import FindTerms
+from rtamt.machines.state import StateFields
+from rtamt.machines.terms import FindRanges, FindTerms
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
-from rtamt.program.polarity import positive
+from rtamt.program.placement import positive
 from rtamt.program.program import Program
 
-__all__ = [
-    "FindBoth",
-    "RegionRows",
-    "TraceValues",
-    "dense_of",
-    "readings_of",
-    "rows_between",
-    "rows_of",
-    "terms_of",
-    "unknown_of",
-]
+
+class DeclaredValues:
+    """The values that variables have before their first events, and the trace that follows.
+
+    Nothing waits for a variable with a declared value: the trace begins when the last of the others
+    does, and ends where the first of those that have events does. If all variables have declared
+    values, it begins with the first event of all.
+
+    Args:
+        variables: Names of the variables.
+        defaults: The declared values.
+    """
+
+    __slots__ = ("_free", "before")
+
+    def __init__(self, variables: Sequence[str], defaults: Mapping[str, float]) -> None:
+        self.before = [defaults.get(name, math.nan) for name in variables]
+        """The value of each variable before its first event; nan if none is declared."""
+        self._free = [name in defaults for name in variables]
+
+    def begin(self, first: Sequence[float]) -> float:
+        """The begin of the trace.
+
+        Args:
+            first: Tick of every variable's first event; inf where there was none.
+        """
+        awaited = [tick for tick, free in zip(first, self._free, strict=True) if not free]
+        return max(awaited) if awaited else min(first)
+
+    def end(self, last: Sequence[float]) -> float:
+        """The last tick that is known.
+
+        Args:
+            last: Tick of every variable's last event; -inf where there was none.
+        """
+        ends = zip(last, self._free, strict=True)
+        return min(
+            (tick for tick, free in ends if not (free and math.isinf(tick))), default=-math.inf
+        )
+
+    def after(self, first: Sequence[float], last: Sequence[float]) -> list[float]:
+        """The ticks that the next events of each variable have to be later than.
+
+        A variable that has its declared value still has it at all ticks that are known.
+        """
+        end = self.end(last)
+        known = end if self.begin(first) <= end else -math.inf
+        silent = [free and math.isinf(tick) for tick, free in zip(last, self._free, strict=True)]
+        return [known if still else tick for tick, still in zip(last, silent, strict=True)]
+
+
+def declared_of(program: Program) -> DeclaredValues:
+    """The declared values of the variables of a program."""
+    return DeclaredValues(program.variables, program.specification.defaults)
+
+
+class Waiting(StateFields):
+    """Events of a variable, and its value before them.
+
+    They stay in the arrays in which they came, so that a call costs what it takes in and reads,
+    however many events of a variable that runs ahead wait.
+
+    Args:
+        before: The value before the first event; nan if there is none.
+    """
+
+    __slots__ = ("_before", "_chunks", "_declared")
+    STATE = ("_chunks", "_before")
+
+    def __init__(self, before: float = math.nan) -> None:
+        self._declared = before
+        self.reset()
+
+    def reset(self) -> None:
+        self._chunks: deque[TimedColumn] = deque()
+        self._before: float | tuple[float, ...] = self._declared
+
+    def extend(self, new: TimedColumn) -> None:
+        """Take in a copy of new events."""
+        ticks, values = new
+        if len(ticks):
+            self._chunks.append((ticks.copy(), values.copy()))
+
+    def retract(self, new: TimedColumn) -> None:
+        """Remove the events that came last."""
+        if len(new[0]):
+            self._chunks.pop()
+
+    def upto(self, last: int) -> TimedColumn:
+        """The events up to a tick; in front of their values the one before."""
+        times: list[Ticks] = []
+        values: list[Floats] = [np.array([self._before])]
+        for chunk in self._chunks:
+            first, after = _divided(chunk, last)
+            times.append(first[0])
+            values.append(first[1])
+            if len(after[0]):
+                break
+        ticks = times[0] if len(times) == 1 else np.concatenate([*times, _NO_TICKS])
+        return ticks, _concatenated(values)
+
+    def drop(self, last: int) -> None:
+        """Forget the events up to a tick but the last value."""
+        while self._chunks:
+            first, after = _divided(self._chunks[0], last)
+            if len(first[1]):
+                value = first[1][-1].tolist()
+                self._before = tuple(value) if isinstance(value, list) else value
+            if len(after[0]):
+                self._chunks[0] = after
+                return
+            self._chunks.popleft()
+
+
+def _concatenated(values: Sequence[Floats]) -> Floats:
+    """Values one after the other: pairs of ends, if some are."""
+    if len({each.ndim for each in values}) > 1:
+        values = [v if v.ndim > 1 else np.column_stack([v, v]) for v in values]
+    return np.concatenate(values)
+
+
+_NO_TICKS: Ticks = np.empty(0, np.int64)
+
+
+def _divided(events: TimedColumn, last: int) -> tuple[TimedColumn, TimedColumn]:
+    """The events up to a tick, and those after it."""
+    ticks, values = events
+    read = len(ticks) if ticks[-1] <= last else int(ticks.searchsorted(last, "right"))
+    return (ticks[:read], values[:read]), (ticks[read:], values[read:])
+
+
+def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, list[Floats]]:
+    """The ticks from begin to last at which a variable has an event, and all values there.
+
+    At ``begin`` all variables have values. Those of a variable are numbers, or pairs of ends.
+    """
+    signals = [variable.upto(last) for variable in waiting]
+    ticks = signals[0][0]
+    for other, _ in signals[1:]:
+        if not np.array_equal(ticks, other):
+            both = np.concatenate([ticks, other])
+            both.sort(kind="stable")  # two lines that are sorted, in linear time
+            ticks = both[np.append(True, both[1:] != both[:-1])]
+    ticks = ticks[ticks.searchsorted(begin) :]
+    return ticks, [values_at(ticks, signal) for signal in signals]
+
+
+def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
+    """The values at ticks of a signal that `Waiting.upto` gave."""
+    steps, values = signal
+    if len(steps) == len(ticks) and np.array_equal(steps, ticks):
+        return values[1:]
+    return values[steps.searchsorted(ticks, "right")]
+
 
 FindBoth = tuple[FindTerms, FindRanges]
 """Evaluates terms of values that are known, and of those that are not."""

@@ -15,17 +15,6 @@ from numpy.typing import NDArray
 
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 
-__all__ = [
-    "Runs",
-    "clipped",
-    "concatenated",
-    "distinct",
-    "joint",
-    "paired",
-    "scanned",
-    "slid",
-]
-
 Floats = NDArray[np.float64]
 Positions = NDArray[np.int64]
 

@@ -5,7 +5,7 @@ In ``LOWER`` and ``UPPER`` it goes on, and every predicate is -inf or +inf at ev
 But an unseen sample may not be there: in ``UPPER`` a minimum over the future skips it, in ``LOWER``
 a maximum, except for the sample of the window's own time, which is there whenever it is read. What
 has to hold before a witness of ``until`` is there too if the witness is
-(`rtamt.program.instructions.Window`). The program has no negations (`rtamt.program.polarity`), so
+(`rtamt.program.instructions.Window`). The program has no negations (`rtamt.program.placement`), so
 every register is monotone in the predicates, and the last two values are the bounds over all
 continuations and all ends.
 
@@ -26,18 +26,18 @@ over S of min(c_S, u_i for i in S), stored by their values at the corners u in {
 act corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
 value.
 
-Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.initial`).
+Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.machine`).
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NoReturn, assert_never
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.episode.initial import InitialFold
 from rtamt.machines.episode.streams import (
     CUT,
     NOW,
@@ -45,21 +45,58 @@ from rtamt.machines.episode.streams import (
     UNSEEN,
     WORLDS,
     Leaf,
+    Operands,
     Pointwise,
+    RunningFold,
     Sliding,
     Stream,
     UnboundedFuture,
     UnboundedPast,
+    skipping,
 )
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
 
-__all__ = ["PythonEpisodeMachine", "refuse_finish", "refuse_update"]
+
+class InitialFold(RunningFold):
+    """The fold over times lo to hi."""
+
+    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
+        super().__init__(Operands(FOLDS[window.fold], streams))
+        self._operands.hold(self._operands.late, 0)
+        self._window = window
+        self._skipping = skipping(window)
+        self._begin = max(0, window.lo or 0)
+        self._end = window.hi
+
+    def settle(self, t: int) -> None:
+        """Fold in the element that settled with sample t."""
+        time = t - self._operands.late
+        if self._begin <= time and (self._end is None or time <= self._end):
+            self.push(time)
+
+    def value_in(self, world: int, t: int) -> float:
+        """Return the fold over settled, open and later values in a world."""
+        operands = self._operands
+        if world in CUT and self._window.endless and self._window.begin > t:
+            world = OPEN[world]
+        # A future without end speaks of recorded times alone if the trace was cut. It begins now:
+        # `rtamt.program.placement` writes a later begin as a shift.
+        recorded = world == NOW or (world in CUT and self._end is None)
+        last = t if recorded else t + operands.past
+        if world in self._skipping:  # time 0 is there
+            recorded, last = True, max(0, t)
+        begin = max(self._begin, t - operands.late + 1)
+        end = last if self._end is None else min(last, self._end)
+        elements = operands.seen(world, begin, end) if begin <= end else []
+        if not recorded and (self._end is None or self._end > last):
+            elements.append(operands.tail(world))
+        return functools.reduce(self._combine, elements, self.seen(world))[-1]
 
 
 def refuse_update() -> NoReturn:

@@ -17,27 +17,6 @@ from rtamt.machines.windows import slide, suffixes
 from rtamt.program.algebra import FOLDS, FUNCTIONS, Element, LatticeFold
 from rtamt.program.instructions import Window
 
-__all__ = [
-    "CUT",
-    "LOWER",
-    "NOW",
-    "OPEN",
-    "UNSEEN",
-    "UPPER",
-    "WORLDS",
-    "Leaf",
-    "Operands",
-    "Pointwise",
-    "Polynomial",
-    "RunningFold",
-    "Sliding",
-    "Stream",
-    "UnboundedFuture",
-    "UnboundedPast",
-    "Unknowns",
-    "skipping",
-]
-
 INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
 CUT = CUT_LOWER, CUT_UPPER = range(3, 5)

@@ -71,7 +71,7 @@ private:
 class Sampler {
 public:
     // Takes the value of each variable before its first event; nan where none is declared. Nothing
-    // waits for a variable that has one: rtamt/machines/dense/declared.py.
+    // waits for a variable that has one: rtamt/machines/dense/rows.py.
     Sampler(const std::vector<DenseRow>& rows, std::size_t terms,
             const std::vector<double>& declared);
     Sampler(const Sampler&) = delete;

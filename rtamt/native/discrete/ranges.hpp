@@ -1,5 +1,5 @@
 // The values that the terms of a program can have on a sample that is not known, or not exactly. The
-// definition is rtamt/program/ranges.py.
+// definition is rtamt/machines/terms.py.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The values that terms can have, as a function of Python. The definition is rtamt/machines/ranges.py.
+// The values that terms can have, as a function of Python. The definition is rtamt/machines/terms.py.
 #include "discrete/ranges.hpp"
 
 #include <nanobind/nanobind.h>
@@ -46,7 +46,7 @@ void bind_ranges(nb::module_& m) {
     m.def("term_ranges", term_ranges, nb::arg("rows"), nb::arg("variables"), nb::arg("observed"),
           nb::arg("reader"), nb::arg("lower"), nb::arg("upper"), nb::arg("n"),
           "Return the least and the greatest values of observed terms at n samples, as\n"
-          "rtamt.machines.ranges.term_ranges says.");
+          "rtamt.machines.terms.term_ranges says.");
 }
 
 }  // namespace rtamt

@@ -61,7 +61,7 @@ bool holds_at(Signs& signs, const nb::sequence& instants) {
 void bind_signs(nb::module_& m) {
     nb::class_<Signs>(m, "DenseSigns",
                       "Where a formula fails or holds for certain on a whole trace, as\n"
-                      "rtamt.machines.dense.signs.PythonDenseSigns.\n\n"
+                      "rtamt.machines.dense.outlook.PythonDenseSigns.\n\n"
                       "Args:\n"
                       "    terms: The terms of a program, as rtamt.program.encoding encodes them.\n"
                       "    rows: The formulas behind them over regions, encoded too.\n"

@@ -16,7 +16,7 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.windows import DelayLine, make_window
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import Instruction
-from rtamt.program.schedule import Delay
+from rtamt.program.program import Delay
 
 if TYPE_CHECKING:
     from rtamt._native import DiscreteMachine
