@@ -1,15 +1,16 @@
 """Robustness monitors from Signal Temporal Logic.
 
-Text becomes a formula, a formula becomes a program of four instructions, and small machines run it:
-on samples as they come (`Monitor`), on an episode with bounds from the first sample on
-(`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
-recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
-`evaluate_dense`). `judge` and `judge_dense` give the verdict on a recorded trace; `holds` tells
-from a robustness whether the formula holds, `explain` and `explain_dense` which samples or times
-decided it.
+The text of a specification becomes a formula, the formula becomes a program of four instructions,
+and a machine in C++ or Python runs the program. `Monitor` takes samples as they come,
+`EpisodeMonitor` also bounds the robustness of an episode from its first sample on, `VectorMonitor`
+and `VectorEpisodeMonitor` update a batch of monitors in one call. `evaluate` and `judge` take
+recorded traces, and `explain` returns the samples that decided a verdict. The names with ``dense``
+do the same for events over dense time. `holds` reads a verdict from a robustness.
+
+Names are imported when they are first used, so that ``import rtamt`` loads no machine.
 """
 
-import importlib
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,62 +20,61 @@ if (Path(__file__).parent / "antlr").exists():  # which only the released librar
         f"{Path(__file__).parent}: pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
     )
 
-from rtamt import limits, patterns
-from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
-from rtamt.checking.check import check
-from rtamt.checking.equivalence import equivalent
-from rtamt.checking.examples import Example, RequirementExamples, examples
-from rtamt.checking.witness import ExampleTrace
-from rtamt.columns import unit_of_times
-from rtamt.errors import (
-    InputError,
-    InputTypeError,
-    ParseError,
-    RtamtError,
-    SpecificationError,
-    StateError,
-)
-from rtamt.export.fmu import export_fmu
-from rtamt.inputs.between import Between
-from rtamt.inputs.events import Events
-from rtamt.inputs.samples import NanPolicy
-from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
-from rtamt.language.ids import RequirementId
-from rtamt.language.interval import Interval
-from rtamt.language.parser import load, parse
-from rtamt.language.publications import Publication, publications
-from rtamt.language.scaling import predicates, scaled
-from rtamt.language.specification import Specification
-from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
-from rtamt.language.template import SpecificationTemplate
-from rtamt.language.words import in_words
-from rtamt.machines.backend import BACKEND
-from rtamt.machines.protocols import End
-from rtamt.monitors.asked import Asked, Evidence
-from rtamt.monitors.book import VerdictBook
-from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
-from rtamt.monitors.dense import DenseMonitor, evaluate_dense
-from rtamt.monitors.dense_asked import DenseAsked
-from rtamt.monitors.dense_episode import DenseEpisodeMonitor
-from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
-from rtamt.monitors.dense_judgement import judge_dense
-from rtamt.monitors.evaluation import evaluate
-from rtamt.monitors.evidence import DenseImplications, Implications
-from rtamt.monitors.explanation import Explanation, explain
-from rtamt.monitors.holds import holds
-from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
-from rtamt.monitors.judgement import Judgement, judge
-from rtamt.monitors.many import evaluate_many
-from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
-from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
-from rtamt.mutation.mutants import Mutant, mutants
-from rtamt.mutation.mutations import MUTATIONS, Mutation
-from rtamt.mutation.noticing import noticed
-from rtamt.program.interface import Names, SemanticsName
-from rtamt.program.timing import Align, Period
-
 if TYPE_CHECKING:
+    from rtamt import limits, patterns
+    from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
+    from rtamt.checking.check import check
+    from rtamt.checking.equivalence import equivalent
+    from rtamt.checking.examples import Example, RequirementExamples, examples
+    from rtamt.checking.witness import ExampleTrace
+    from rtamt.columns import unit_of_times
     from rtamt.compat import *  # noqa: F403 - its __all__ lists them, and the type checker reads it
+    from rtamt.errors import (
+        InputError,
+        InputTypeError,
+        ParseError,
+        RtamtError,
+        SpecificationError,
+        StateError,
+    )
+    from rtamt.export.fmu import export_fmu
+    from rtamt.inputs.between import Between
+    from rtamt.inputs.events import Events
+    from rtamt.inputs.samples import NanPolicy
+    from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
+    from rtamt.language.ids import RequirementId
+    from rtamt.language.interval import Interval
+    from rtamt.language.parser import load, parse
+    from rtamt.language.publications import Publication, publications
+    from rtamt.language.scaling import predicates, scaled
+    from rtamt.language.specification import Specification
+    from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
+    from rtamt.language.template import SpecificationTemplate
+    from rtamt.language.words import in_words
+    from rtamt.machines.backend import BACKEND
+    from rtamt.machines.protocols import End
+    from rtamt.monitors.asked import Asked, Evidence
+    from rtamt.monitors.book import VerdictBook
+    from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
+    from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+    from rtamt.monitors.dense_asked import DenseAsked
+    from rtamt.monitors.dense_episode import DenseEpisodeMonitor
+    from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
+    from rtamt.monitors.dense_judgement import judge_dense
+    from rtamt.monitors.evaluation import evaluate
+    from rtamt.monitors.evidence import DenseImplications, Implications
+    from rtamt.monitors.explanation import Explanation, explain
+    from rtamt.monitors.holds import holds
+    from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
+    from rtamt.monitors.judgement import Judgement, judge
+    from rtamt.monitors.many import evaluate_many
+    from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
+    from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
+    from rtamt.mutation.mutants import Mutant, mutants
+    from rtamt.mutation.mutations import MUTATIONS, Mutation
+    from rtamt.mutation.noticing import noticed
+    from rtamt.program.interface import Names, SemanticsName
+    from rtamt.program.timing import Align, Period
 
 __version__ = "0.5.0"
 
@@ -168,15 +168,114 @@ __all__ = [
     "variable",
 ]
 
+_MODULES = {
+    "Align": "rtamt.program.timing",
+    "Answer": "rtamt.checking.answers",
+    "Asked": "rtamt.monitors.asked",
+    "BACKEND": "rtamt.machines.backend",
+    "Between": "rtamt.inputs.between",
+    "Check": "rtamt.checking.answers",
+    "CheckedRequirement": "rtamt.checking.answers",
+    "ClockEvent": "rtamt.monitors.clocks",
+    "ClockKind": "rtamt.monitors.clocks",
+    "DenseAsked": "rtamt.monitors.dense_asked",
+    "DenseEpisodeMonitor": "rtamt.monitors.dense_episode",
+    "DenseExplanation": "rtamt.monitors.dense_explanation",
+    "DenseImplications": "rtamt.monitors.evidence",
+    "DenseMonitor": "rtamt.monitors.dense",
+    "End": "rtamt.machines.protocols",
+    "EpisodeMonitor": "rtamt.monitors.monitor",
+    "Equivalence": "rtamt.checking.answers",
+    "Events": "rtamt.inputs.events",
+    "Evidence": "rtamt.monitors.asked",
+    "Example": "rtamt.checking.examples",
+    "ExampleTrace": "rtamt.checking.witness",
+    "Explanation": "rtamt.monitors.explanation",
+    "Formula": "rtamt.language.formula",
+    "Idle": "rtamt.checking.answers",
+    "Implications": "rtamt.monitors.evidence",
+    "InputError": "rtamt.errors",
+    "InputTypeError": "rtamt.errors",
+    "Interval": "rtamt.language.interval",
+    "JointFeed": "rtamt.monitors.joint",
+    "JointRead": "rtamt.monitors.joint",
+    "Judgement": "rtamt.monitors.judgement",
+    "MUTATIONS": "rtamt.mutation.mutations",
+    "Monitor": "rtamt.monitors.monitor",
+    "Mutant": "rtamt.mutation.mutants",
+    "Mutation": "rtamt.mutation.mutations",
+    "Names": "rtamt.program.interface",
+    "NanPolicy": "rtamt.inputs.samples",
+    "OperatorClock": "rtamt.monitors.clocks",
+    "OperatorClocks": "rtamt.monitors.clocks",
+    "ParseError": "rtamt.errors",
+    "Period": "rtamt.program.timing",
+    "Publication": "rtamt.language.publications",
+    "RequirementExamples": "rtamt.checking.examples",
+    "RequirementId": "rtamt.language.ids",
+    "RtamtError": "rtamt.errors",
+    "SemanticsName": "rtamt.program.interface",
+    "Specification": "rtamt.language.specification",
+    "SpecificationError": "rtamt.errors",
+    "SpecificationTemplate": "rtamt.language.template",
+    "StateError": "rtamt.errors",
+    "SubscribedField": "rtamt.language.subscriptions",
+    "Subscription": "rtamt.language.subscriptions",
+    "Term": "rtamt.language.formula",
+    "VectorEpisodeMonitor": "rtamt.monitors.vector",
+    "VectorMonitor": "rtamt.monitors.vector",
+    "Verdict": "rtamt.monitors.monitor",
+    "VerdictBook": "rtamt.monitors.book",
+    "check": "rtamt.checking.check",
+    "conjunction": "rtamt.language.formula",
+    "disjunction": "rtamt.language.formula",
+    "equivalent": "rtamt.checking.equivalence",
+    "evaluate": "rtamt.monitors.evaluation",
+    "evaluate_dense": "rtamt.monitors.dense",
+    "evaluate_many": "rtamt.monitors.many",
+    "examples": "rtamt.checking.examples",
+    "explain": "rtamt.monitors.explanation",
+    "explain_dense": "rtamt.monitors.dense_explanation",
+    "export_fmu": "rtamt.export.fmu",
+    "holds": "rtamt.monitors.holds",
+    "in_words": "rtamt.language.words",
+    "joint_feed": "rtamt.monitors.joint",
+    "judge": "rtamt.monitors.judgement",
+    "judge_dense": "rtamt.monitors.dense_judgement",
+    "load": "rtamt.language.parser",
+    "mutants": "rtamt.mutation.mutants",
+    "noticed": "rtamt.mutation.noticing",
+    "number": "rtamt.language.formula",
+    "parse": "rtamt.language.parser",
+    "predicates": "rtamt.language.scaling",
+    "publications": "rtamt.language.publications",
+    "scaled": "rtamt.language.scaling",
+    "subscriptions": "rtamt.language.subscriptions",
+    "unit_of_times": "rtamt.columns",
+    "variable": "rtamt.language.formula",
+}
+"""The module of each public name. A name is imported when it is first used."""
+
+_SUBMODULES = ("limits", "patterns")
+
 # Programs for the released library import from rtamt.spec.stl.discrete_time.specification.
 __path__ += [f"{path}/compat/paths" for path in __path__]  # noqa: F405 - every package has one
 
 if not TYPE_CHECKING:  # a type checker would accept any name
 
     def __getattr__(name: str) -> object:
-        """A class of the released library, loaded when it is first used."""
-        if not name.startswith("_"):
-            released = importlib.import_module("rtamt.compat")
-            if name in released.__all__:
-                return getattr(released, name)
-        raise AttributeError(f"module 'rtamt' has no attribute '{name}'")
+        """Import a public name, or a name of the drop-in API, when it is first used."""
+        if name in _MODULES:
+            value = getattr(import_module(_MODULES[name]), name)
+        elif name in _SUBMODULES:
+            value = import_module(f"rtamt.{name}")
+        elif not name.startswith("_") and name in import_module("rtamt.compat").__all__:
+            value = getattr(import_module("rtamt.compat"), name)
+        else:
+            raise AttributeError(f"module 'rtamt' has no attribute '{name}'")
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return [*{*globals(), *__all__}]

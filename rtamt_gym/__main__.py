@@ -22,7 +22,6 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, no_such, shown_lines
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
-from rtamt_gym.commands.arguments import with_default_count
 from rtamt_gym.commands.errors import options_of, refusal, unexpected, valued
 from rtamt_gym.commands.exit_codes import INTERRUPTED
 
@@ -124,7 +123,10 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     if command and command not in COMMANDS:
         raise InputError(no_such("command", command, COMMANDS))
     parser = _parser(command)
-    argv = with_default_count(argv)
+    if command:  # the list of commands is printed without NumPy, which this module needs
+        from rtamt_gym.commands.arguments import with_default_count
+
+        argv = with_default_count(argv)
     if command in OF_TRACES:
         argv = _separated(argv, command)
     options, rest = parser.parse_known_args(argv)
@@ -166,6 +168,14 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}; see {self.prog} --help")
 
 
+class _Version(argparse.Action):
+    """Print the version; only then are the machines imported, for the name of the back-end."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(f"rtamt {rtamt.__version__} ({rtamt.BACKEND})")
+        parser.exit()
+
+
 def _parser(given: str) -> argparse.ArgumentParser:
     """The parser of the command line, with the arguments of the command that is given."""
     parser = _Parser(
@@ -174,7 +184,12 @@ def _parser(given: str) -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument(
-        "--version", action="version", version=f"rtamt {rtamt.__version__} ({rtamt.BACKEND})"
+        "--version",
+        action=_Version,
+        dest=argparse.SUPPRESS,
+        default=argparse.SUPPRESS,
+        nargs=0,
+        help="show program's version number and exit",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, line in COMMANDS.items():

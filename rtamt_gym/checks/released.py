@@ -4,7 +4,7 @@ import rtamt
 
 __all__: list[str] = []
 
-if not hasattr(rtamt, "BACKEND"):
+if "BACKEND" not in dir(rtamt):  # not hasattr, which would import the machines
     raise ImportError(
         "expected the packages of rtamt-stl, got the released rtamt, which was installed over it: "
         "pip uninstall rtamt rtamt-stl, then install rtamt-stl again"

@@ -12,6 +12,8 @@ import pytest
 from paths import ROOT
 
 import rtamt
+import rtamt.columns
+import rtamt.errors
 
 # From the bottom up: a room imports from lower floors only. A room is a folder, or a file that
 # stands by itself.
@@ -249,7 +251,19 @@ def test_inputs_are_imported_without_simulators() -> None:
     assert not {"antlr4", "gymnasium", "mujoco", "matplotlib", "scipy"} & set(done.stdout.split())
 
 
-def test_import_loads_neither_the_parser_nor_a_simulator() -> None:
-    code = "import sys, rtamt; print(*{m.split('.')[0] for m in sys.modules})"
+@pytest.mark.parametrize(
+    ("code", "unused"),
+    [
+        ("import rtamt", ("numpy", "rtamt.")),
+        ("import rtamt_gym.__main__ as m; m.main(['--help'])", ("numpy", "rtamt.machines")),
+        (
+            "from rtamt import EpisodeMonitor, Monitor, VectorMonitor, judge",
+            ("antlr4", "rtamt.checking", "rtamt.mutation", "rtamt.patterns", "rtamt.export"),
+        ),
+    ],
+)
+def test_import_loads_only_what_is_used(code: str, unused: tuple[str, ...]) -> None:
+    code += "; import sys; print('loaded', *sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"antlr4", "gymnasium", "mujoco", "matplotlib"} & set(done.stdout.split())
+    loaded = done.stdout.partition("loaded ")[2].split()
+    assert [name for name in loaded if name.startswith(unused)] == []
