@@ -21,7 +21,7 @@ if (Path(__file__).parent / "antlr").exists():  # which only the released librar
     )
 
 if TYPE_CHECKING:
-    from rtamt import limits, patterns
+    from rtamt import dense, limits, patterns
     from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
     from rtamt.checking.check import check
     from rtamt.checking.equivalence import equivalent
@@ -139,6 +139,7 @@ __all__ = [
     "__version__",
     "check",
     "conjunction",
+    "dense",
     "disjunction",
     "equivalent",
     "evaluate",
@@ -256,7 +257,7 @@ _MODULES = {
 }
 """The module of each public name. A name is imported when it is first used."""
 
-_SUBMODULES = ("limits", "patterns")
+_SUBMODULES = ("dense", "limits", "patterns", "typing")
 
 # Programs for the released library import from rtamt.spec.stl.discrete_time.specification.
 __path__ += [f"{path}/compat/paths" for path in __path__]  # noqa: F405 - every package has one

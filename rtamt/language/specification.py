@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
-from typing import Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError, hint_line
 from rtamt.language.formula import Formula, make
@@ -25,6 +26,11 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text, number_text
 from rtamt.language.ranges import range_of_type, range_text
 from rtamt.language.table import Bounds
+
+if TYPE_CHECKING:  # methods import these when they are called
+    from rtamt.language.publications import Publication
+    from rtamt.language.subscriptions import Subscription
+    from rtamt.language.template import SpecificationTemplate
 
 __all__ = ["PRIMITIVES", "Declaration", "Specification"]
 
@@ -160,6 +166,114 @@ class Specification:
         ids = {each: found for each, found in self.ids.items() if each in self.formulas}
         other = replace(self, formula=formula, positions={}, uses=uses, ids=ids, requirement=None)
         return replace(other, text=str(other))
+
+    def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
+        """Return the requirement in plain English.
+
+        The sentence is about the first sample. `always` gives the standing rule.
+
+        Args:
+            names: Words for variables; the others keep their names.
+            unit: The word for bounds that have no unit; default: the unit of the text.
+
+        Example:
+            >>> from rtamt import parse
+            >>> parse("always(req >= 3 implies eventually[0:5](gnt >= 3))").in_words()
+            'whenever req is at least 3, gnt reaches at least 3 within 5 s'
+        """
+        from rtamt.language.words import in_words
+
+        return in_words(self, names, unit=unit)
+
+    def predicates(self) -> tuple[Formula, ...]:
+        """Return the comparisons, and the terms that are formulas, once each, in text order.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse("always(rpm < 3000) implies always(v < 35 and rpm < 3000)")
+            >>> spec.predicates()
+            (<Formula rpm < 3000>, <Formula v < 35>)
+        """
+        from rtamt.language.scaling import predicates
+
+        return predicates(self.formula)
+
+    def scaled(self, scales: Mapping[Formula, float]) -> Specification:
+        """Return the specification with the robustness of predicates divided by scales.
+
+        In a formula over several units, the predicate with the smallest numbers decides the
+        robustness: a speed in m/s rather than a rotation in rpm. Scales make predicates comparable.
+        They do not change whether the formula holds, unless a division rounds to 0.
+
+        Args:
+            scales: Positive, finite numbers for some of `predicates`; the others stay as they are.
+
+        Raises:
+            SpecificationError: If a scale is not positive and finite, or belongs to no predicate.
+            InputTypeError: If a scale is not a number.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse("always(rpm < 3000) implies eventually(v > 35)")
+            >>> rpm, v = spec.predicates()
+            >>> print(spec.scaled({rpm: 1000, v: 10}))
+            always((rpm - 3000) / 1000 < 0) implies eventually((v - 35) / 10 > 0)
+        """
+        from rtamt.language.scaling import scaled
+
+        return self.with_result(scaled(self.formula, scales))
+
+    def template(self) -> SpecificationTemplate:
+        """Return a template that gives the constants of the text other values.
+
+        Example:
+            >>> from rtamt import parse
+            >>> template = parse("const float w = 2; always(x > w)").template()
+            >>> print(template.at({"w": 3}))
+            const float w = 3
+            always(x > 3)
+        """
+        from rtamt.language.template import SpecificationTemplate
+
+        return SpecificationTemplate(self)
+
+    def publications(self, name: str | None = None) -> tuple[Publication, ...]:
+        """Return the ROS topics of every named formula and, last, of the result.
+
+        Args:
+            name: The name of the result in a default topic; default: its own name, or the name of
+                the text, or ``"spec"``.
+        """
+        from rtamt.language.publications import publications
+
+        return publications(self, name)
+
+    def subscriptions(self) -> tuple[Subscription, ...]:
+        """Return the ROS topics that carry the variables."""
+        from rtamt.language.subscriptions import subscriptions
+
+        return subscriptions(self)
+
+    def export_fmu(self, path: str | os.PathLike[str], **options: Any) -> None:  # noqa: ANN401
+        """Write a functional mock-up unit (FMU) that monitors the specification in another tool.
+
+        Args:
+            path: The file to write; its name ends in ``.fmu``.
+            **options: ``period``, seconds between samples or text with a unit, or ``dense=True``;
+                ``fmi``, 2 or 3; ``stop_on_violation``, the start value of the parameter that ends
+                the simulation at a violation; ``semantics``, ``inputs``, ``outputs`` and ``align``
+                as for `Monitor`; ``resolution`` as for `rtamt.dense.Monitor`.
+
+        Raises:
+            SpecificationError: If a name of the specification is one of the monitor's own, such as
+                ``lower``, or as for `EpisodeMonitor`.
+            InputError: If an option has a wrong value, if neither a period nor ``dense`` is given,
+                or if the C++ library is missing.
+            OSError: If the file cannot be written.
+        """
+        from rtamt.export.fmu import export_fmu
+
+        export_fmu(self, path, **options)
 
     @cached_property
     def title(self) -> str | None:

@@ -1,1 +1,28 @@
 """Mutants of requirements: one change each, by which a suite of traces is judged."""
+
+from typing import TYPE_CHECKING
+
+from rtamt.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from rtamt.mutation.mutants import Mutant
+    from rtamt.mutation.mutations import MUTATIONS, Mutation
+    from rtamt.mutation.noticing import noticed as killed
+
+__all__ = [
+    "MUTATIONS",
+    "Mutant",
+    "Mutation",
+    "killed",
+]
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+    __getattr__ = lazy_names(
+        __name__,
+        {
+            "MUTATIONS": "rtamt.mutation.mutations.MUTATIONS",
+            "Mutant": "rtamt.mutation.mutants.Mutant",
+            "Mutation": "rtamt.mutation.mutations.Mutation",
+            "killed": "rtamt.mutation.noticing.noticed",
+        },
+    )

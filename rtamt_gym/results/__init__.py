@@ -1,1 +1,50 @@
-"""What came of runs and traces: one model, one file format, and how it is shown."""
+"""What came of runs and traces: the types of results, one file format, and how it is shown."""
+
+from typing import TYPE_CHECKING
+
+from rtamt_gym.checks.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from rtamt_gym.evaluation.comparison import Comparison
+    from rtamt_gym.evaluation.evaluation import Evaluation
+    from rtamt_gym.evaluation.methods import MethodComparison
+    from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.results.statistics import RequirementResult
+    from rtamt_gym.search.falsification.falsification import Falsification
+    from rtamt_gym.search.mining.mining import Mined
+    from rtamt_gym.search.runs.record import Record
+    from rtamt_gym.search.runs.saved_case import SavedCase
+    from rtamt_gym.search.sweeps.sweep import Sweep
+    from rtamt_gym.simulation.run import Run
+
+__all__ = [
+    "Comparison",
+    "Evaluation",
+    "Falsification",
+    "MethodComparison",
+    "Mined",
+    "Record",
+    "RequirementResult",
+    "Run",
+    "SavedCase",
+    "Snapshot",
+    "Sweep",
+]
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+    __getattr__ = lazy_names(
+        __name__,
+        {
+            "Comparison": "rtamt_gym.evaluation.comparison.Comparison",
+            "Evaluation": "rtamt_gym.evaluation.evaluation.Evaluation",
+            "Falsification": "rtamt_gym.search.falsification.falsification.Falsification",
+            "MethodComparison": "rtamt_gym.evaluation.methods.MethodComparison",
+            "Mined": "rtamt_gym.search.mining.mining.Mined",
+            "Record": "rtamt_gym.search.runs.record.Record",
+            "RequirementResult": "rtamt_gym.results.statistics.RequirementResult",
+            "Run": "rtamt_gym.simulation.run.Run",
+            "SavedCase": "rtamt_gym.search.runs.saved_case.SavedCase",
+            "Snapshot": "rtamt_gym.mujoco.snapshots.Snapshot",
+            "Sweep": "rtamt_gym.search.sweeps.sweep.Sweep",
+        },
+    )

@@ -59,6 +59,10 @@ class Folder:
         return self.name.startswith("rtamt/native/")
 
 
+_FILES: Final = ("dense", "errors", "internal", "lazy", "limits", "renamed", "typing")
+"""Modules of `rtamt` that belong to no folder."""
+
+
 def _files(folder: str, *of: str) -> Iterator[str]:
     """The files of tests with these names in a folder."""
     return (f"{folder}/test_{name}.py" for name in of)
@@ -280,7 +284,7 @@ FOLDERS: Final = {
         ),
         Folder(
             "rtamt",
-            ("rtamt/columns", "rtamt/errors.py", "rtamt/limits.py"),
+            ("rtamt/columns", *(f"rtamt/{name}.py" for name in _FILES)),
             Covering(
                 (
                     "tests/rtamt/test_errors.py",

@@ -1,0 +1,16 @@
+"""Names that only the packages of this project use; any version may change them."""
+
+from rtamt.monitors.book import VerdictBook
+from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
+from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
+
+__all__ = [
+    "ClockEvent",
+    "ClockKind",
+    "JointFeed",
+    "JointRead",
+    "OperatorClock",
+    "OperatorClocks",
+    "VerdictBook",
+    "joint_feed",
+]

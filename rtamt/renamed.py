@@ -1,0 +1,234 @@
+"""Public names of the previous version that have a new name.
+
+The tables are the only list of old names. Every old name works in this version, returns what the
+new name returns and gives a `DeprecationWarning`. The next version deletes this module.
+"""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any, Final, ParamSpec, TypeVar
+
+__all__ = [
+    "ATTRIBUTES",
+    "FUNCTIONS",
+    "KEYWORDS",
+    "NAMES",
+    "OPTIONS",
+    "OldName",
+    "named",
+    "old_keywords",
+    "old_name",
+]
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+NAMES: Final[Mapping[str, Mapping[str, str]]] = {
+    "rtamt": {
+        "Align": "rtamt.typing.Align",
+        "Answer": "rtamt.checking.Answer",
+        "Asked": "rtamt.monitors.TriggerCount",
+        "Between": "rtamt.UncertainValue",
+        "Check": "rtamt.checking.Check",
+        "CheckedRequirement": "rtamt.checking.CheckedRequirement",
+        "ClockEvent": "rtamt.internal.ClockEvent",
+        "ClockKind": "rtamt.internal.ClockKind",
+        "DenseAsked": "rtamt.dense.TriggerCount",
+        "DenseEpisodeMonitor": "rtamt.dense.EpisodeMonitor",
+        "DenseExplanation": "rtamt.dense.Explanation",
+        "DenseImplications": "rtamt.dense.Implications",
+        "DenseMonitor": "rtamt.dense.Monitor",
+        "End": "rtamt.typing.End",
+        "Equivalence": "rtamt.checking.Equivalence",
+        "Events": "rtamt.dense.Events",
+        "Evidence": "rtamt.monitors.Evidence",
+        "Example": "rtamt.checking.Example",
+        "ExampleTrace": "rtamt.checking.ExampleTrace",
+        "Idle": "rtamt.checking.RedundantPart",
+        "Implications": "rtamt.monitors.Implications",
+        "JointFeed": "rtamt.internal.JointFeed",
+        "JointRead": "rtamt.internal.JointRead",
+        "MUTATIONS": "rtamt.mutation.MUTATIONS",
+        "Mutant": "rtamt.mutation.Mutant",
+        "Mutation": "rtamt.mutation.Mutation",
+        "Names": "rtamt.typing.Names",
+        "NanPolicy": "rtamt.typing.NanPolicy",
+        "OperatorClock": "rtamt.internal.OperatorClock",
+        "OperatorClocks": "rtamt.internal.OperatorClocks",
+        "Period": "rtamt.typing.Period",
+        "Publication": "rtamt.language.Publication",
+        "RequirementExamples": "rtamt.checking.RequirementExamples",
+        "RequirementId": "rtamt.language.RequirementId",
+        "SemanticsName": "rtamt.typing.SemanticsName",
+        "SpecificationTemplate": "rtamt.language.SpecificationTemplate",
+        "SubscribedField": "rtamt.language.SubscribedField",
+        "Subscription": "rtamt.language.Subscription",
+        "VerdictBook": "rtamt.internal.VerdictBook",
+        "evaluate_dense": "rtamt.dense.evaluate",
+        "evaluate_many": "rtamt.evaluate",
+        "explain_dense": "rtamt.dense.explain",
+        "export_fmu": "rtamt.Specification.export_fmu",
+        "in_words": "rtamt.Specification.in_words",
+        "joint_feed": "rtamt.internal.joint_feed",
+        "judge_dense": "rtamt.dense.judge",
+        "noticed": "rtamt.mutation.killed",
+        "predicates": "rtamt.Specification.predicates",
+        "publications": "rtamt.Specification.publications",
+        "scaled": "rtamt.Specification.scaled",
+        "subscriptions": "rtamt.Specification.subscriptions",
+        "unit_of_times": "rtamt.columns.unit_of_times",
+    },
+    "rtamt_gym": {
+        "Comparison": "rtamt_gym.results.Comparison",
+        "Evaluation": "rtamt_gym.results.Evaluation",
+        "Falsification": "rtamt_gym.results.Falsification",
+        "MethodComparison": "rtamt_gym.results.MethodComparison",
+        "Mined": "rtamt_gym.results.Mined",
+        "Reading": "rtamt_gym.EvaluationOptions",
+        "Record": "rtamt_gym.results.Record",
+        "RequirementResult": "rtamt_gym.results.RequirementResult",
+        "Run": "rtamt_gym.results.Run",
+        "SavedCase": "rtamt_gym.results.SavedCase",
+        "SharedBuffers": "rtamt_gym.wrappers.SharedBuffers",
+        "Snapshot": "rtamt_gym.results.Snapshot",
+        "Sweep": "rtamt_gym.results.Sweep",
+        "as_vector_env": "rtamt_gym.wrappers.as_vector_env",
+        "batched": "rtamt_gym.wrappers.batched",
+        "evaluate_rollouts": "rtamt_gym.mujoco.evaluate_rollouts",
+    },
+}
+"""For each package, every old name and the full new name."""
+
+FUNCTIONS: Final[Mapping[str, str]] = {
+    "rtamt.Specification.export_fmu": "rtamt.export.fmu.export_fmu",
+    "rtamt.Specification.in_words": "rtamt.language.words.in_words",
+    "rtamt.Specification.predicates": "rtamt.language.scaling.predicates",
+    "rtamt.Specification.publications": "rtamt.language.publications.publications",
+    "rtamt.Specification.scaled": "rtamt.language.scaling.scaled",
+    "rtamt.Specification.subscriptions": "rtamt.language.subscriptions.subscriptions",
+}
+"""The functions that became methods, which take the specification as an argument."""
+
+ATTRIBUTES: Final[Mapping[str, Mapping[str, str]]] = {
+    "Answer": {"says": "answer"},
+    "Asked": {"occasions": "count"},
+    "Check": {"asked": "triggers", "says": "answer"},
+    "CheckedRequirement": {"asked": "triggers", "idle": "redundant", "says": "answer"},
+    "Comparison": {"of_kept": "from_saved"},
+    "Course": {"asked": "triggers"},
+    "DenseAsked": {"occasions": "count"},
+    "DenseExplanation": {"circumstances": "contributions"},
+    "Equivalence": {"says": "answer"},
+    "Evaluation": {"of_kept": "from_saved", "reading": "evaluation_options"},
+    "Evidence": {"asked": "triggers", "never_asked": "never_triggered"},
+    "Explanation": {"circumstances": "contributions"},
+    "Falsification": {"found": "unreduced"},
+    "Judgement": {
+        "asked": "triggers",
+        "never_asked": "never_triggered",
+        "open_for": "undecided_because",
+        "untested": "unrecorded",
+    },
+    "MethodComparison": {"of_kept": "from_saved"},
+    "Mined": {"asked": "triggers", "never_asked": "never_triggered"},
+    "Mutant": {"apart": "distance"},
+    "Outcome": {
+        "asked": "triggers",
+        "never_asked": "never_triggered",
+        "occasions": "trigger_count",
+    },
+    "Reading": {"of_monitors": "from_monitors"},
+    "Record": {
+        "heights": "robustness_values",
+        "timed": "has_times",
+        "unconditional": "without_implications",
+    },
+    "RequirementExamples": {"says": "answer"},
+    "RequirementResult": {
+        "apart": "failures_excluded",
+        "asked": "triggered",
+        "heights": "robustness_values",
+    },
+    "Results": {"chosen": "has_cases", "of_files": "with_files"},
+    "Run": {"courses": "histories"},
+    "Runner": {"in_lanes": "vectorized", "reading": "evaluation_options"},
+    "SavedCase": {"reading": "evaluation_options"},
+    "Specification": {"given": "overrides"},
+    "StepMonitor": {"panel": "monitor_set"},
+    "Untested": {"begin": "start"},
+    "Waveform": {"of_steps": "from_steps"},
+}
+"""For each class, every old attribute or method and its new name."""
+
+KEYWORDS: Final[Mapping[str, Mapping[str, str]]] = {
+    "mutants": {"most": "limit"},
+}
+"""For each function, every old keyword and its new name."""
+
+OPTIONS: Final[Mapping[str, str]] = {
+    "--apart": "--distance",
+    "--min-noticed": "--min-killed",
+    "--require-asked": "--require-triggered",
+    "--write-apart": "--write-killing-traces",
+}
+"""Every old command-line option and its new name."""
+
+
+def old_name(package: str, name: str) -> object:
+    """Return what a renamed name of a package stands for, with a warning."""
+    new = NAMES[package][name]
+    _warn(f"{package}.{name}", f"{new}()" if new in FUNCTIONS else new, stacklevel=4)
+    return named(FUNCTIONS.get(new, new))
+
+
+def named(path: str) -> object:
+    """Return the object of a full name, such as ``"rtamt.dense.Monitor"``."""
+    module, _, name = path.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+class OldName:
+    """A renamed attribute or method of a class: returns the new one, with a warning.
+
+    Args:
+        new: The new name.
+    """
+
+    def __init__(self, new: str) -> None:
+        self.new = new
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Remember the old name."""
+        self._name = name
+
+    def __get__(self, instance: object, owner: type) -> Any:  # noqa: ANN401 - any attribute
+        """Return the new attribute."""
+        _warn(f"{owner.__name__}.{self._name}", f"{owner.__name__}.{self.new}", stacklevel=3)
+        return getattr(owner if instance is None else instance, self.new)
+
+
+def old_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Accept the old keywords of a function, with a warning."""
+    keywords = KEYWORDS[function.__name__]
+
+    @functools.wraps(function)
+    def renaming(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        for old in keywords.keys() & kwargs.keys():
+            new = keywords[old]
+            _warn(f"{function.__name__}({old}=)", f"{function.__name__}({new}=)", stacklevel=3)
+            kwargs[new] = kwargs.pop(old)
+        return function(*args, **kwargs)
+
+    return renaming
+
+
+def _warn(old: str, new: str, *, stacklevel: int) -> None:
+    warnings.warn(
+        f"{old} is now {new}. The next version removes the old name.",
+        DeprecationWarning,
+        stacklevel=stacklevel + 1,
+    )
