@@ -25,20 +25,20 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.play.record import Record
+    from rtamt_gym.play.run import Run
+    from rtamt_gym.play.runner import Runner
+    from rtamt_gym.play.saved_case import SavedCase
+    from rtamt_gym.play.simulate import simulate
     from rtamt_gym.reports.write import write_report
     from rtamt_gym.results.statistics import RequirementResult
     from rtamt_gym.search.falsification.falsification import Falsification
     from rtamt_gym.search.falsification.falsify import falsify
     from rtamt_gym.search.mining.mining import Mined, mine
-    from rtamt_gym.search.runs.record import Record
-    from rtamt_gym.search.runs.runner import Runner
-    from rtamt_gym.search.runs.saved_case import SavedCase
     from rtamt_gym.search.sweeps.sweep import Sweep, sweep
     from rtamt_gym.signals.batches import batched
     from rtamt_gym.signals.signals import Step
-    from rtamt_gym.simulation.fmi import Fmus
-    from rtamt_gym.simulation.run import Run
-    from rtamt_gym.simulation.simulate import simulate
+    from rtamt_gym.systems.fmi import Fmus
     from rtamt_gym.wrappers.cost import CostEnv
     from rtamt_gym.wrappers.monitor import StlMonitor
     from rtamt_gym.wrappers.overlay import RobustnessOverlay
@@ -103,20 +103,20 @@ _MODULES = {
     "CostEnv": "rtamt_gym.wrappers.cost",
     "Evaluation": "rtamt_gym.evaluation.evaluation",
     "Falsification": "rtamt_gym.search.falsification.falsification",
-    "Fmus": "rtamt_gym.simulation.fmi",
+    "Fmus": "rtamt_gym.systems.fmi",
     "MethodComparison": "rtamt_gym.evaluation.methods",
     "Mined": "rtamt_gym.search.mining.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "ParallelStlReward": "rtamt_gym.wrappers.parallel_reward",
     "Parameter": "rtamt_gym.inputs.ranges",
     "Reading": "rtamt_gym.judging.reading",
-    "Record": "rtamt_gym.search.runs.record",
+    "Record": "rtamt_gym.play.record",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",
     "RequirementResult": "rtamt_gym.results.statistics",
-    "Run": "rtamt_gym.simulation.run",
-    "Runner": "rtamt_gym.search.runs.runner",
-    "SavedCase": "rtamt_gym.search.runs.saved_case",
+    "Run": "rtamt_gym.play.run",
+    "Runner": "rtamt_gym.play.runner",
+    "SavedCase": "rtamt_gym.play.saved_case",
     "SharedBuffers": "rtamt_gym.wrappers.shared_buffers",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
@@ -138,7 +138,7 @@ _MODULES = {
     "falsify": "rtamt_gym.search.falsification.falsify",
     "mine": "rtamt_gym.search.mining.mining",
     "relabel": "rtamt_gym.datasets.relabel",
-    "simulate": "rtamt_gym.simulation.simulate",
+    "simulate": "rtamt_gym.play.simulate",
     "sweep": "rtamt_gym.search.sweeps.sweep",
     "write_report": "rtamt_gym.reports.write",
 }

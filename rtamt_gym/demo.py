@@ -13,13 +13,13 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt_gym.drawing import save
+from rtamt_gym.play.plot import draw
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.simulate import simulate
+from rtamt_gym.play.summaries import run_table, saved_note
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.environments import make, register
-from rtamt_gym.simulation.outcomes import report, saved_note
-from rtamt_gym.simulation.plot import draw
-from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.simulate import simulate
-from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.systems.registry import make, register
+from rtamt_gym.systems.system import Policy
 
 __all__ = ["HIGHWAY", "PENDULUM", "Demo", "run", "watch"]
 
@@ -160,7 +160,7 @@ def run(seed: int, picture: Path) -> Iterator[str]:
         yield f"{scenario.env_id}: {scenario.duration:g} s in steps of {period:g} s"
         yield from (f"  {name:8}  {text}" for name, text in scenario.specs.items())
         yield ""
-        yield from report(runs)
+        yield from run_table(runs)
         yield ""
         watched += runs
         shown += [run for run in runs if run.label == scenario.shown]

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Prints the selectors of an environment, or the ids of all environments; returns 0."""
-    from rtamt_gym.simulation.environments import families, make
+    from rtamt_gym.systems.registry import families, make
 
     if options.env_id is None and options.env_kwarg:
         raise InputError("expected the ENV_ID of the environment that takes --env-kwarg, got none")

@@ -169,7 +169,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.signals.periods import read_period
-    from rtamt_gym.simulation.environments import make
+    from rtamt_gym.systems.registry import make
 
     check_files(options)
     check_success(options)

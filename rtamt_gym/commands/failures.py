@@ -9,7 +9,7 @@ from rtamt_gym.commands.arguments import whole
 from rtamt_gym.commands.exit_codes import Hollow
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.runs.record import Record
+    from rtamt_gym.play.record import Record
 
 __all__ = ["add_allowed_failures", "hollow_failures"]
 

@@ -19,8 +19,8 @@ from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.runs.saved_case import SavedCase
-    from rtamt_gym.simulation.run import Run
+    from rtamt_gym.play.run import Run
+    from rtamt_gym.play.saved_case import SavedCase
 
 __all__ = ["add_arguments", "run"]
 
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the case, prints the run and its verdict; returns 1 if it is not the expected one."""
+    from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.table import Results
-    from rtamt_gym.search.runs.saved_case import SavedCase
 
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
     saved = SavedCase.load(options.case)
@@ -62,8 +62,8 @@ def run(options: argparse.Namespace) -> int:
         print("", f"run: {options.save}", sep="\n")
     if options.plot:
         from rtamt_gym.drawing import save
+        from rtamt_gym.play.plot import draw
         from rtamt_gym.search.falsification.falsification import with_inputs
-        from rtamt_gym.simulation.plot import draw
 
         save(draw([with_inputs(made, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
@@ -74,9 +74,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
+    from rtamt_gym.play.summaries import case_lines
     from rtamt_gym.results.asked import asked_texts
     from rtamt_gym.results.outcome import verdict_text
-    from rtamt_gym.search.runs.report import case_lines
 
     course = made.courses[saved.name]
     yield shown(f"{saved.name} of {made.system}")

@@ -108,8 +108,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _tell_imports(paths: Sequence[str]) -> None:
     """Says on standard error what the cases import, before anything of it runs."""
+    from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.codec import read
-    from rtamt_gym.search.runs.saved_case import SavedCase
 
     for path in paths:
         with suppress(RtamtError, OSError, ValueError):  # said where the result is read

@@ -27,10 +27,11 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.play.summaries import run_table, runs_json
 
 if TYPE_CHECKING:
-    from rtamt_gym.simulation.outcomes import Episode
-    from rtamt_gym.simulation.run import Run
+    from rtamt_gym.play.run import Run
+    from rtamt_gym.play.summaries import Episode
 
 __all__ = ["add_arguments", "run"]
 
@@ -92,13 +93,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them, writes files; returns 0, or 2 or 3."""
     from rtamt_gym.judging.specs import own_requirements
+    from rtamt_gym.play.record import Record
+    from rtamt_gym.play.simulate import simulate
+    from rtamt_gym.play.summaries import failures, saved_note, trial_of
     from rtamt_gym.results.trial import Trial, end_note
-    from rtamt_gym.search.runs.record import Record
-    from rtamt_gym.search.runs.report import failures
-    from rtamt_gym.simulation.environments import make
-    from rtamt_gym.simulation.outcomes import report, saved_note, to_json, trial_of
-    from rtamt_gym.simulation.policies import policy_of
-    from rtamt_gym.simulation.simulate import simulate
+    from rtamt_gym.systems.policies import policy_of
+    from rtamt_gym.systems.registry import make
 
     signals, reading = read_signals(options.signal), read_reading(options)
     check_outputs(options.json, picture=options.plot)
@@ -131,18 +131,18 @@ def run(options: argparse.Namespace) -> int:
     if unread:
         notes.append(f"read by no specification: {listing(unread)}")
     shown_below = [*failed, *end_note(record), *saved_note(episodes), *notes]
-    print("", *report(episodes), *[""] * bool(shown_below), *shown_below, sep="\n")
+    print("", *run_table(episodes), *[""] * bool(shown_below), *shown_below, sep="\n")
     if options.json:
         readings = {
             "on_violation": options.on_violation,
             "at_termination": reading.at_termination,
             "at_truncation": reading.at_truncation,
         }
-        options.json.write_text(to_json(episodes, readings) + "\n", encoding="utf-8")
+        options.json.write_text(runs_json(episodes, readings) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
         from rtamt_gym.drawing import save
-        from rtamt_gym.simulation.plot import draw
+        from rtamt_gym.play.plot import draw
 
         runs = {i: each for i, each in enumerate(episodes, 1) if not isinstance(each, Trial)}
         shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
@@ -160,8 +160,8 @@ def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
     that is wrong is so for all of them.
     """
     from rtamt_gym.inputs.case import Case
+    from rtamt_gym.play.recorder import failed
     from rtamt_gym.results.trial import Trial
-    from rtamt_gym.simulation.crashes import failed
 
     first: Exception | None = None
     episodes: list[Episode] = []

@@ -29,6 +29,7 @@ from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
 from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import add_policy, add_system, opened_system
 from rtamt_gym.commands.varied import add_varied, read_varied
+from rtamt_gym.play.summaries import record_json
 from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:
@@ -247,15 +248,13 @@ def _moved(done: Sweep, name: str) -> str:
 
 def _write(done: Sweep, options: argparse.Namespace) -> None:
     """Writes the files that were asked for."""
-    from rtamt_gym.search.runs.report import to_json
-
     if options.save:
         done.save(options.save)
         print(f"record: {options.save}")
     if options.json:
         kept = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
         record = done.record.of_files(files_of(options.requirement or [], options.policy))
-        options.json.write_text(to_json(record, kept) + "\n", encoding="utf-8")
+        options.json.write_text(record_json(record, kept) + "\n", encoding="utf-8")
         print(f"record: {options.json}")
     if options.heat_map:
         done.heat_map(options.heat_map, options.x, options.y)

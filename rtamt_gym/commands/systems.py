@@ -72,8 +72,8 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
         InputError: If there is no such system, or an option does not fit it.
     """
     from rtamt_gym.judging.specs import own_requirements
-    from rtamt_gym.search.runs.naming import named_system
-    from rtamt_gym.simulation.policies import policy_of
+    from rtamt_gym.systems.policies import policy_of
+    from rtamt_gym.systems.references import named_system
 
     if options.policy == "random":
         raise InputError(

@@ -16,10 +16,10 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
-from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
+from rtamt_gym.play.runner import Requirements
 from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
 from rtamt_gym.results.fingerprint import ChangedModelError, listed
@@ -27,8 +27,8 @@ from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
-from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.systems.policies import check_name_of_policy
 from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:  # it is optional

@@ -17,10 +17,8 @@ from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame, replay_difference
-from rtamt_gym.evaluation.policies import check_name_of_policy
 from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.repeating import (
     refuse_unrepeated,
@@ -29,25 +27,26 @@ from rtamt_gym.evaluation.repeating import (
     warn_of_difference,
 )
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
-from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading, seconds_of
+from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.play.episodes import Episodes
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.runner import Requirements, Runner
+from rtamt_gym.play.vector import VectorEpisodes
 from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.campaign import run_campaign
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import tell_failures
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.crashes import no_exit
-from rtamt_gym.simulation.environments import make
-from rtamt_gym.simulation.record import Stop
-from rtamt_gym.simulation.run import Run
+from rtamt_gym.systems.policies import check_name_of_policy
+from rtamt_gym.systems.registry import make
+from rtamt_gym.systems.system import no_exit
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import ClusterBackend
+    from rtamt_gym.play.workers import ClusterBackend
 
 __all__ = ["check_repeats", "evaluate_policy"]
 

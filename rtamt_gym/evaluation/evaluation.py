@@ -24,6 +24,9 @@ from rtamt_gym.evaluation.repeating import (
     HOW_TO_REPLAY,
     warn_of_difference,
 )
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.run_files import plain_run, run_fields
 from rtamt_gym.results.codec import (
     document,
     fraction_of,
@@ -37,15 +40,12 @@ from rtamt_gym.results.codec import (
 from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.written import plain_run, run_fields
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
 
-    from rtamt_gym.search.runs.runner import Runner
+    from rtamt_gym.play.runner import Runner
 
 __all__ = ["Evaluation"]
 

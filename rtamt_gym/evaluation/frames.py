@@ -15,17 +15,17 @@ import numpy as np
 
 from rtamt import InputTypeError
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.repeating import difference
+from rtamt_gym.play.episodes import Episodes
+from rtamt_gym.play.run import Run
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.periods import read_period
-from rtamt_gym.simulation.environment_case import baseline_of
-from rtamt_gym.simulation.monitors import monitor_of
-from rtamt_gym.simulation.run import Run
+from rtamt_gym.systems.environment import monitor_of
+from rtamt_gym.systems.environment_case import baseline_of
 from rtamt_gym.wrappers.substeps import read_substep_period
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.runs.runner import Runner
+    from rtamt_gym.play.runner import Runner
 
 __all__ = ["Film", "Filming", "Frame", "played", "replay_difference"]
 

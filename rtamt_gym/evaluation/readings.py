@@ -11,8 +11,8 @@ from rtamt_gym.signals.signals import ParsedSignal, own_signals
 from rtamt_gym.signals.sources import SOURCES
 
 if TYPE_CHECKING:
-    from rtamt_gym.evaluation.episodes import Episodes
-    from rtamt_gym.evaluation.vector import VectorEpisodes
+    from rtamt_gym.play.episodes import Episodes
+    from rtamt_gym.play.vector import VectorEpisodes
 
 __all__ = ["check_read_alike", "reading_of"]
 

@@ -13,8 +13,8 @@ from gymnasium.vector import VectorEnv
 
 from rtamt import InputError
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.play.run import Run
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import number
 
 __all__ = [

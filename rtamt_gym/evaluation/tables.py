@@ -11,12 +11,12 @@ import numpy as np
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
+from rtamt_gym.play.summaries import failures
 from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.intervals import promise, rate_interval
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
 from rtamt_gym.results.trial import end_note, open_at_stop
-from rtamt_gym.search.runs.report import failures
 from rtamt_gym.tables import Terminal, counted, p_text, short
 
 __all__ = ["comparison_table", "evaluation_table", "show"]

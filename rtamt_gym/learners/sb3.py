@@ -22,7 +22,7 @@ from rtamt_gym.learners.best import Best
 from rtamt_gym.learners.metrics import Satisfaction, evaluation_metrics, no_outcomes, successes
 from rtamt_gym.learners.sb3_policy import as_trained
 from rtamt_gym.learners.target import Target
-from rtamt_gym.search.runs.requirements import Requirements
+from rtamt_gym.play.runner import Requirements
 from rtamt_gym.signals.signals import SignalLike
 
 __all__ = ["SatisfactionCallback", "as_trained"]

@@ -15,11 +15,11 @@ import rtamt
 from rtamt import Explanation, RtamtError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import PredicateReading
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.summaries import case_lines
 from rtamt_gym.reports.model import Decision, ShownEpisode
 from rtamt_gym.reports.series import points_of, rounded, shown, six
 from rtamt_gym.results.outcome import Moment, Outcome, word
-from rtamt_gym.search.runs.report import case_lines
-from rtamt_gym.simulation.run import Run
 
 __all__ = ["PlayedEpisode", "case_texts", "episode_of_run", "in_words_of", "rounded_moment"]
 

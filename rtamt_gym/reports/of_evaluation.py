@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.play.run import Run
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import (
     Fact,
@@ -23,7 +24,6 @@ from rtamt_gym.reports.series import six
 from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
 __all__ = ["of_evaluation"]

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.summaries import failures
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
 from rtamt_gym.reports.rows import (
@@ -27,11 +30,8 @@ from rtamt_gym.reports.rows import (
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
 from rtamt_gym.results.outcome import Word, word
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.report import failures
 from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.sweep import Sweep
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted
 
 __all__ = ["maps_of", "of_record", "requirements_of", "unit_of"]

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.rows import labelled, requirement_of, trials_of
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.provenance import provenance_of
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, sample_text
 
 __all__ = ["of_run", "of_runs"]

@@ -9,6 +9,9 @@ from typing import Any
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.saved_case import SavedCase
 from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of, rounded_moment
 from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
@@ -21,9 +24,6 @@ from rtamt_gym.results.outcome import WORDS, Outcome, word
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.saved_case import SavedCase
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
 __all__ = ["convergence_of", "of_case", "of_search", "of_search_json"]

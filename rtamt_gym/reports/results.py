@@ -12,6 +12,10 @@ from rtamt import InputTypeError
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.record_files import holds_run, read_space
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.saved_case import SavedCase
 from rtamt_gym.reports.model import Section
 from rtamt_gym.reports.of_comparison import of_comparison
 from rtamt_gym.reports.of_evaluation import of_evaluation
@@ -24,10 +28,7 @@ from rtamt_gym.reports.of_search import of_case, of_search, of_search_json
 from rtamt_gym.results.codec import made, read, trials_of
 from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.falsification import Falsification
-from rtamt_gym.search.runs.record import Record, storage
-from rtamt_gym.search.runs.saved_case import SavedCase
 from rtamt_gym.search.sweeps.sweep import Sweep
-from rtamt_gym.simulation.run import Run
 
 __all__ = ["SECTIONS", "Access", "section_of"]
 
@@ -107,13 +108,12 @@ def _of_file(path: Path, room: int, access: Access) -> Section:
 
 def _of_table(path: Path, room: int) -> Section:
     """The section of a Parquet file, or of the folder of a campaign."""
-    files = storage("a report")
-    if not path.is_dir() and files.holds_run(path):
+    if not path.is_dir() and holds_run(path):
         return of_run(Run.load(path), room)
     record, also = Record.read(path, "a report")
     if "space" not in also:
         return of_record(record, room)
-    space = files.read_space(also["space"])
+    space = read_space(also["space"])
     return of_record(Sweep(record, space, also["sampler"], also["seed"]), room)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from rtamt_gym.play.record import Record
 from rtamt_gym.reports.episodes import case_texts, rounded_moment
 from rtamt_gym.reports.model import (
     Counts,
@@ -32,7 +33,6 @@ from rtamt_gym.results.statistics import (
 )
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial, open_at_stop
-from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted
 
 __all__ = [

@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.evaluation.methods import MethodComparison
     from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.play.record import Record
+    from rtamt_gym.play.run import Run
+    from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.statistics import RequirementResult
     from rtamt_gym.search.falsification.falsification import Falsification
     from rtamt_gym.search.mining.mining import Mined
-    from rtamt_gym.search.runs.record import Record
-    from rtamt_gym.search.runs.saved_case import SavedCase
     from rtamt_gym.search.sweeps.sweep import Sweep
-    from rtamt_gym.simulation.run import Run
 
 __all__ = [
     "Comparison",
@@ -40,10 +40,10 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Falsification": "rtamt_gym.search.falsification.falsification.Falsification",
             "MethodComparison": "rtamt_gym.evaluation.methods.MethodComparison",
             "Mined": "rtamt_gym.search.mining.mining.Mined",
-            "Record": "rtamt_gym.search.runs.record.Record",
+            "Record": "rtamt_gym.play.record.Record",
             "RequirementResult": "rtamt_gym.results.statistics.RequirementResult",
-            "Run": "rtamt_gym.simulation.run.Run",
-            "SavedCase": "rtamt_gym.search.runs.saved_case.SavedCase",
+            "Run": "rtamt_gym.play.run.Run",
+            "SavedCase": "rtamt_gym.play.saved_case.SavedCase",
             "Snapshot": "rtamt_gym.mujoco.snapshots.Snapshot",
             "Sweep": "rtamt_gym.search.sweeps.sweep.Sweep",
         },

@@ -9,7 +9,7 @@ from typing import get_args
 
 from rtamt import RtamtError
 from rtamt_gym.checks.numbers import exact
-from rtamt_gym.simulation.systems import System, SystemEnd
+from rtamt_gym.systems.system import System, SystemEnd
 from rtamt_gym.testing.claims import claim
 
 __all__ = ["check_system"]
@@ -38,7 +38,7 @@ def check_system(
         AssertionError: If the contract is not kept.
 
     Example:
-        >>> from rtamt_gym.simulation.systems import SampleSource
+        >>> from rtamt_gym.systems.samples import SampleSource
         >>> check_system(lambda: SampleSource([{"x": 0.0, "y": 2}, {"x": 1.0, "y": 3}]), ["x", "y"])
     """
     system = make()

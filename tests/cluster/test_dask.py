@@ -10,7 +10,7 @@ from clusters import check
 from distributed import Client, LocalCluster
 
 from rtamt import InputError
-from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.play.campaign import run_campaign
 
 
 def test_a_campaign_runs_on_the_workers_of_the_present_client(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from environments import CASES, Env
 from rtamt import InputError
 from rtamt_gym import StlMonitor, StlReward
 from rtamt_gym.judging.ends import UnseenEndWarning
-from rtamt_gym.simulation.policies import policy_of
+from rtamt_gym.systems.policies import policy_of
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
 """The keys that every last info has."""

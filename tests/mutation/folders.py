@@ -200,7 +200,7 @@ _ARRAYS: Final = tuple(
 )
 _TOP: Final = ("demo", "drawing", "libraries", "markup", "success", "tables")
 _CAMPAIGNS: Final = "tests/rtamt_gym/search"
-_RUNS: Final = "tests/rtamt_gym/simulation"
+_RUNS: Final = "tests/rtamt_gym/play"
 
 # What the quick suite has to kill: everything that the bare command runs.
 QUICK: Final = Covering(("tests", "rtamt", "rtamt_gym", "rtamt_ros", "envs"), suite="quick")
@@ -257,12 +257,15 @@ FOLDERS: Final = {
         _room("rtamt_gym", "inputs", _CAMPAIGNS, _RUNS),
         _room("rtamt_gym", "learners"),
         _room("rtamt_gym", "mujoco"),
+        _room(
+            "rtamt_gym", "play", _CAMPAIGNS, "tests/rtamt_gym/systems", "tests/rtamt_gym/evaluation"
+        ),
         _room("rtamt_gym", "recorded"),
         _room("rtamt_gym", "reports"),
         _room("rtamt_gym", "results", "tests/rtamt_gym/reports", "tests/rtamt_gym/recorded"),
         _room("rtamt_gym", "search"),
         _room("rtamt_gym", "signals", "tests/rtamt_gym/wrappers"),
-        _room("rtamt_gym", "simulation", _CAMPAIGNS),
+        _room("rtamt_gym", "systems", _CAMPAIGNS, _RUNS),
         _room("rtamt_gym", "testing"),
         _room("rtamt_gym", "wrappers", "tests/rtamt_gym/judging", "tests/rtamt_gym/success"),
         _room("rtamt_ros", "", left_out=("rtamt_ros/ros1.py", "rtamt_ros/ros2.py")),

@@ -35,7 +35,8 @@ FLOORS = {
         ("signals", "results"),
         ("judging", "benchmarks"),
         ("wrappers", "mujoco"),
-        ("simulation", "recorded"),
+        ("systems", "recorded"),
+        ("play",),
         ("search",),
         ("evaluation",),
         ("reports", "learners", "datasets"),
@@ -86,8 +87,6 @@ FLOORS = {
         ("__init__",),
     ),
     "rtamt_gym.search": (
-        ("runs",),
-        ("campaigns",),
         ("sweeps",),
         ("falsification", "mining"),
         ("__init__",),

@@ -16,7 +16,7 @@ from threading import Event
 from typing import Self
 
 from rtamt_gym import Runner
-from rtamt_gym.search.runs.runner import CaseLike
+from rtamt_gym.play.runner import CaseLike
 
 __all__ = ["Alive", "noted", "program", "tank", "tank_runner", "tank_tasks", "troubled"]
 

@@ -8,7 +8,7 @@ from typing import Any
 from campaign_systems import tank_runner, troubled
 
 from rtamt_gym import Parameter, Record, evaluate_policy, falsify, sweep
-from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.play.campaign import run_campaign
 
 __all__ = ["check"]
 

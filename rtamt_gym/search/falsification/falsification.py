@@ -18,6 +18,10 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.runner import Runner
+from rtamt_gym.play.summaries import case_lines, failures
 from rtamt_gym.results.asked import asked_said, never_asked
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.fingerprint import listed
@@ -27,10 +31,6 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.undecided import decides_nothing, undecided_in, undecided_texts
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.falsification.effects import Effects
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.report import case_lines, failures
-from rtamt_gym.search.runs.runner import Runner
-from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
 __all__ = ["Falsification", "with_inputs"]
@@ -150,7 +150,7 @@ class Falsification:
         """
         try:
             from rtamt_gym import drawing
-            from rtamt_gym.simulation.plot import draw
+            from rtamt_gym.play.plot import draw
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Falsification.plot") from error
         drawing.check_format(Path(path))
@@ -175,8 +175,8 @@ class Falsification:
             InputError: If a file can hold no name of the system, the policy or a signal, with the
                 way out.
         """
+        from rtamt_gym.play.saved_case import SavedCase
         from rtamt_gym.results.codec import check_name
-        from rtamt_gym.search.runs.saved_case import SavedCase
 
         check_name(path)
         then = self.record.provenance.fingerprint

@@ -22,12 +22,15 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, lists_reading
+from rtamt_gym.play.folder import Folder
+from rtamt_gym.play.record import Record, check_columns
+from rtamt_gym.play.record_files import written_space
+from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.runner import Requirements, Runner
+from rtamt_gym.play.workers import Elsewhere, Recipe, check_workers
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
-from rtamt_gym.search.campaigns.folder import Folder
-from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
@@ -37,17 +40,13 @@ from rtamt_gym.search.falsification.protocol import Optimizer
 from rtamt_gym.search.falsification.reduction import reduced
 from rtamt_gym.search.falsification.scales import given_scales, needs_scales
 from rtamt_gym.search.falsification.search import Search, SearchOver
-from rtamt_gym.search.runs.record import Record, check_columns, storage
-from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.record import Stop
-from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import ClusterBackend
+    from rtamt_gym.play.workers import ClusterBackend
 
 __all__ = ["IrreproducibleWarning", "falsify"]
 
@@ -252,7 +251,7 @@ def falsify(
     fingerprint = runner.fingerprint()
     kept = None
     if folder is not None:
-        about = {"space": storage("falsify with folder=").written_space(varied)}
+        about: dict[str, Any] = {"space": written_space(varied)}
         about |= {"fixed": json.loads(rest.to_json()), "optimizer": name, "seed": seed}
         identity = {
             **Recipe(runner).identity(texts),

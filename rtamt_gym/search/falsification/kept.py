@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 
 from rtamt import InputError
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.folder import Folder
+from rtamt_gym.play.record import Record
 from rtamt_gym.results.fingerprint import Reuse
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.folder import Folder
-from rtamt_gym.search.runs.record import Record
 
 __all__ = ["KeptSearch", "Valued"]
 

@@ -17,16 +17,16 @@ from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.play.loop import SimulatedTrace
+from rtamt_gym.play.runner import Runner
+from rtamt_gym.play.whole import MakeRunner, Whole, judged_whole
+from rtamt_gym.play.workers import Elsewhere
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.elsewhere import Elsewhere
 from rtamt_gym.search.falsification.effects import Effects, inputs_without_effect
 from rtamt_gym.search.falsification.kept import KeptSearch, Valued
 from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
 from rtamt_gym.search.falsification.scales import in_scales, spreads
-from rtamt_gym.search.runs.runner import Runner
-from rtamt_gym.search.runs.trace import SimulatedTrace
-from rtamt_gym.search.runs.whole import MakeRunner, Whole, judged_whole
 
 __all__ = ["Search", "SearchOver"]
 

@@ -19,13 +19,18 @@ from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
-from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.search.sweeps.sweep import space_of
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.entries import as_number, refuse_unknown
-from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.systems import Policy, Signals, System, named_signals
+from rtamt_gym.systems.system import (
+    Policy,
+    Signals,
+    System,
+    as_number,
+    named_signals,
+    refuse_unknown,
+)
 
 try:
     import staliro

@@ -26,10 +26,10 @@ from rtamt_gym.recorded.trace import EventTrace
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
+    from rtamt_gym.play.loop import SimulatedTrace
+    from rtamt_gym.play.run import Run
     from rtamt_gym.results.trial import RunEnd
-    from rtamt_gym.search.runs.trace import SimulatedTrace
     from rtamt_gym.search.sweeps.sweep import Sweep
-    from rtamt_gym.simulation.run import Run
 
 __all__ = ["Samples", "Traces", "notes_on", "samples_of"]
 

@@ -13,7 +13,7 @@ from rtamt import InputError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.runs.record import Record
+from rtamt_gym.play.record import Record
 from rtamt_gym.tables import shorten, table
 
 __all__ = ["RobustnessMap", "map_of", "text_of", "two_of"]

@@ -13,7 +13,7 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.runs.record import Record
+from rtamt_gym.play.record import Record
 from rtamt_gym.search.sweeps.samplers import LEVELS, Sampler, problem_of, sample
 from rtamt_gym.tables import counted, shorten, table
 

@@ -19,25 +19,25 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.play.record import Record, check_columns
+from rtamt_gym.play.record_files import read_space, written_space
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.runner import Requirements, Runner
+from rtamt_gym.play.summaries import failures, record_table
 from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.campaign import run_campaign
-from rtamt_gym.search.runs.record import Record, check_columns, storage
-from rtamt_gym.search.runs.report import failures, summary
-from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
 from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.record import Stop
-from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import ClusterBackend
+    from rtamt_gym.play.workers import ClusterBackend
 
 __all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 
@@ -182,7 +182,7 @@ class Sweep:
             InputError: If the name does not end in ``.parquet``.
         """
         what = "Sweep.save"
-        self.record.write(path, what, _also(self.space, self.sampler, self.seed, what))
+        self.record.write(path, what, _also(self.space, self.sampler, self.seed))
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Sweep:
@@ -194,7 +194,7 @@ class Sweep:
         record, also = Record.read(path, "Sweep.load")
         if "space" not in also:
             raise InputError(f"{path} holds a record and no sweep; read it with Record.load")
-        space = storage("Sweep.load").read_space(also["space"])
+        space = read_space(also["space"])
         return Sweep(record, space, also["sampler"], also["seed"])
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -209,7 +209,7 @@ class Sweep:
 
     def lines(self) -> list[str]:
         """The record in a table, and the map of a grid of two columns, as lines of text."""
-        lines = summary(self.record)
+        lines = record_table(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
                 heights = self.record.heights(name)
@@ -355,7 +355,7 @@ def sweep(
         timeout=timeout,
         folder=folder,
         accept_changed=accept_changed,
-        about=None if folder is None else _also(varied, sampler, seed, "sweep with folder="),
+        about=None if folder is None else _also(varied, sampler, seed),
         what=f"sweep of {runner.name}",
         progress=progress,
     )
@@ -363,9 +363,9 @@ def sweep(
     return Sweep(record, varied, sampler, seed, runner)
 
 
-def _also(space: Space, sampler: Sampler, seed: int, what: str) -> dict[str, Any]:
+def _also(space: Space, sampler: Sampler, seed: int) -> dict[str, Any]:
     """What is kept of a sweep beside its record."""
-    return {"space": storage(what).written_space(space), "sampler": sampler, "seed": seed}
+    return {"space": written_space(space), "sampler": sampler, "seed": seed}
 
 
 def _checked_seed(seed: object) -> int:

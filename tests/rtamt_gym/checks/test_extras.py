@@ -16,9 +16,9 @@ from rtamt_gym.checks import released
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.play.workers import Elsewhere
 from rtamt_gym.reports.html import render
 from rtamt_gym.results.intervals import scipy_stats
-from rtamt_gym.search.campaigns.elsewhere import Elsewhere
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.sweeps.indices import Indices
 
@@ -109,14 +109,14 @@ DRAWING = ("rtamt_gym.drawing",)
         (
             lambda: Record.load("runs.parquet"),
             "pyarrow",
-            ("rtamt_gym.search.runs.storage",),
+            (),
             "Record.load",
             "search",
         ),
         (
             lambda: Elsewhere(NONE, 2, None, None),
             "joblib",
-            ("rtamt_gym.search.campaigns.workers",),
+            (),
             "n_jobs=",
             "search",
         ),
@@ -130,7 +130,7 @@ DRAWING = ("rtamt_gym.drawing",)
         (
             lambda: Falsification.plot(NONE, "a.png"),
             "matplotlib",
-            (*DRAWING, "rtamt_gym.simulation.plot"),
+            (*DRAWING, "rtamt_gym.play.plot"),
             "Falsification.plot",
             "plot",
         ),

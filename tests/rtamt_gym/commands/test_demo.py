@@ -10,7 +10,7 @@ import pytest
 from rtamt_gym import Run, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
-from rtamt_gym.simulation.environments import make
+from rtamt_gym.systems.registry import make
 
 
 def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:

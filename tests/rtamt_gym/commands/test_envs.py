@@ -18,8 +18,8 @@ from rtamt_envs import scenario_of
 
 from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.simulation import environments
-from rtamt_gym.simulation.environments import make
+from rtamt_gym.systems import registry as environments
+from rtamt_gym.systems.registry import make
 from rtamt_gym.tables import number
 
 Output = pytest.CaptureFixture[str]

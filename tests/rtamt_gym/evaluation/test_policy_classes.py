@@ -12,7 +12,7 @@ import pytest
 from rtamt import InputError
 from rtamt_gym import evaluate_policy
 from rtamt_gym.__main__ import main
-from rtamt_gym.simulation.policies import policy_of
+from rtamt_gym.systems.policies import policy_of
 
 SPEC, SIGNALS = "always(abs(x) < 0.2)", {"x": "obs[0]"}
 

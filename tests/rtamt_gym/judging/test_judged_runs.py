@@ -17,7 +17,7 @@ from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, s
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.reading import Reading
-from rtamt_gym.simulation import simulation as simulations
+from rtamt_gym.play import simulation as simulations
 
 SPACE = [Parameter("gain", 0, 1)]
 GRAVITY = [Parameter("env.gravity", 9, 10)]

@@ -8,11 +8,11 @@ import gymnasium as gym
 
 from rtamt import Verdict
 from rtamt_gym import simulate
+from rtamt_gym.play.run import Run
 from rtamt_gym.reports.model import ShownEpisode
 from rtamt_gym.reports.of_runs import of_run
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.results.outcome import Moment
-from rtamt_gym.simulation.run import Run
 
 
 def shown(run: Run) -> ShownEpisode:

@@ -14,12 +14,12 @@ import rtamt_gym
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Evaluation, compare, compare_methods, write_report
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.summaries import record_json
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Fact, ShownFile
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.write import report_of
-from rtamt_gym.search.runs.report import to_json
 
 KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
@@ -94,7 +94,9 @@ def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) 
     done = swept()
     done.save(tmp_path / "s.parquet")
     done.record.save(tmp_path / "r.parquet")
-    (tmp_path / "s.json").write_text(to_json(done.record, {"sampler": "grid"}), encoding="utf-8")
+    (tmp_path / "s.json").write_text(
+        record_json(done.record, {"sampler": "grid"}), encoding="utf-8"
+    )
     made = section_of(done, ROOM)
     for name in ("s.parquet", "r.parquet", "s.json"):
         read = section_of(tmp_path / name, ROOM)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.saved_case import SavedCase
 from rtamt_gym.reports.of_matrix import of_matrix
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.reports.write import report_of, write_report
-from rtamt_gym.search.runs.saved_case import SavedCase
 
 Output = pytest.CaptureFixture[str]
 

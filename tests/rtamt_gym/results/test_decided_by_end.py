@@ -27,14 +27,14 @@ from rtamt_gym import (
     simulate,
 )
 from rtamt_gym.learners.metrics import Satisfaction, ended_episodes, evaluation_metrics, metrics_of
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run_files import plain_run, run_fields
+from rtamt_gym.play.summaries import run_table
 from rtamt_gym.reports.results import section_of
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.table import together
-from rtamt_gym.search.runs.record import Record
-from rtamt_gym.simulation.outcomes import report
-from rtamt_gym.simulation.written import plain_run, run_fields
 
 VALUES = [1.0, 2.0, 1.0, 2.0]
 LAST = len(VALUES) - 1
@@ -192,7 +192,7 @@ def test_saved_time_counts_a_stop_and_no_end() -> None:
 
 def test_tables_and_pages_name_the_end(tmp_path: Path) -> None:
     run = run_of(SPECS)
-    shown = [line.split() for line in report([run])]
+    shown = [line.split() for line in run_table([run])]
     certain = {
         name: line[line.index(name) - 2 : line.index(name)]
         for line in shown

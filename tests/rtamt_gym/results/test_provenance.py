@@ -15,6 +15,7 @@ import rtamt
 from rtamt import RequirementId
 from rtamt_gym import Comparison, Evaluation, Parameter, compare, evaluate_policy, sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.record import Record
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.write import report_of
 from rtamt_gym.results.codec import read
@@ -25,7 +26,6 @@ from rtamt_gym.results.provenance import (
     plain_provenance,
     provenance_of,
 )
-from rtamt_gym.search.runs.record import Record
 
 Output = pytest.CaptureFixture[str]
 

@@ -36,12 +36,11 @@ from rtamt_gym import (
     write_report,
 )
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.plot import draw
+from rtamt_gym.play.run_files import plain_run
+from rtamt_gym.play.summaries import record_table, runs_json
 from rtamt_gym.reports.charts import episode_chart
 from rtamt_gym.reports.episodes import episode_of_run
-from rtamt_gym.search.runs.report import summary
-from rtamt_gym.simulation.outcomes import to_json
-from rtamt_gym.simulation.plot import draw
-from rtamt_gym.simulation.written import plain_run
 from rtamt_gym.wrappers.overlay_panel import OverlayPanel
 
 NAMED = (
@@ -304,7 +303,7 @@ def on_the_command_line(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
 OUTPUTS: dict[str, Callable[..., object]] = {
     "course": lambda made: repr(made.run().courses["upright"]),
     "outcome": lambda made: repr(made.run().outcomes["upright"]).replace("<Verdict.", ""),
-    "runs.json": lambda made: json.loads(to_json([made.run()], {})),
+    "runs.json": lambda made: json.loads(runs_json([made.run()], {})),
     "run.parquet": lambda made: plain_run(made.run(), arrays=False),
     "rtamt run": on_the_command_line,
     "rtamt run --plot": picture,
@@ -348,7 +347,7 @@ def test_tables_over_many_runs_say_that_violations_are_by_the_end(
     kind: str, tmp_path: Path
 ) -> None:
     evaluation = Made(KINDS[kind], tmp_path).evaluation()
-    for text in (str(evaluation), "\n".join(summary(evaluation.record))):
+    for text in (str(evaluation), "\n".join(record_table(evaluation.record))):
         assert ("violated by how it ended" in text) == (kind == "failure"), text
 
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from rtamt import InputError
 from rtamt_gym import Falsification, Parameter, Record, Signal, Sweep, falsify
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.record_files import PARTS
+from rtamt_gym.play.record_files import RECORD as WHOLE
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.search.falsification.protocol import Evaluate
-from rtamt_gym.search.runs.files import PARTS
-from rtamt_gym.search.runs.files import RECORD as WHOLE
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 Output = pytest.CaptureFixture[str]

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt_gym import Parameter, falsify
+from rtamt_gym.play.loop import SimulatedTrace
 from rtamt_gym.search.falsification.protocol import Evaluate
 from rtamt_gym.search.falsification.scales import in_scales, needs_scales, spreads
-from rtamt_gym.search.runs.trace import SimulatedTrace
 
 SPEC = rtamt.parse("slow = always(rpm < 3000); slow implies always(v < 35 and v > -5)")
 

@@ -30,7 +30,7 @@ from rtamt_gym import (
     simulate,
 )
 from rtamt_gym.judging.ends import OpenEndWarning
-from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.play.runner import Runner
 from rtamt_gym.signals.periods import why_no_period
 
 pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")

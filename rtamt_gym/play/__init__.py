@@ -1,0 +1,1 @@
+"""Plays systems under monitors: one run, many runs, and campaigns on processes and machines."""

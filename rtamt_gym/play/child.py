@@ -1,0 +1,67 @@
+"""What the process does that `campaign_process` starts: it makes a runner and runs tasks."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import pickle
+import select
+import signal
+import sys
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from rtamt_gym.recorded.progress import silence
+
+
+class Making:
+    """Whether this process is making its runner, which imports what the runner is made of."""
+
+    now = False
+
+
+def main(pipe: int, alive: int, idle: float) -> None:
+    """Runs tasks until there are no more.
+
+    Args:
+        pipe: The file descriptor of the pipe that brings tasks and takes rows.
+        alive: The file descriptor of a pipe that ends when the parent process ends.
+        idle: Seconds without tasks after which it ends too.
+    """
+    _end_with(alive)
+    faulthandler.enable()  # it says on stderr where a simulation crashed
+    silence()
+    connection = Connection(pipe)
+    Making.now = True
+    try:
+        recipe: Any = pickle.loads(connection.recv_bytes())  # noqa: S301 - of our own parent
+        runner = recipe.runner()
+    except Exception as error:  # noqa: BLE001 - the parent raises it
+        connection.send(f"{type(error).__name__}: {error}")
+        return
+    Making.now = False
+    connection.send("")
+    with runner, suppress(EOFError):  # the pipe may end before `alive` does
+        while connection.poll(idle):
+            tasks, above = connection.recv()
+            if not tasks:
+                break
+            seeds = [seed for _, seed in tasks] if runner.takes_seeds else None
+            for over in runner.run([case for case, _ in tasks], seeds, above=above):
+                connection.send(over)
+            connection.send((0, None))
+
+
+def _end_with(alive: int) -> None:
+    """Ends this process, and what it starts, as soon as the one that has started it ends.
+
+    The system does it, by a signal: no code of ours runs while a simulation hangs in C.
+    """
+    import fcntl
+
+    signal.signal(signal.SIGIO, signal.SIG_DFL)
+    fcntl.fcntl(alive, fcntl.F_SETOWN, -os.getpgrp())
+    fcntl.fcntl(alive, fcntl.F_SETFL, fcntl.fcntl(alive, fcntl.F_GETFL) | os.O_ASYNC)
+    if select.select([alive], [], [], 0)[0]:  # it has ended already
+        sys.exit(1)

@@ -1,0 +1,169 @@
+"""`Episodes`: plays episodes of a policy in an environment, one by one or side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+
+from rtamt import InputError
+from rtamt.errors import Argument
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.loop import Lane, SimulatedTrace, Task, side_by_side
+from rtamt_gym.play.runner import CaseLike, Requirements, Runner
+from rtamt_gym.play.simulation import Simulation, Simulator
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.systems.environment import monitor_of
+from rtamt_gym.systems.models import Model
+from rtamt_gym.systems.policies import evaluated
+from rtamt_gym.systems.system import Policy
+
+_WAVES = 8
+"""How many episodes each lane plays of those that a worker gets at once."""
+
+
+class Episodes(Runner):
+    """Plays episodes of a policy in an environment.
+
+    A model that gives the action that it holds for best acts in ``n_envs`` episodes at once, each
+    in an environment of its own. All else acts in one after the other.
+
+    Attributes:
+        evaluated: The policy.
+        unasked: Whether nobody has said what the environment's own end means.
+        monitor: The monitor of the environment, or None.
+
+    Args:
+        env: The environment, or a function that makes one.
+        requirements: The requirements.
+        policy: The policy, as `evaluate_policy` takes it, or an `Evaluated`.
+        deterministic: Whether a model gives the action that it holds for best.
+        n_envs: How many episodes run side by side.
+        made: What the function has made, if it was called already.
+        **options: As for `Runner`.
+
+    Raises:
+        InputError: If there are to be several environments, and they cannot be made.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any] | Callable[[], gym.Env[Any, Any]],
+        requirements: Requirements | None = None,
+        *,
+        policy: Any,  # noqa: ANN401
+        deterministic: bool = True,
+        n_envs: int = 1,
+        made: gym.Env[Any, Any] | None = None,
+        **options: Any,  # noqa: ANN401 - as for `Runner`
+    ) -> None:
+        self._n_envs = check_count(Argument("n_envs"), n_envs)
+        self._given = env
+        self._envs: list[gym.Env[Any, Any]] = []
+        self._simulators: dict[int, Simulator] = {}
+        made = made or (env if isinstance(env, gym.Env) else env())
+        self.evaluated = evaluated(policy, made, deterministic=deterministic)
+        options = {"batch": n_envs, **options}
+        self.monitor = monitor_of(made)
+        super().__init__(made, requirements, policies=self.evaluated.make, **options)
+        self.unasked = self.reading.at_termination is None
+        if self.unasked:  # else every episode would warn
+            self.reading = self.reading.having(at_termination="complete")
+        if self._model is not None and n_envs > 1:
+            self._envs = [made, self._another()]
+
+    @property
+    def arguments(self) -> Mapping[str, Any]:
+        """As `Runner.arguments`."""
+        own = {
+            name: value
+            for name, value in super().arguments.items()
+            if name not in {"policy", "policies"}
+        }
+        return {**own, "policy": self.evaluated, "n_envs": self._n_envs}
+
+    @property
+    def origin(self) -> Any:  # noqa: ANN401
+        """As `Runner.origin`: the function that makes the environment, if there is one."""
+        return self._given
+
+    @property
+    def batch(self) -> int:
+        """How many episodes a worker gets at once at least."""
+        return self._n_envs * _WAVES if self._envs else super().batch
+
+    def close(self) -> None:
+        """Closes the environments made here: all but the first, which the runner itself closes."""
+        for env in self._envs[1:]:
+            env.close()
+        super().close()
+
+    def run(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        keep: Callable[[int, SimulatedTrace], object] | None = None,
+        above: Mapping[str, float] | None = None,
+    ) -> Iterator[tuple[int, Trial]]:
+        """Plays episodes, as `Runner.run` does."""
+        model = self._model
+        if not self._envs or model is None or keep is not None:
+            yield from super().run(cases, seeds, keep=keep, above=above)
+            return
+        listed = [Case(case) for case in cases]
+        given: Sequence[int | None] = seeds or [None] * len(listed)
+        left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
+
+        def begin(env: Any, task: Task, policy: Policy) -> Simulation:  # noqa: ANN401
+            return self._begin(
+                task.case, task.seed, above, None, policy, self._simulator_of(env), light=True
+            )
+
+        while len(self._envs) < min(self._n_envs, len(listed)):
+            self._envs.append(self._another())
+        lanes = [Lane(env, begin) for env in self._envs[: min(self._n_envs, len(listed))]]
+        space = self.system.observation_space
+        try:
+            for index, row in side_by_side(lanes, model, space, list(left.values())):
+                del left[index]
+                yield index, row
+        except (Exception, SystemExit):  # noqa: BLE001 - it stands in the row of the episode that has it
+            for index, task in left.items():
+                own = None if task.seed is None else [task.seed]
+                for _, row in super().run([task.case], own, above=above):
+                    yield index, row
+
+    def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
+        """The simulator of an environment, made once for all episodes in it."""
+        if id(env) not in self._simulators:
+            specs, duration = self.requirements, self._of_runs["duration"]
+            self._simulators[id(env)] = Simulator(
+                env, specs, self.signals, self.reading, duration=duration
+            )
+        return self._simulators[id(env)]
+
+    @property
+    def _model(self) -> Model | None:
+        """The model that can act in many episodes at once, if it is one."""
+        make = self.evaluated.make
+        return make if isinstance(make, Model) and make.deterministic else None
+
+    def _another(self) -> gym.Env[Any, Any]:
+        """One more environment like the first."""
+        if not isinstance(self._given, gym.Env):
+            return self._given()
+        spec = self._given.spec
+        missing = (
+            [each.name for each in spec.additional_wrappers if each.kwargs is None] if spec else []
+        )
+        if spec is None or missing:
+            what = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
+            raise InputError(
+                Argument("n_envs", self._n_envs),
+                f" needs as many environments, and {what} does not say how it "
+                "is made; give a function that makes the environment",
+            )
+        return gym.make(spec)

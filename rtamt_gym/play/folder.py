@@ -1,0 +1,284 @@
+"""The folder of a campaign: finished runs as small Parquet files, so that it can go on later.
+
+Every file is complete from the moment it has its name, whenever the program or the machine dies.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, Final, Self
+
+from rtamt import InputError
+from rtamt.errors import Argument
+from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.record_files import (
+    CAMPAIGN,
+    PARTS,
+    RECORD,
+    finished,
+    part_name,
+    part_number,
+    parts,
+    read_campaign,
+)
+from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse, check_unchanged
+from rtamt_gym.results.trial import Trial
+
+_WRITING: Final = "writing-"
+"""What the name of a file begins with until it is complete."""
+
+_WHAT: Final = "a campaign with folder="
+"""What needs the extra that reads and writes the files."""
+
+
+class Folder:
+    """The folder of one campaign, held by one process at a time.
+
+    Attributes:
+        path: Its path.
+
+    Args:
+        path: The folder; it is made if there is none.
+        identity: What tells the campaign from others, as JSON can write it.
+        about: What is kept with the record, as JSON can write it.
+        requirements: The text of each requirement, by name.
+        system: The name of the system.
+        fingerprint: Hashes and versions of what the campaign runs.
+        accept_changed: Whether to go on with results of another fingerprint.
+
+    Raises:
+        InputError: If the folder holds another campaign, results of a model that has changed, or
+            files of something else, or another process runs the campaign now.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        identity: Mapping[str, Any],
+        about: Mapping[str, Any],
+        requirements: Mapping[str, str],
+        system: str,
+        fingerprint: Fingerprint,
+        *,
+        accept_changed: bool,
+    ) -> None:
+        self.path = Path(path)
+        self._about = about
+        self._requirements = requirements
+        self._system = system
+        self._fingerprint = fingerprint
+        self._mixtures: tuple[Mixture, ...] = ()
+        self._notes: list[str] = []
+        found = self._check(json.loads(json.dumps(identity)))
+        stored = self._compare(accept_changed=accept_changed) if found else None
+        kept: dict[str, Any] = {
+            "system": system,
+            "requirements": dict(requirements),
+            "also": about,
+            "identity": identity,
+            "fingerprint": (fingerprint if stored is None else stored).plain(),
+            "mixtures": list(map(Mixture.plain, self._mixtures)),
+        }
+        text = json.dumps(kept, indent=1) + "\n"
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = _locked(self.path)
+        try:
+            for left in self.path.glob(f"{_WRITING}*"):
+                left.unlink()
+            if stored is None:
+                self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
+            self._number = max(map(part_number, self.path.glob(PARTS)), default=0)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Releases the lock, so that another process may use the folder."""
+        self._lock.close()
+
+    def reuse(self, reused: int, total: int) -> Reuse:
+        """Return how many results come from the folder, for the provenance of a record.
+
+        Args:
+            reused: The number of results that were here before.
+            total: The number of all results.
+        """
+        mixtures = self._mixtures if reused else ()
+        notes, unseen = tuple(self._notes), self._fingerprint.unseen
+        return Reuse(str(self.path), reused, total, mixtures, notes, unseen)
+
+    def rows(self) -> dict[int, Trial]:
+        """The finished runs, by the numbers of their tasks."""
+        return finished(self.path, _WHAT)
+
+    def parts(self) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
+        """The finished runs of each file: their numbers, they, and what is kept with them."""
+        return parts(self.path, _WHAT)
+
+    def add(self, rows: Sequence[tuple[int, Trial]], also: Mapping[str, Any] | None = None) -> None:
+        """Writes finished runs, with the numbers of their tasks; a kill afterwards loses none.
+
+        Args:
+            rows: The numbers and the runs.
+            also: What else is kept with them.
+        """
+        record = Record((row for _, row in rows), self._requirements, self._system)
+        numbers = [number for number, _ in rows]
+        self._number += 1
+        self._write(
+            "part.parquet",
+            lambda path: record.write(path, _WHAT, {**(also or {}), "tasks": numbers}),
+            lambda path: part_name(self._number, path),
+        )
+
+    def finish(self, record: Record, also: Mapping[str, Any] | None = None) -> None:
+        """Replaces the parts by one file of all runs, with what else is kept of them."""
+        kept = {**self._about, **(also or {})}
+        if also is not None or not (self.path / RECORD).exists():
+            self._write(RECORD, lambda path: record.write(path, _WHAT, kept))
+        for part in self.path.glob(PARTS):
+            part.unlink()
+
+    def _check(self, identity: Mapping[str, Any]) -> bool:
+        """Refuses a folder of something else; returns whether it holds this campaign."""
+        if not self.path.exists():
+            return False
+        if not self.path.is_dir():
+            raise InputError(
+                "expected ", Argument("folder"), f" as a folder, got the file {self.path}"
+            )
+        if not (self.path / CAMPAIGN).exists():
+            others = [each.name for each in self.path.iterdir() if not _is_own(each.name)]
+            if others:
+                raise InputError(
+                    "expected ",
+                    Argument("folder"),
+                    f" as a new folder or the folder of a campaign, got {self.path}, "
+                    f"which holds {listing(sorted(others)[:3])}",
+                )
+            return False
+        found = read_campaign(self.path)["identity"]
+        for key in dict.fromkeys([*identity, *found]):
+            if identity.get(key) != found.get(key):
+                raise InputError(
+                    f"{self.path} holds another campaign: its {key} {_differing(found, key)}, not "
+                    f"{_short(identity.get(key))}; give another folder, or remove this one"
+                )
+        return True
+
+    def _compare(self, *, accept_changed: bool) -> Fingerprint | None:
+        """Compare the stored fingerprint; None if the folder has to store the new one.
+
+        Raises:
+            InputError: If results are stored, the model has changed, and that is not accepted.
+        """
+        kept, now = read_campaign(self.path), self._fingerprint
+        self._mixtures = tuple(map(Mixture.read, kept.get("mixtures", ())))
+        then = Fingerprint.read(kept.get("fingerprint"))
+        changes = [] if then is None else then.changes(now)
+        if then is not None and not changes:
+            self._notes = then.notes(now)
+            return then
+        count = len(self.rows())
+        if count:
+            if not accept_changed:
+                check_unchanged(str(self.path), changes, "give a new folder")
+            self._mixtures += (Mixture(count, tuple(changes)),)
+        return None
+
+    def _write(
+        self,
+        name: str,
+        write: Callable[[Path], object],
+        called: Callable[[Path], str] | None = None,
+    ) -> None:
+        """Writes a file that has its name when it is complete, and on the disk.
+
+        Args:
+            name: The name.
+            write: Writes the file of a path.
+            called: Gives another name to the file of a path, as by its content.
+        """
+        unfinished = self.path / f"{_WRITING}{name}"
+        write(unfinished)
+        _to_disk(unfinished)
+        unfinished.replace(self.path / (name if called is None else called(unfinished)))
+        _to_disk(self.path)
+
+
+def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
+    """A text that only these tasks have."""
+    found = hashlib.sha256()
+    for case, seed in tasks:
+        found.update(f"{case.to_json()} {seed}\n".encode())
+    return found.hexdigest()[:32]
+
+
+def _locked(path: Path) -> IO[str]:
+    """The lock of a folder; the system frees it when the process ends, however it ends.
+
+    Raises:
+        InputError: If it is a link, which could lead to a file of somebody else's, or no file.
+    """
+    name = path / "lock"
+    try:
+        opened = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    except OSError as error:
+        if not name.is_symlink():
+            raise
+        raise InputError(
+            f"expected the lock of a campaign as a file, got the link {name}"
+        ) from error
+    if not stat.S_ISREG(os.fstat(opened).st_mode):
+        os.close(opened)
+        raise InputError(f"expected the lock of a campaign as a file, got {name}")
+    lock = os.fdopen(opened, "r+", encoding="utf-8")
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # not on Windows
+        return lock
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        lock.close()
+        raise InputError(
+            f"another process runs the campaign in {path}; wait for it, or end it"
+        ) from error
+    return lock
+
+
+def _is_own(name: str) -> bool:
+    return name == "lock" or name.startswith(_WRITING)
+
+
+def _differing(found: Mapping[str, Any], key: str) -> str:
+    return f"is {_short(found[key])}" if key in found else "is not said"
+
+
+def _short(value: Any) -> str:  # noqa: ANN401 - as in JSON
+    text = json.dumps(value)
+    return text if len(text) <= 200 else f"{text[:197]}..."
+
+
+def _to_disk(path: Path) -> None:
+    """Waits until a file or folder is on the disk."""
+    with suppress(OSError):  # a folder on Windows
+        opened = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)

@@ -1,0 +1,110 @@
+"""Pictures of runs: signals, robustness between its bounds, and when the verdict was certain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from rtamt_gym import drawing
+from rtamt_gym.judging.reading import View
+from rtamt_gym.play.run_record import Course, RunRecord
+from rtamt_gym.results.outcome import verdict_text
+
+_CURVES: Final[Mapping[View, str]] = {
+    "episode": "robustness if it ended now",
+    "step": "robustness of the newest instant",
+}
+"""What the curve of robustness shows."""
+
+_AFTER = 0.2
+"""Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
+
+
+def draw(runs: Sequence[RunRecord]) -> Figure:
+    """Draws runs side by side: the signals above, below them a panel for every specification.
+
+    A panel shows the robustness if the run ended now, between its lower and its upper bound;
+    infinite bounds end at the frame. A line marks the sample that made the verdict certain, and
+    everything after it is shaded.
+
+    Args:
+        runs: One or more runs, all with the same number of signals and of specifications.
+    """
+    heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].courses)
+    size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(
+        len(heights), len(runs), sharex="col", squeeze=False, height_ratios=heights
+    )
+    for column, run in zip(axes.T, runs, strict=True):
+        _draw_run(column, run)
+    verdicts = {c.verdict for run in runs for c in run.courses.values()}
+    figure.legend(
+        handles=[
+            Line2D([], [], color=drawing.ROBUSTNESS, label=_CURVES[runs[0].view]),
+            Patch(color=drawing.BOUNDS, alpha=0.5, label="what it can still become"),
+            *(
+                Patch(color=c, alpha=0.4, label=v.name)
+                for v, c in drawing.VERDICT_COLOURS.items()
+                if v in verdicts
+            ),
+        ],
+        loc="outside lower center",
+        ncols=2 if len(runs) == 1 else 4,
+        frameon=False,
+        fontsize=9,
+    )
+    return figure
+
+
+def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
+    times = run.times
+    last = any(c.decided_at == run.last_sample for c in run.courses.values())
+    begin, end = float(times[0]), float(times[-1])
+    end += (end - begin) * _AFTER * last or float(end == begin)
+    signal_axes, course_axes = np.split(axes, [len(run.signals)])
+    ax: Axes
+    for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
+        drawing.tidy(ax, name)
+        ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
+        ax.margins(y=0.15)
+    for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
+        _draw_course(ax, name, course, run, end)
+        text = f"{verdict_text(course.verdict, course.final)}, {course.final_text('+.3g')}"
+        if decided := course.decided_text(run.period):
+            text += f", at {decided}"
+        drawing.show_verdict(ax, course.verdict, text)
+    axes[-1].set_xlim(begin, end)
+    axes[-1].annotate(
+        "time in s" if run.period else "samples",
+        (0.0, 0.0),
+        (0.0, -26.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=9,
+        color=drawing.OPEN,
+    )
+    driver = run.label or ("" if run.seed is None else f"seed {run.seed}")
+    axes[0].set_title(
+        f"{run.system}, {driver}" if driver else run.system, fontsize=12, fontweight="bold", pad=10
+    )
+
+
+def _draw_course(ax: Axes, name: str, course: Course, run: RunRecord, end: float) -> None:
+    times = run.times
+    curves = (course.robustness, course.lower, course.upper)
+    robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)
+    ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
+    if course.decided_at is not None:
+        colour = drawing.VERDICT_COLOURS[course.verdict]
+        at = float(times[max(course.decided_at - run.first_sample, 0)])
+        ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
+        ax.axvline(at, color=colour, linewidth=1.6)
+    ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

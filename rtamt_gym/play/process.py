@@ -1,0 +1,255 @@
+"""Runs tasks in a process of their own and watches it: a run may end it, or hang in it.
+
+The process is watched by the worker that joblib has given the tasks to: a thread here, a process of
+a cluster elsewhere. So a run that kills its process takes no worker with it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Pipe
+from threading import Lock
+from typing import Final
+
+from rtamt import InputError
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
+
+SearchTask = tuple[int, Case, int | None]
+"""The number of a task, what the simulation is given, and its seed."""
+
+_IDLE: Final = 60.0
+"""Seconds after which a process that gets no tasks ends by itself: workers of a cluster live on."""
+
+_LOOK: Final = 0.5
+"""Seconds between looks whether a silent process has ended: a child of it can keep the pipe."""
+
+_THREADS: Final = (
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+"""The variables that say how many threads the libraries of a process start."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a worker needs to run tasks of a campaign.
+
+    Attributes:
+        name: What no other campaign is called.
+        recipe: The recipe of the runner, pickled.
+        timeout: The seconds that a run may take; None: any.
+        threads: How many threads the libraries of a process may start.
+        path: Where the program finds modules; a worker looks there before it looks elsewhere.
+        above: As for `Runner.run`.
+    """
+
+    name: str
+    recipe: bytes = field(repr=False)
+    timeout: float | None
+    threads: int
+    path: tuple[str, ...] = ()
+    above: Mapping[str, float] | None = None
+
+
+def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Trial]]:
+    """Runs tasks, each to its row; gives the rows with the numbers of the tasks.
+
+    Where a process dies, its unfinished tasks are run again, each alone; a task that makes its
+    process die then too has an error in its row.
+
+    Raises:
+        InputError: If the process cannot make the system.
+    """
+    rows: dict[int, Trial] = {}
+    begin = time.monotonic()
+    why = _deal(setup, tasks, rows)
+    for task in tasks:
+        number, case, seed = task
+        if number in rows:
+            continue
+        if len(tasks) > 1 or not why.startswith("TimeoutError"):  # else it has hung alone already
+            begin = time.monotonic()
+            why = _deal(setup, [task], rows)
+        if number not in rows:
+            wall = time.monotonic() - begin
+            rows[number] = Trial(case, seed, {}, "error", 0.0, wall, why)
+    return list(rows.items())
+
+
+def end_processes(name: str) -> None:
+    """Ends the processes of a campaign that this one has started; no more are started."""
+    with _lock:
+        _over.add(name)
+        idle = _idle.pop(name, [])
+        busy = _all.pop(name, set()).difference(idle)
+    for process in busy:  # which the threads that watch them free
+        process.kill()
+    for process in idle:
+        process.end()
+
+
+def _deal(setup: Setup, tasks: Sequence[SearchTask], rows: dict[int, Trial]) -> str:
+    """Has a process run tasks, and takes their rows; returns why it ended, an empty text if not."""
+    process = _take(setup)
+    try:
+        process.connection.send(([task[1:] for task in tasks], setup.above))
+        while True:
+            if not process.speaks(setup.timeout):
+                _drop(setup.name, process)
+                return f"TimeoutError: the run was ended after timeout={setup.timeout:g} s"
+            index, row = process.connection.recv()
+            if row is None:
+                break
+            rows[tasks[index][0]] = row
+    except (EOFError, OSError):
+        ending = process.ending()
+        _drop(setup.name, process)
+        return f"ChildProcessError: the run ended its process {ending}, twice"
+    except BaseException:
+        _drop(setup.name, process)
+        raise
+    with _lock:
+        if setup.name not in _over:
+            _idle.setdefault(setup.name, []).append(process)
+    return ""
+
+
+class _Process:
+    """A process that runs tasks, and the pipe to it."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.connection, theirs = Pipe()
+        alive, self._alive = os.pipe()  # nothing is written: it says by its end that we have ended
+        passed = (theirs.fileno(), alive)
+        path = list(dict.fromkeys([*setup.path, *sys.path]))
+        code = (
+            f"import sys; sys.path[:] = {path!r}\n"
+            f"from rtamt_gym.play.child import main; main{(*passed, _IDLE)!r}"
+        )
+        threads = dict.fromkeys(_THREADS, str(setup.threads))
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - our own code
+                [sys.executable, "-c", code],
+                stdin=subprocess.DEVNULL,
+                env={**threads, **os.environ},
+                pass_fds=passed,
+                # Ctrl-C is for us: we end it, and what it has started.
+                start_new_session=True,
+            )
+        finally:
+            theirs.close()
+            os.close(alive)
+
+    def speaks(self, timeout: float | None) -> bool:
+        """Waits until there is something to receive, or the end of it; False: not in time."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = _LOOK if end is None else min(_LOOK, max(0.0, end - time.monotonic()))
+            if self.connection.poll(left):
+                return True
+            if self._process.poll() is not None:
+                if self.connection.poll():
+                    return True
+                raise EOFError
+            if end is not None and time.monotonic() >= end:
+                return False
+
+    def start(self, recipe: bytes) -> None:
+        """Waits until the process has made its runner.
+
+        Raises:
+            InputError: If it cannot.
+        """
+        try:
+            self.connection.send_bytes(recipe)
+            self.speaks(None)
+            refused = self.connection.recv()
+        except (EOFError, OSError):
+            refused = f"it ended {self.ending()}"
+        if refused:
+            raise InputError(
+                f"another process cannot make the system: {refused}; give the id of a registered "
+                "environment, or a function of what can be imported or pickled"
+            )
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process has ended."""
+        return self._process.poll() is not None
+
+    def ending(self) -> str:
+        """Says how the process has ended."""
+        with suppress(subprocess.TimeoutExpired):  # it has closed its pipe, and soon ends
+            self._process.wait(1.0)
+        self.kill()
+        code = self._process.returncode
+        return f"with exit status {code}" if code >= 0 else f"by {signal.Signals(-code).name}"
+
+    def kill(self) -> None:
+        """Ends the process and all that it has started."""
+        with suppress(ProcessLookupError, PermissionError):  # all have ended
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    def free(self) -> None:
+        """Ends the process, and closes the pipes to it."""
+        self.kill()
+        self.connection.close()
+        os.close(self._alive)
+
+    def end(self) -> None:
+        """Lets a process that waits for tasks do what its simulations do at their end."""
+        with suppress(subprocess.TimeoutExpired, OSError):
+            self.connection.send(([], None))
+            self._process.wait(5.0)
+        self.free()
+
+
+_lock: Final = Lock()
+_all: Final[dict[str, set[_Process]]] = {}
+"""The processes of each campaign."""
+_idle: Final[dict[str, list[_Process]]] = {}
+"""The processes of each campaign that wait for tasks."""
+_over: Final[set[str]] = set()
+"""The campaigns that start no more processes here."""
+
+
+def _take(setup: Setup) -> _Process:
+    """A process that waits for tasks of a campaign, or a new one."""
+    with _lock:
+        if setup.name in _over:
+            raise InputError("the campaign is over")
+        for name, waiting in _idle.items():
+            for process in [each for each in waiting if each.ended]:
+                waiting.remove(process)
+                _all[name].discard(process)
+                process.free()
+        if _idle.get(setup.name):
+            return _idle[setup.name].pop()
+        process = _Process(setup)
+        _all.setdefault(setup.name, set()).add(process)
+    try:
+        process.start(setup.recipe)
+    except BaseException:
+        _drop(setup.name, process)
+        raise
+    return process
+
+
+def _drop(name: str, process: _Process) -> None:
+    """Ends a process and forgets it."""
+    process.free()
+    with _lock:
+        _all.get(name, set()).discard(process)

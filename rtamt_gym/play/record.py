@@ -1,0 +1,280 @@
+"""`Record`: the table of many simulations, a row for each; sweeps, searches and campaigns share it.
+
+A row has what the simulation was given, what every requirement became, and what it cost.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing
+from rtamt_gym.play.record_files import load_record, save_record
+from rtamt_gym.results.codec import plain_results
+from rtamt_gym.results.outcome import order
+from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Measure, Trial
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Record(Results):
+    """The table of many simulations of one system: a row for each, in the order of their cases.
+
+    It is a sequence of `Trial`. Two records are equal if all is equal but the wall times.
+
+    Args:
+        rows: The simulations. A waveform has the same times in all of them.
+        requirements: The text of each requirement, by name.
+        system: The name of the system.
+        provenance: As for `Results`.
+
+    Raises:
+        InputError: If a case has a name that another column has too, or a waveform has other times
+            in one row than in another.
+
+    Example:
+        >>> from rtamt_gym import Parameter, sweep
+        >>> def tank(inflow=0.2):
+        ...     level = 1.0
+        ...     for _ in range(20):
+        ...         yield {"level": level}
+        ...         level += inflow - 0.1 * level
+        >>> inflow = Parameter("inflow", 0.1, 0.3)
+        >>> record = sweep(
+        ...     tank, {"dry": "always(level < 2)"}, [inflow], samples=3, sampler="grid", period=1
+        ... ).record
+        >>> record
+        <Record of tank: 3 simulations, 1 violates>
+        >>> [round(row.outcomes["dry"].robustness, 2) for row in record]
+        [1.0, 0.14, -0.73]
+        >>> record.violated("dry")[0].case
+        Case({'inflow': 0.3})
+    """
+
+    def __init__(
+        self,
+        rows: Iterable[Trial],
+        requirements: Mapping[str, str],
+        system: str = "",
+        provenance: Provenance = Provenance(),  # noqa: B008 - it cannot be changed
+    ) -> None:
+        super().__init__(rows, requirements, system, provenance)
+        self.shapes = _shapes(self.rows)
+        self.case_columns = tuple(
+            column
+            for name, shape in self.shapes.items()
+            for column in ([name] if shape is None else _points(name, len(shape["times"])))
+        )
+        check_columns(self.case_columns, self.requirements)
+
+    def __repr__(self) -> str:
+        violated, failed = len(self.violated()), len(self.failed())
+        verb = "violates" if violated == 1 else "violate"
+        errors = f", {counted(failed, 'error')}" if failed else ""
+        of = f" of {self.system}" if self.system else ""
+        return f"<Record{of}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
+
+    @property
+    def chosen(self) -> bool:
+        """Whether cases were chosen; episodes of a policy, which have none, differ by chance."""
+        return bool(self.case_columns)
+
+    def worst(self, requirement: str | None = None) -> Trial:
+        """The simulation with the least robustness; None: of the only requirement.
+
+        One that an error has ended was not judged, and counts where no other has a robustness.
+
+        Raises:
+            InputError: If there is no such requirement, there are several and none is named, or no
+                simulation has a robustness.
+        """
+        name = self.name(requirement)
+        found = [row for row in self.rows if name in row.outcomes]
+        if not found:
+            raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
+        found = [row for row in found if not row.error] or found
+        return min(found, key=lambda row: order(row.outcomes[name].robustness))
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The record as a table: columns of the case, then ``seed``, then columns of outcomes.
+
+        These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
+        ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
+        of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
+        ``error``; and ``is_success``, 1 or 0, where an environment says that itself of an episode
+        that it has ended. What a row does not have is None. Where a requirement has an implication,
+        ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
+        JSON has of that (docs/results.md). A requirement that some row violates by its end alone,
+        at a robustness that holds, has ``violated(NAME)``, which says ``"by how it ended"`` there.
+
+        Where only the end decided a verdict, ``decided_at(NAME)`` is None, and ``ended_at(NAME)``
+        and ``ended_sample(NAME)`` are the last sample. A record without such a row lacks these two.
+        """
+        cells = [row.columns() for row in self.rows]
+        return {name: [row.get(name) for row in cells] for name in self.kinds()}
+
+    def kinds(self) -> dict[str, str]:
+        """What the cells of each column are: ``"number"``, ``"whole"`` or ``"text"``."""
+        seed, *others = (
+            (each.name, each.kind)
+            for each in OF_TRIAL
+            if not each.optional or any(each.of(row) is not None for row in self.rows)
+        )
+        measured = [
+            (f"{each.name}({name})", each.kind)
+            for name in self.requirements
+            for each in MEASURES
+            if not each.optional or self._has(each, name)
+        ]
+        return dict([*((name, "number") for name in self.case_columns), seed, *measured, *others])
+
+    def _has(self, measure: Measure, name: str) -> bool:
+        """Whether some row has a cell of a measure of a requirement."""
+        outcomes = (row.outcomes[name] for row in self.rows if name in row.outcomes)
+        return any(measure.of(each) is not None for each in outcomes)
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """A column of numbers, nan where a row has none.
+
+        Raises:
+            InputError: If there is no such column of numbers; names the nearest.
+        """
+        known = [name for name, kind in self.kinds().items() if kind != "text"]
+        if column not in known:
+            raise InputError(
+                f"there is no column {column!r} of numbers; there are {listing(known)}"
+                f"{nearest(column, known)}"
+            )
+        return np.array(self.columns()[column], dtype=np.float64)  # None becomes nan
+
+    def to_frame(self) -> pd.DataFrame:
+        """The record as a data frame of pandas: a row for each simulation, columns as in `columns`.
+
+        Cells that a row does not have are nan or None. Needs the extra ``pandas``.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Record.to_frame") from error
+        kinds = self.kinds()
+        made: dict[str, Callable[[list[Any]], Any]] = {
+            "number": lambda cells: np.array(cells, dtype=np.float64),
+            "whole": lambda cells: pd.array(cells, dtype="Int64"),
+            "text": lambda cells: pd.array(cells, dtype=object),
+        }
+        columns = {name: made[kinds[name]](cells) for name, cells in self.columns().items()}
+        return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
+
+    def heights(self, requirement: str) -> NDArray[np.float64]:
+        """The robustness of a requirement in each simulation; nan where an error ended it."""
+        judged = [row.judged(requirement) for row in self.rows]
+        return np.array([math.nan if each is None else each.robustness for each in judged])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a Parquet file: a row for each simulation, columns as in `columns`.
+
+        `Record.load` gives an equal record back. Needs the extra ``files``.
+
+        Raises:
+            InputError: If the name does not end in ``.parquet``.
+        """
+        self.write(path, "Record.save", {})
+
+    def write(self, path: str | os.PathLike[str], what: str, also: Mapping[str, Any]) -> None:
+        """Writes the file of `save` with what else is kept in it, for the method ``what``."""
+        kept = {
+            "system": self.system,
+            "requirements": dict(self.requirements),
+            "shapes": self.shapes,
+            "timed": self.timed,
+            "unconditional": self.unconditional,
+            "results": plain_results(self, rates=not self.chosen)["results"],
+            "also": also,
+            **plain_provenance(self.provenance),
+        }
+        save_record(Path(path), self.columns(), self.kinds(), kept, what)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Record:
+        """Reads a file that `save` has written, of a record or of a `Sweep`.
+
+        Raises:
+            InputError: If the file does not hold a record.
+        """
+        return Record.read(path, "Record.load")[0]
+
+    @staticmethod
+    def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
+        """Reads a record, and what else `write` has kept with it."""
+        rows, kept = load_record(Path(path), what)
+        record = Record(rows, kept["requirements"], kept["system"], provenance_of(kept))
+        return record, kept["also"]
+
+    @property
+    def unconditional(self) -> list[str]:
+        """The requirements that are known to have no implication, which could be asked."""
+        return [
+            name
+            for name in self.requirements
+            if any(row.outcomes[name].asked == () for row in self.rows if name in row.outcomes)
+        ]
+
+    @property
+    def timed(self) -> bool:
+        """Whether times are seconds: False if a verdict was settled at a sample without a time."""
+        settled = (each.settled for row in self.rows for each in row.outcomes.values())
+        return all(each.seconds is not None for each in settled if each is not None)
+
+
+def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
+    """Refuses a column of a case that has the name of another column.
+
+    Raises:
+        InputError: If there is one.
+    """
+    case = list(case)
+    taken = {each.name for each in OF_TRIAL}
+    taken |= {f"{each.name}({name})" for name in requirements for each in MEASURES}
+    for name in case:
+        if name in taken:
+            raise InputError(
+                f"{name!r} is a column of every record, and so no name of what is varied; rename it"
+            )
+        if case.count(name) > 1:
+            raise InputError(f"expected columns of different names, got {name!r} twice")
+
+
+def _points(name: str, count: int) -> list[str]:
+    """The columns of a waveform's control points."""
+    return [f"{name}[{i}]" for i in range(count)]
+
+
+def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:
+    """What a case has beside its columns: times and interpolation of waveforms, None of numbers."""
+    shapes: dict[str, dict[str, Any] | None] = {}
+    for number, row in enumerate(rows):
+        for name, entry in row.case.items():
+            shape = (
+                None
+                if isinstance(entry, float)
+                else {"times": entry.times, "interpolation": entry.interpolation}
+            )
+            if shapes.setdefault(name, shape) != shape:
+                raise InputError(
+                    f"expected {name!r} of every case with the same control points, got another "
+                    f"kind in row {number}: {entry!r}"
+                )
+    return shapes

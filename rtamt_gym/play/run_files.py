@@ -1,0 +1,145 @@
+"""Runs in full as JSON holds them: beside others in a file, or as what a table says of itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rtamt import InputError, Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.run_record import CURVES, Course, Floats, RunRecord
+from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
+from rtamt_gym.results.outcome import asked_of
+
+_OF_OUTCOME: Final = ("decided_at", "ended_at", "asked", "vacuous", "progress")
+"""What is written of a course as outcomes have it."""
+
+
+def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
+    """A run in full as JSON holds it; without arrays the names of its signals."""
+    kept = {each.name: getattr(run, each.name) for each in fields(run)}
+    kept["signals"] = run.signals if arrays else list(run.signals)
+    outcomes = run.outcomes
+    kept["courses"] = {
+        name: {
+            each.name: getattr(course, each.name)
+            for each in fields(course)
+            if each.name not in _OF_OUTCOME and (arrays or each.name not in CURVES)
+        }
+        | {"decided_at": outcomes[name].decided}
+        | ({} if course.ended_at is None else {"ended_at": outcomes[name].ended})
+        | dict(outcomes[name].evidence or {})
+        | ({} if course.progress is None else {"progress": course.progress})
+        | ({"by_end": True} if outcomes[name].by_end else {})
+        for name, course in run.courses.items()
+    }
+    found: dict[str, Any] = plain(kept)
+    return found
+
+
+def run_fields(
+    kept: Mapping[str, Any], column: Callable[[str], Floats] | None = None
+) -> dict[str, Any]:
+    """The fields of a run from what `plain_run` has made.
+
+    Args:
+        kept: It, read as JSON.
+        column: Gives the columns of the table that has the arrays; None: they are in ``kept``.
+    """
+    case = kept.get("case")
+    if not isinstance(case, str | None):  # version 1 has it as text
+        case = json.dumps(case)
+    signals = kept["signals"]
+    taken = ("wall_time", "reward", "period", "case", "signals", "courses")
+    known = {each.name for each in fields(RunRecord)} - {*taken}
+    own = {name: each for name, each in kept.items() if name in known}
+    return own | {
+        "wall_time": number_of(kept["wall_time"]),
+        "reward": number_of(kept.get("reward")),
+        "period": fraction_of(kept["period"]),
+        "case": None if case is None else Case.from_json(case),
+        "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
+        "courses": {
+            name: _course(
+                each,
+                {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES},
+            )
+            for name, each in kept["courses"].items()
+        },
+    }
+
+
+def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
+    return Course(
+        formula=kept["formula"],
+        **curves,
+        final=number_of(kept["final"]),
+        verdict=Verdict[kept["verdict"]],
+        decided_at=_sample(kept["decided_at"]),
+        unit=kept.get("unit", "s"),
+        semantics=kept.get("semantics", "standard"),
+        inputs=tuple(kept.get("inputs", ())),
+        outputs=tuple(kept.get("outputs", ())),
+        asked=asked_of(kept),
+        vacuous=kept.get("vacuous", False),
+        progress=number_of(kept.get("progress")),
+        ended_at=_sample(kept.get("ended_at")),
+    )
+
+
+def _sample(kept: Mapping[str, int] | int | None) -> int | None:
+    return kept["sample"] if isinstance(kept, Mapping) else kept  # version 1 wrote a sample
+
+
+def _array(kept: Sequence[float | str]) -> Floats:
+    return np.array([number_of(each) for each in kept], np.float64)
+
+
+_KEY = b"rtamt.run"
+"""The key of the file's metadata under which everything but the arrays is kept, as JSON."""
+
+
+def save_run(run: RunRecord, path: Path) -> None:
+    """Writes a run: its columns, and all else as metadata.
+
+    Raises:
+        InputError: If the name of the file says that it is no Parquet file.
+    """
+    if path.suffix.lower() != ".parquet":
+        raise InputError(
+            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
+            "all of a run; run.to_frame() has the columns for other formats"
+        )
+    kept = {"version": VERSION, **plain_run(run, arrays=False)}
+    metadata = {_KEY: json.dumps(kept, allow_nan=False)}
+    table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
+    pq.write_table(table.replace_schema_metadata(metadata), path)
+
+
+def load_run(path: Path) -> dict[str, Any]:
+    """Reads the fields of a run that `save` has written.
+
+    Raises:
+        InputError: If the file does not hold a run.
+    """
+    try:
+        table = pq.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is no Parquet file") from error
+    metadata = table.schema.metadata or {}
+    if _KEY not in metadata:
+        raise InputError(f"{path} holds no run: only files that Run.save has written do")
+    kept: dict[str, Any] = json.loads(metadata[_KEY])
+
+    def column(name: str) -> Floats:
+        array: Floats = table.column(name).to_numpy()
+        return array
+
+    return run_fields(kept, column)

@@ -1,0 +1,257 @@
+"""The record of one run: every sample, and the course of each specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from fractions import Fraction
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdict, parse
+from rtamt_gym import markup
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.interface import robustness_text
+from rtamt_gym.judging.reading import PredicateReading, View
+from rtamt_gym.results.outcome import Outcome, verdict_text
+from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
+from rtamt_gym.tables import sample_text
+
+Floats = NDArray[np.float64]
+
+CURVES = ("robustness", "lower", "upper")
+"""The arrays of a course."""
+
+Stop = Literal["violation", "decided", "known", "verdicts", "end"]
+"""When to stop a run: at the first certain violation, also once every verdict is certain, also once
+every robustness is known, only once every verdict is certain, or not before its end."""
+
+AT_VIOLATION: Final = frozenset[Stop]({"violation", "decided", "known"})
+"""When a run is stopped at the first certain violation."""
+
+AT_VERDICTS: Final = frozenset[Stop]({"decided", "verdicts"})
+"""When a run is stopped once every verdict is certain."""
+
+KNOWN_EVERY: Final = 10
+"""The samples after which it is asked whether every robustness is known: that takes a while."""
+
+
+class _ComparesArrays:
+    """A dataclass whose objects are equal if all compared fields are, arrays element by element."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            _same(getattr(self, each.name), getattr(other, each.name))
+            for each in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
+            if each.compare
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have no hash
+
+
+def _same(left: object, right: object) -> bool:
+    if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
+        return np.array_equal(left, right, equal_nan=True)
+    if isinstance(left, Mapping) and isinstance(right, Mapping):
+        return list(left) == list(right) and all(_same(left[key], right[key]) for key in left)
+    return left == right
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Course(_ComparesArrays):
+    """The course of one specification over a run: robustness and bounds at every sample.
+
+    Attributes:
+        formula: Its text.
+        robustness: The robustness at every sample, if the run ended there.
+        lower: The least robustness still possible, at every sample.
+        upper: The greatest robustness still possible, at every sample.
+        final: The robustness at the end.
+        verdict: The verdict at the end.
+        decided_at: The sample that decided the verdict, counted from the start of the episode;
+            None if it is open, or if only the end decided it.
+        unit: The unit of the bounds in the formula that have none.
+        semantics: How predicates count, as for `rtamt.Monitor`.
+        inputs: Variables that the system reads.
+        outputs: Variables that the system sets.
+        asked: How often it was put to the test, as `Outcome.asked` has it.
+        vacuous: Whether it was satisfied without an answer.
+        progress: How far it has come in its stages at the end, as `Outcome.progress` has it.
+        ended_at: The last sample, counted in the same way, if only the end decided the verdict;
+            else None.
+    """
+
+    formula: str
+    robustness: Floats
+    lower: Floats
+    upper: Floats
+    final: float
+    verdict: Verdict
+    decided_at: int | None
+    unit: str = "s"
+    semantics: SemanticsName = "standard"
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    asked: tuple[Asked | DenseAsked, ...] | None = None
+    vacuous: bool = False
+    progress: float | None = None
+    ended_at: int | None = None
+
+    @property
+    def verdicts(self) -> NDArray[np.int8]:
+        """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
+        return np.subtract(~np.signbit(self.lower), np.signbit(self.upper), dtype=np.int8)
+
+    def final_text(self, form: str) -> str:
+        """Writes the robustness at the end in a format; a 0 says whether the formula holds."""
+        return robustness_text(self.final, self.semantics, self.verdict, form)
+
+    @property
+    def specification(self) -> Specification:
+        """The formula, read again."""
+        return parse(self.formula, unit=self.unit)
+
+    @property
+    def interface(self) -> PredicateReading:
+        """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
+        return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
+
+    def outcome(self, period: Fraction | None) -> Outcome:
+        """What the specification has become, without its course."""
+        bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
+        found = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
+        return replace(found, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
+
+    def decided_text(self, period: Fraction | None) -> str:
+        """Return when the verdict was decided: a time, a sample or "the end"; empty if open."""
+        if self.decided_at is not None:
+            return sample_text(self.decided_at, period)
+        return "" if self.verdict is Verdict.UNDECIDED else "the end"
+
+    def __repr__(self) -> str:
+        decided = self.decided_text(None)
+        at = f" at {decided}" if decided else ""
+        verdict = verdict_text(self.verdict, self.final)
+        return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RunRecord(_ComparesArrays):
+    """The fields of a `Run`, which describes them, and what follows from them."""
+
+    system: str
+    signals: Mapping[str, Floats]
+    courses: Mapping[str, Course]
+    ended: RunEnd
+    violated_by: str | None
+    period: Fraction | None
+    view: View
+    stop: Stop
+    limit: int | None
+    seed: int | None
+    label: str
+    wall_time: float = field(compare=False)
+    align: Align | None = None
+    first_sample: int = 0
+    case: Case | None = None
+    reward: float | None = None
+
+    def columns(self) -> dict[str, Floats]:
+        """The run as a table: ``time``, the signals, and three columns for every specification.
+
+        These are ``robustness(NAME)``, ``lower(NAME)`` and ``upper(NAME)``. A signal named ``time``
+        takes the place of the times, which follow from the period.
+        """
+        columns = {"time": self.times, **self.signals}
+        for name, course in self.courses.items():
+            columns |= {f"{curve}({name})": getattr(course, curve) for curve in CURVES}
+        return columns
+
+    @property
+    def steps(self) -> int:
+        """The number of steps: one less than the number of samples."""
+        return len(next(iter(self.courses.values())).robustness) - 1
+
+    @property
+    def last_sample(self) -> int:
+        """The number of the last sample in its episode."""
+        return self.first_sample + self.steps
+
+    @property
+    def duration(self) -> float:
+        """Simulated time in seconds; the number of steps if there is no period."""
+        return float(self.steps * (self.period or 1))
+
+    @property
+    def times(self) -> Floats:
+        """The time of every sample in seconds; its number if there is no period."""
+        period = self.period or Fraction(1)
+        times: Floats = np.arange(self.first_sample, self.last_sample + 1, dtype=np.float64)
+        return times * period.numerator / period.denominator
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on all specifications together, which is the worst of theirs."""
+        return min(course.verdict for course in self.courses.values())
+
+    @property
+    def outcomes(self) -> dict[str, Outcome]:
+        """What each specification has become, by its name."""
+        return {name: course.outcome(self.period) for name, course in self.courses.items()}
+
+    def trial(self, case: Case | None = None, error: str = "") -> Trial:
+        """What was given and what came of it, without the samples.
+
+        Args:
+            case: What the simulation was given. None: the case of the run.
+            error: The error that ended it, as text.
+        """
+        case = (self.case or Case({})) if case is None else case
+        ended, wall = self.ended, self.wall_time
+        return Trial(case, self.seed, self.outcomes, ended, self.duration, wall, error, self.reward)
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None if there is none.
+
+        It is the last sample if only the end decided it.
+        """
+        if self.violated_by is None:
+            return None
+        course = self.courses[self.violated_by]
+        return course.ended_at if course.decided_at is None else course.decided_at
+
+    @property
+    def saved(self) -> int | None:
+        """Steps from the stop to the limit; None if it was not stopped or has no limit."""
+        if self.ended not in STOPPED or self.limit is None:
+            return None
+        return self.limit - self.steps
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: each specification with its verdict, robustness and curve."""
+        rows = [
+            [
+                markup.plain(name),
+                markup.verdict(course.verdict, verdict_text(course.verdict, course.final)),
+                markup.plain(course.final_text(".6g")),
+                markup.plain(course.decided_text(self.period)),
+                markup.curve(course.robustness, f"robustness of {name}"),
+                markup.code(course.formula),
+            ]
+            for name, course in self.courses.items()
+        ]
+        head = ["", "verdict", "robustness", "certain at", "over time", "formula"]
+        return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
+
+    def __repr__(self) -> str:
+        what = f" of {self.violated_by}" if self.ended == "violation" else ""
+        at = sample_text(self.last_sample, self.period)
+        samples = f"{self.steps + 1} samples" if self.steps else "1 sample"
+        return f"<Run of {self.system}: {self.ended}{what} at {at}, {samples}>"

@@ -1,0 +1,396 @@
+"""`SavedCase`: a case of a system in a file, with what a simulation of it is to give."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Self
+
+import gymnasium as gym
+
+import rtamt
+from rtamt import InputError, Specification, Verdict
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.reading import ROWS, RunReading
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.runner import Runner
+from rtamt_gym.play.simulate import simulate
+from rtamt_gym.results.codec import check_name, document, read_as
+from rtamt_gym.results.fingerprint import Fingerprint, check_unchanged
+from rtamt_gym.results.outcome import violated_by_end
+from rtamt_gym.results.provenance import versions_in_use
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.systems.fingerprints import fingerprint_of
+from rtamt_gym.systems.policies import policy_of
+from rtamt_gym.systems.references import (
+    import_path,
+    named_object,
+    named_system,
+    policy_text,
+    system_name,
+    system_texts,
+)
+
+_READING: Final = tuple(
+    name for name in ROWS if name in RunReading.__annotations__ and name != "period"
+)
+
+_KEYS: Final = (
+    *(
+        "format",
+        "version",
+        "kind",
+        "rtamt",
+        "system",
+        "requirement",
+        "case",
+        "seed",
+        "duration",
+        "period",
+        "signals",
+    ),
+    *("policy", "reading", "expected", "versions"),
+)
+
+_TYPES: Final[Mapping[str, tuple[Any, str]]] = {
+    "system": (dict, "an object of JSON"),
+    "seed": (int | None, "a whole number, 0 or more, or null"),
+    "signals": (dict | None, "an object of JSON or null"),
+    "policy": (str | None, "text or null"),
+    "versions": (dict, "an object of JSON"),
+}
+"""What else would fail later, in words that name no file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedCase:
+    """One case of a system with a requirement, and what the requirement became; `load` reads one.
+
+    A case is code of its author, as a pickle is: `load` only reads, and `replay` imports and runs
+    what the file names, `imports`: modules, policies, models, FMUs. Replay cases of people whose
+    programs you would run.
+
+    `Falsification.save` writes it as strict JSON, in which infinities are the strings ``"inf"`` and
+    ``"-inf"``. ``rtamt replay case.json`` runs it.
+
+    Attributes:
+        system: What names the system: ``{"environment": ID}`` with ``"arguments"`` and ``"steps"``
+            where they are not those that the id stands for; ``{"fmus": {NAME: PATH}}`` with the
+            arguments of `Fmus`, paths being relative to the file; or ``{"object": "module:name"}``,
+            the system or a function without arguments that makes it.
+        name: The name of the requirement.
+        requirement: The requirement.
+        case: What the simulation is given.
+        seed: The seed of an environment's reset, or None.
+        signals: The selectors of the variables, or None.
+        policy: The name of the policy, as ``rtamt run --policy`` takes it, or None.
+        period: As for `rtamt_gym.simulate`.
+        duration: As for `rtamt_gym.simulate`.
+        reading: Options of `rtamt_gym.simulate` that say how a run is judged.
+        robustness: The robustness that the run had; it was stopped at its certain violation.
+        verdict: The verdict that the run had.
+        versions: The versions of Python and of packages with which it ran.
+        fingerprint: Hashes and versions of the system and the policy; None in the file of an older
+            version.
+        folder: The folder of the file, from which paths are read.
+    """
+
+    system: Mapping[str, Any]
+    name: str
+    requirement: Specification
+    case: Case
+    seed: int | None
+    signals: Mapping[str, Any] | None
+    policy: str | None
+    period: float | str | None
+    duration: float | None
+    reading: Mapping[str, Any]
+    robustness: float
+    verdict: Verdict
+    versions: Mapping[str, str]
+    folder: Path = field(compare=False)
+    fingerprint: Fingerprint | None = None
+
+    @classmethod
+    def of(
+        cls,
+        runner: Runner,
+        name: str,
+        row: Trial,
+        folder: Path,
+        *,
+        system: str | None = None,
+        policy: str | None = None,
+    ) -> Self:
+        """The case of a simulation that a runner has made.
+
+        Args:
+            runner: The runner.
+            name: The name of the requirement.
+            row: The simulation.
+            folder: The folder of the file.
+            system: Names the system, as ``module:name``. None: it is named by what it is.
+            policy: Names the policy. None: a function is named by its module.
+
+        Raises:
+            InputError: If a file can hold no name of the system, the policy or a signal.
+        """
+        options = runner.options
+        outcome = row.outcomes[name]
+        made = cls(
+            system=system_name(runner.system, folder) if system is None else {"object": system},
+            name=name,
+            requirement=runner.requirements[name],
+            case=row.case,
+            seed=row.seed,
+            signals=_checked_signals(options.get("signals")),
+            policy=_policy_name(options.get("policy"), policy),
+            period=options.get("period"),
+            duration=options.get("duration"),
+            reading={
+                name: _listed(value)
+                for name, value in runner.reading.about(name).options().items()
+                if name != "period" and value not in (None, False)
+            },
+            robustness=outcome.robustness,
+            verdict=outcome.verdict,
+            versions=versions_in_use(),
+            folder=folder,
+        )
+        try:
+            return replace(made, fingerprint=made.current())
+        except Exception:  # noqa: BLE001 - a name that cannot be opened here, as `replay` reports
+            return made
+
+    @property
+    def imports(self) -> tuple[str, ...]:
+        """What `replay` imports, loads and runs: ``os``, ``gymnasium (CartPole-v1)``, ``a.fmu``."""
+        policy = [] if self.policy is None else [policy_text(self.policy)]
+        return tuple(dict.fromkeys(filter(None, [*system_texts(self.system), *policy])))
+
+    def replay(self, *, accept_changed: bool = False) -> Run:
+        """Runs the case, and so the code that it names; the run is stopped at a certain violation.
+
+        Args:
+            accept_changed: Whether to run it although the system, its source, its policy, rtamt or
+                the simulator has changed since it was saved, as a regression test does.
+
+        Raises:
+            InputError: If there is no such system or policy, with what the file names; if one of
+                them has changed.
+            RtamtError: As `rtamt_gym.simulate` does.
+        """
+        with self._opened() as (system, policy):
+            if self.fingerprint is not None and not accept_changed:
+                changes = self.fingerprint.changes(fingerprint_of([system], [policy]))
+                check_unchanged("the case", changes, "save a new case")
+            return simulate(
+                system,
+                {self.name: self.requirement},
+                self.signals,
+                case=self.case,
+                seed=self.seed,
+                policy=policy,
+                period=self.period,
+                duration=self.duration,
+                **self.reading,
+            )
+
+    def current(self) -> Fingerprint:
+        """Return the fingerprint of the system and the policy as they are now; makes both.
+
+        Raises:
+            InputError: If there is no such system or policy.
+        """
+        with self._opened() as (system, policy):
+            return fingerprint_of([system], [policy])
+
+    @contextmanager
+    def _opened(self) -> Iterator[tuple[Any, Any]]:
+        """Yield the system and the policy that the case names."""
+        system = named_system(self.system, self.folder)
+        with ExitStack() as stack:
+            if isinstance(system, gym.Env):
+                stack.callback(system.close)
+            policy: Any = None
+            if self.policy is not None and isinstance(system, gym.Env):
+                policy = policy_of(self.policy, system)(self.seed or 0)
+            elif self.policy is not None:
+                policy = named_object(self.policy)
+            yield system, policy
+
+    def gives(self, run: Run) -> bool:
+        """Whether a run has the verdict that is expected."""
+        return run.courses[self.name].verdict is self.verdict
+
+    def repeats(self, run: Run) -> bool:
+        """Whether a run has the verdict and the robustness that are expected, to the last bit."""
+        final = run.courses[self.name].final
+        same = final == self.robustness and math.copysign(1, final) == math.copysign(
+            1, self.robustness
+        )
+        return self.gives(run) and (same or (math.isnan(final) and math.isnan(self.robustness)))
+
+    def newer(self) -> dict[str, tuple[str, str]]:
+        """The versions then and now, by package, of those that are not the same."""
+        now = versions_in_use()
+        return {
+            name: (then, now[name])
+            for name, then in self.versions.items()
+            if name in now and now[name] != then
+        }
+
+    def to_json(self) -> str:
+        """The case as strict JSON."""
+        requirement = {"name": self.name, "text": str(self.requirement)}
+        if self.requirement.unit != "s":
+            requirement["unit"] = self.requirement.unit
+        kept = {
+            "system": dict(self.system),
+            "requirement": requirement,
+            "case": self.case,
+            "seed": self.seed,
+            "duration": self.duration,
+            "period": self.period,
+            "signals": None if self.signals is None else dict(self.signals),
+            "policy": self.policy,
+            "reading": dict(self.reading),
+            "expected": {
+                "verdict": self.verdict,
+                "robustness": self.robustness,
+                **({"by_end": True} if violated_by_end(self.verdict, self.robustness) else {}),
+            },
+            "versions": dict(self.versions),
+            **({} if self.fingerprint is None else {"fingerprint": self.fingerprint.plain()}),
+        }
+        return document("case", kept) + "\n"
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the case into a file, whose name ends in ``.json``.
+
+        Raises:
+            InputError: If it ends in something else.
+        """
+        check_name(path)
+        Path(path).write_text(self.to_json(), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Reads a file that `save` has written.
+
+        Raises:
+            InputError: If it holds no case.
+            OSError: If there is no such file.
+        """
+        return read_as(path, "case", lambda kept: cls(**_read(kept), folder=Path(path).parent))
+
+
+def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a case from what JSON holds."""
+    _check_keys("a case", kept, _KEYS, ("fingerprint",))
+    requirement, expected = kept["requirement"], kept["expected"]
+    _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
+    _check_keys('"expected"', expected, ("verdict", "robustness"), ("by_end",))
+    _check_keys('"reading"', kept["reading"], (), _READING)
+    for key, (types, what) in _TYPES.items():
+        if not isinstance(kept[key], types) or isinstance(kept[key], bool):
+            raise InputError(f'expected "{key}" as {what}, got {kept[key]!r}')
+    if kept["seed"] is not None and kept["seed"] < 0:
+        raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {kept["seed"]}')
+    if expected["verdict"] not in Verdict.__members__:
+        raise InputError(
+            f'expected "verdict" as one of {listing(Verdict.__members__)}, '
+            f"got {expected['verdict']!r}"
+        )
+    spec = rtamt.parse(requirement["text"], unit=requirement.get("unit", "s"))
+    if len(spec.requirements) != 1:
+        raise InputError(
+            f'expected the "text" of one requirement, got {len(spec.requirements)}: '
+            f"{listing(spec.requirements)}"
+        )
+    return {
+        "system": kept["system"],
+        "name": requirement["name"],
+        "requirement": spec,
+        "case": Case.from_json(json.dumps(kept["case"])),
+        "seed": kept["seed"],
+        "signals": _pairs(kept["signals"]),
+        "policy": kept["policy"],
+        "period": kept["period"],
+        "duration": None if kept["duration"] is None else _number("duration", kept["duration"]),
+        "reading": kept["reading"],
+        "robustness": _number("robustness", expected["robustness"]),
+        "verdict": Verdict[expected["verdict"]],
+        "versions": kept["versions"],
+        "fingerprint": Fingerprint.read(kept.get("fingerprint")),
+    }
+
+
+def _check_keys(
+    what: str,
+    kept: object,
+    needed: Sequence[str],
+    possible: Sequence[str] = (),
+) -> None:
+    if not isinstance(kept, dict):
+        raise InputError(f"expected {what} as an object of JSON, got {kept!r}")
+    for key in needed:
+        if key not in kept:
+            raise InputError(f"expected {what} with {key!r}, got {listing(kept)}")
+    for key in kept:
+        if key not in (*needed, *possible):
+            raise InputError(
+                f"expected {what} with {listing([*needed, *possible])}, got {key!r}"
+                f"{nearest(key, [*needed, *possible])}"
+            )
+
+
+def _number(name: str, given: Any) -> float:  # noqa: ANN401 - what JSON holds
+    if given in ("inf", "-inf", "nan") or (
+        isinstance(given, int | float) and not isinstance(given, bool)
+    ):
+        return float(given)
+    raise InputError(f'expected "{name}" as a number, got {given!r}')
+
+
+def _pairs(signals: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Signals with their pairs, which JSON holds as lists."""
+    if signals is None:
+        return None
+    return {name: tuple(each) if isinstance(each, list) else each for name, each in signals.items()}
+
+
+def _listed(value: Any) -> Any:  # noqa: ANN401 - an option
+    """An option as JSON holds it: several names are a list."""
+    return value if isinstance(value, str | bool) else list(value)
+
+
+def _checked_signals(signals: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    for name, each in (signals or {}).items():
+        if any(callable(part) for part in (each if isinstance(each, list | tuple) else [each])):
+            raise InputError(
+                f"cannot save a case whose signal {name!r} is a function, which a file cannot "
+                f"hold; write a selector, such as signals={{{name!r}: 'obs[0]'}}, or an "
+                "environment that has the signal in its info"
+            )
+    return signals
+
+
+def _policy_name(policy: object, given: str | None) -> str | None:
+    if policy is None or given is not None:
+        return given
+    path = import_path(policy)
+    if path is None:
+        what = getattr(policy, "__qualname__", None) or f"a {type(policy).__name__}"
+        raise InputError(
+            f"cannot save a case with the policy {what}, which no other program can import; write "
+            'save(path, policy="module:function"), or policy="sb3:FILE.zip" or "zero"'
+        )
+    return path

@@ -1,0 +1,153 @@
+"""`simulate`: runs one simulation of any kind under specifications."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Unpack
+
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.simulation import Simulator
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.systems.environment import monitor_of, with_own_monitor
+from rtamt_gym.systems.system import Policy, no_exit
+
+if TYPE_CHECKING:
+    from rtamt_gym.mujoco.snapshots import Snapshot
+
+
+@lists_reading(RunReading)
+def simulate(
+    system: Any,  # noqa: ANN401 - MuJoCo is not typed
+    specs: SpecsLike | None = None,
+    signals: Mapping[str, SignalLike] | None = None,
+    *,
+    case: Mapping[str, float | Waveform] | None = None,
+    start: Snapshot | None = None,
+    policy: Policy | None = None,
+    seed: int | None = None,
+    duration: float | None = None,
+    stop: Stop = "violation",
+    above: Mapping[str, float] | None = None,
+    label: str = "",
+    **reading: Unpack[RunReading],
+) -> Run:
+    """Runs a simulation under specifications until a violation is certain; records every sample.
+
+    | system | ``signals`` | ``policy`` |
+    |---|---|---|
+    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation |
+    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
+    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional |
+    | `Fmus`: FMUs connected | names of their variables | |
+    | a function from time to sample | keys of the sample | |
+    | an iterable of samples, or a generator function | keys of the sample | |
+
+    A sample is a mapping from names to numbers. For the last three systems, a variable that is not
+    in ``signals`` reads the value of its own name; for an environment that has ``signals`` of its
+    own, as scenarios do, what that says.
+
+    A ``case`` is what this run is given by name, numbers and waveforms: actions, parameters and
+    attributes of an environment; controls, initial states and constants of a model; inputs and
+    parameters of FMUs; keyword arguments of a function or a generator function. A step of the
+    simulation gets the value of a waveform at its start with ``"hold"``, at its end with
+    ``"linear"`` and ``"pchip"``; a function gets the waveform itself, which is a function of time.
+    Attributes, model and data are as before afterwards. docs/simulations.md lists the names.
+
+    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Without
+    ``specs`` all that it says is taken: specifications, signals, period and readings. The policy
+    sees what the wrappers show; samples and rewards are those that the monitor reads, substeps
+    included. It ends no episode meanwhile: ``stop`` says when the run ends.
+
+    Sample 0 is the state before the first step: an environment's observation at reset, the present
+    state of a MuJoCo model's data, an FMU's outputs after its initialization.
+
+    What an open verdict becomes at the end of the run is said by ``at_termination``, where the
+    system ends by itself, and by ``at_truncation``, where a time limit of the system or
+    ``duration`` cuts the run short. A run that was stopped decides nothing more, nor does the
+    ``duration`` of a `StepMonitor` that goes on afterwards: open verdicts stay UNDECIDED.
+
+    A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
+    does, to the last bit: robustness, bounds and verdicts judge the whole episode, and the
+    first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
+    monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
+    from the snapshot, and afterwards monitor and simulation are what they were before the call, to
+    the last bit. A policy may make such branches of the monitor that it drives.
+
+    An error of the system, the policy or a signal after sample 0, and Ctrl-C too, comes with its
+    own type, and with the samples so far as its attribute ``run``: a `Run` whose ``ended`` is
+    ``"error"``, with the verdicts that these samples leave.
+
+    Args:
+        system: The simulation to run, one of those above.
+        specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
+            or several with their names; of a text, every formula that no other formula uses is
+            one by itself. The name of a requirement that an environment has of its own
+            (``"AT1"``) stands for that requirement. None: all of these, or what its monitor
+            monitors; for a `StepMonitor` it must be None.
+        signals: What the variables of the specifications read, and what else to record: signals
+            that no specification reads are in the run and its picture too.
+        case: Numbers and waveforms by name, such as a `Case`, for this run.
+        start: Where a `StepMonitor` branches off. None: it runs on from its present state.
+        policy: The function that acts. Its arguments are the observation, or model and data. For
+            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. What a case
+            drives, the policy does not. None: the ``baseline`` of an environment that has one.
+        seed: The seed of an environment's reset.
+        duration: The longest simulated time, in seconds (in steps without a period). None: until
+            the system ends by itself. A model, an FMU or a function of time never does; with
+            ``math.inf`` they run until they are stopped.
+        stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
+            once every verdict is certain; ``"known"``: also once every robustness is known, which
+            is looked at after every tenth sample; ``"verdicts"``: only once every verdict is
+            certain, not at a violation while others are open; ``"end"``: not before the end.
+        above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
+            above its number is known. Without one, it is known once it cannot change any more.
+        label: A name for tables and pictures that tells who acted.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``,
+            ``at_truncation`` and ``substeps``.
+
+    Returns:
+        The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
+
+    Raises:
+        SpecificationError: If a specification is wrong, reads the first sample only, has a bound
+            that is not a multiple of the period without ``align``, or needs a period and has none.
+        InputError: If a variable cannot be read, a policy, a period or a duration is missing, a
+            signal is nan, the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
+            variable; if a `StepMonitor` is given what it has of its own.
+        InputTypeError: If the system is not one of those above, or specifications are missing.
+        StateError: If the simulation is unstable; if a `StepMonitor` has finished.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import simulate
+        >>> run = simulate(
+        ...     gym.make("CartPole-v1"),
+        ...     {"upright": "always(abs(angle) < 0.1)", "near": "always(abs(x) < 1)"},
+        ...     {"angle": "obs[2]", "x": "obs[0]"},
+        ...     policy=lambda obs: int(obs[3] > 0),
+        ...     seed=1,
+        ... )
+        >>> run
+        <Run of CartPole-v1: violation of near at 2.36 s, 119 samples>
+        >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
+        ('VIOLATED', 'UNDECIDED')
+    """
+    given = checked_reading(reading, simulate, RunReading)
+    specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
+    with no_exit("the system"):
+        simulator = Simulator(
+            system,
+            specs,
+            signals,
+            given,
+            case=case,
+            start=start,
+            policy=policy,
+            duration=duration,
+        )
+        return simulator.begin(seed=seed, stop=stop, above=above, label=label).go()

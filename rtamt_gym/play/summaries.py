@@ -1,0 +1,196 @@
+"""The outcomes of runs, as a table for the terminal and as JSON for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from textwrap import wrap
+from typing import Any, Final
+
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.run import Run
+from rtamt_gym.results.codec import document, plain_results, plain_trial
+from rtamt_gym.results.matrix import times_text
+from rtamt_gym.results.provenance import Provenance
+from rtamt_gym.results.statistics import columns_of
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import STOPPED, Trial, end_note
+from rtamt_gym.tables import counted, number, sample_text, shorten, table
+
+Episode = Run | Trial
+"""A run with its samples; of one that an error has ended the trial."""
+
+
+def trial_of(episode: Episode) -> Trial:
+    """What an episode came to, without its samples."""
+    return episode if isinstance(episode, Trial) else episode.trial()
+
+
+def run_table(episodes: Sequence[Episode]) -> list[str]:
+    """Writes the outcomes as a table, with a row for every specification of every episode.
+
+    The table tells when the runs were stopped; if none was to be stopped, when the verdicts were
+    certain. One episode at least has not failed.
+    """
+    runs = _runs(episodes)
+    stops = any(run.stop != "end" for run in runs)
+    at_head = "stopped" if stops else "certain"
+    asks = any(each.occasions is not None for run in runs for each in run.outcomes.values())
+    head = ("asked",) if asks else ()
+    rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
+    for count, run in enumerate(episodes, 1):
+        if isinstance(run, Trial):
+            at_front = [str(count), "", "-", "-"]
+            for name in runs[0].courses:
+                of_spec = (shorten(name, 16), "-", "ERROR", *["-"] * len(head))
+                rows.append((*at_front, *of_spec, "-"))
+                at_front = [""] * len(at_front)
+            continue
+        for name, course in run.courses.items():
+            first = name == next(iter(run.courses))
+            stopped = run.last_sample if run.ended in STOPPED else None
+            if stops:
+                when = "-" if stopped is None else sample_text(stopped, run.period)
+            else:
+                when = course.decided_text(run.period) or "-"
+            of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
+            asked = (times_text(course.outcome(run.period)) or "-",) if asks else ()
+            of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name, *asked)
+            if first:
+                rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
+            else:
+                rows.append(("", "", "", "" if stops else when, *of_spec, ""))
+    return table(rows, f"><>><><{'>' * len(head)}>")
+
+
+def saved_note(episodes: Sequence[Episode]) -> list[str]:
+    """Explains the column ``saved`` of the table; no lines if no run saved anything."""
+    if not any(run.saved for run in _runs(episodes)):
+        return []
+    return [
+        "saved: simulated time from the stop to the time limit. An environment that ends",
+        "by itself, as after a fall or a crash, might not have used all of it.",
+    ]
+
+
+def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
+    """The episodes as a result of the kind ``"runs"``.
+
+    Args:
+        episodes: Those of one environment, of which one at least has not failed.
+        reading: What a certain violation does to an episode, and how episodes are read.
+    """
+    first = _runs(episodes)[0]
+    texts = {name: course.formula for name, course in first.courses.items()}
+    specs = {name: course.specification for name, course in first.courses.items()}
+    made = Provenance.of(specs)
+    results = Results(map(trial_of, episodes), texts, first.system, made)
+    trials = [{**plain_trial(trial_of(each)), **_of_run(each)} for each in episodes]
+    limit = None if first.limit is None else float(first.limit * (first.period or 1))
+    about = {"period": first.period, "limit": limit, "reading": reading}
+    return document("runs", {**about, **plain_results(results), "trials": trials})
+
+
+def _runs(episodes: Sequence[Episode]) -> list[Run]:
+    """The episodes that have not failed."""
+    return [each for each in episodes if isinstance(each, Run)]
+
+
+def _of_run(episode: Episode) -> dict[str, Any]:
+    """What JSON has of a run beside its trial."""
+    if isinstance(episode, Trial):
+        return {}
+    return {
+        "steps": episode.steps,
+        "steps_saved": episode.saved,
+        "violated_by": episode.violated_by,
+    }
+
+
+def _saved(run: Run) -> str:
+    if run.saved is None:
+        return "-"
+    if run.period is None:
+        return f"{run.saved} steps"
+    return f"{number(float(run.saved * run.period))} s"
+
+
+_ERROR: Final = 200
+"""The most letters of an error that are shown."""
+
+
+def record_table(record: Record) -> list[str]:
+    """A table with a row for every requirement: its robustness over the record, and its verdicts.
+
+    Below it stand what was simulated and how many failed.
+    """
+    results = list(record.results().values())
+    columns = columns_of(results, rates=False)
+    rows = [["requirement", *(each.heading for each in columns)]]
+    rows += [[each.name, *(column.cell(each) for column in columns)] for each in results]
+    simulated = math.fsum(row.simulated for row in record)
+    took = f"{counted(len(record), 'simulation')}, {simulated:.6g} simulated seconds"
+    below = [took, *end_note(record), *failures(record)]
+    return [*table(rows, "<" + ">" * len(columns), 80), "", *below]
+
+
+def failures(record: Record, *, rated: bool = True) -> list[str]:
+    """How many simulations failed, and the error of the first; no lines if none did.
+
+    They are lines of 80 columns. What the first was given stands before its error.
+
+    Args:
+        record: The simulations.
+        rated: Whether rates of episodes stand above, in which those that failed count.
+    """
+    failed = record.failed()
+    if not len(failed):
+        return []
+    first = failed[0]
+    if record.chosen:
+        columns = first.case.columns().items()
+        given = ", ".join(f"{name}={value:.4g}" for name, value in columns)
+        head = f"{len(failed)} of {counted(len(record), 'simulation')} failed, the first with "
+    else:  # episodes
+        given = f"seed {first.seed}"
+        head = f"{len(failed)} of {counted(len(record), 'episode')} failed"
+        head += ", which counts as not satisfied; the first with " if rated else "; the first, "
+    error = shorten(" ".join(first.error.split()), _ERROR)
+    others = len({row.error for row in failed}) - 1
+    return [
+        *wrap(f"{shorten(f'{head}{given}', 139)}:", 80),
+        *wrap(error, 80, initial_indent="  ", subsequent_indent="  "),
+        *([f"  and {counted(others, 'other error')}"] if others else []),
+    ]
+
+
+def record_json(record: Record, options: Mapping[str, Any]) -> str:
+    """The record as a result of the kind ``"record"``.
+
+    Args:
+        record: The simulations.
+        options: How they were chosen and run.
+    """
+    return document("record", {**options, **plain_results(record, rates=not record.chosen)})
+
+
+def case_lines(case: Case) -> list[str]:
+    """A case for the terminal: a line for each entry, and more for one of many control points."""
+    return [line for each in case.items() for line in _entry(*each)]
+
+
+def _entry(name: str, entry: float | Waveform) -> list[str]:
+    """An entry of a case: a number, or the values of a waveform at its times."""
+    if not isinstance(entry, Waveform):
+        return [f"  {name} = {number(entry)}"]
+    if len(set(entry.values)) == 1:
+        return [f"  {name} = {number(entry.values[0])} throughout"]
+    points = zip(entry.times, entry.values, strict=True)
+    # Lines break behind a control point, not within: a blank that does not break is none to `wrap`.
+    values = [f"{number(value)}\xa0at\xa0{number(time)}\xa0s" for time, value in points]
+    how = {"hold": "steps"}.get(entry.interpolation, entry.interpolation)
+    text = f"{name}, {how}: {', '.join(values)}"
+    lines = wrap(text, 79, initial_indent="  ", subsequent_indent="    ")
+    return [line.replace("\xa0", " ") for line in lines]

@@ -1,0 +1,141 @@
+"""`Whole`: runs cases to their end and judges them then, where monitors would take longer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from rtamt import Formula, RtamtError, Specification, Verdict
+from rtamt.patterns import stages
+from rtamt_gym.judging.questions import Questions
+from rtamt_gym.play.loop import SimulatedTrace
+from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.runner import CaseLike, Runner
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.trial import Trial
+
+MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
+
+
+def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
+    """Whether runs are better judged once they are over.
+
+    They are where a window is over a combination of windows, as in ``always[0:30](p implies
+    eventually[0:5] q)``. What a monitor says of it after every sample takes ten times what a
+    simulation of a scenario takes, and the robustness of the whole trace a tenth. Unless it is
+    violated, such a requirement is hardly ever certain long before the end.
+    """
+    return (
+        runner.duration is not None
+        and runner.reading.view == "episode"
+        and runner.reading.semantics == "standard"
+        and all(spec.unit == "s" and spec.horizon <= runner.duration for spec in specs.values())
+        and any(_nests(spec.formula) for spec in specs.values())
+    )
+
+
+class Whole:
+    """Runs cases to the end, and judges them by their samples.
+
+    `Runner` gives the same rows, except that a run without a violation is never stopped, and that
+    its end is the time at which its verdicts were certain. A run that violates, that fails, or that
+    ends before every verdict is certain, is run again under monitors, which stop it.
+
+    Args:
+        make: Makes a runner of requirements.
+        specs: The requirements.
+    """
+
+    def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
+        self._runner = make(specs, "known")
+        self._names = list(specs)
+        self._questions: dict[Fraction | None, Questions] = {}
+        self._horizon = max(spec.horizon for spec in specs.values())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def takes_seeds(self) -> bool:
+        """As `Runner.takes_seeds`."""
+        return self._runner.takes_seeds
+
+    def close(self) -> None:
+        """Closes what has been made."""
+        self._runner.close()
+
+    def judge(self, name: str, trace: SimulatedTrace) -> float:
+        """The robustness of a requirement on samples that were kept."""
+        return self._runner.judge(name, trace)
+
+    def run(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        above: Mapping[str, float] | None = None,
+    ) -> Iterator[tuple[int, Trial]]:
+        """Runs cases, as `Runner.run` does."""
+        listed = list(cases)
+        satisfied: dict[int, Trial] = {}
+        for index, row, trace in self._runner.whole(listed, seeds):
+            if row.simulated < self._horizon:
+                continue
+            with suppress(RtamtError):  # of samples that cannot be judged
+                heights = {name: self.judge(name, trace) for name in self._names}
+                if not np.signbit(list(heights.values())).any():
+                    satisfied[index] = self._satisfied(row, heights, trace)
+        yield from satisfied.items()
+        for index in range(len(listed)):
+            if index not in satisfied:
+                own = None if seeds is None else [seeds[index]]
+                for _, row in self._runner.run([listed[index]], own, above=above):
+                    yield index, row
+
+    def _satisfied(self, row: Trial, heights: Mapping[str, float], trace: SimulatedTrace) -> Trial:
+        """The row of a run that satisfies all requirements, by their robustness."""
+        period, reading = trace.period, self._runner.reading
+        if period not in self._questions:
+            specs = self._runner.requirements
+            self._questions[period] = Questions(specs, reading.having(period=period))
+        verdicts = dict.fromkeys(heights, Verdict.SATISFIED)
+        terminated = row.ended == "terminated"
+        end = (reading.at_termination or "complete") if terminated else reading.at_truncation
+        stands_on = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
+        last = round(row.simulated / (period or 1))
+        outcomes = {
+            name: Outcome.at(
+                [height] * 3,
+                Verdict.SATISFIED,
+                last,
+                period,
+                stands_on[name],
+                1.0 if stages(self._runner.requirements[name]) else None,
+            )
+            for name, height in heights.items()
+        }
+        return replace(row, outcomes=outcomes)
+
+
+def _nests(formula: Formula) -> bool:
+    """Whether a window is over a combination of windows."""
+    return any(_timed(node) and any(map(_combines, node.args)) for node in formula.nodes())
+
+
+def _combines(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
+    """Whether a node combines formulas, one of which has a window."""
+    if len(node.args) > 1 and any(_timed(each) for arg in node.args for each in arg.nodes()):
+        return True
+    return any(map(_combines, node.args))
+
+
+def _timed(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
+    return node.op is not None and bool(node.op.timed)

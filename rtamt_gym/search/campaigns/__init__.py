@@ -1,1 +1,0 @@
-"""Runs many cases on processes or machines, and loses none to a kill."""

@@ -1,1 +1,0 @@
-"""Runs cases of one system, one by one or in lanes, and keeps what each has become."""

@@ -1,1 +1,0 @@
-"""Runs a simulation of any kind under specifications; the run's record, picture and file."""

@@ -1,0 +1,326 @@
+"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from typing import Any
+
+import gymnasium as gym
+
+from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.feeding import Feed
+from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.reading import Reading, refuse_other
+from rtamt_gym.signals.periods import read_period
+from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
+from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.step_time import StepTime
+from rtamt_gym.signals.taps import Tap, rescaling, tapped
+from rtamt_gym.systems.environment_case import EnvironmentCase, baseline_of
+from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, exited
+from rtamt_gym.wrappers.monitor import StlMonitor
+from rtamt_gym.wrappers.substeps import Inside, read_substep_period
+
+
+class Environment(System):
+    """A Gymnasium environment and the policy that acts in it.
+
+    In an environment that has a monitor the policy sees what the wrappers show, and the samples and
+    the rewards are those that the monitor reads; it ends no episode meanwhile.
+
+    Attributes:
+        observation: What it has shown last, on which the policy acts next.
+        reward: The sum of its rewards since the start; None if they are no numbers.
+        reported: Its own ``is_success`` in the info that ended the episode; None without one.
+        refuses_nan: Whether it refuses signals that are nan, as the monitors do not.
+        timed: Whether bounds of specifications hang on its period.
+        below: As for `rtamt_gym.judging.reading.Reading`.
+        rescaled: As for `rtamt_gym.judging.reading.Reading`.
+    """
+
+    observation: Any = None
+    reward: float | None = None
+    reported: bool | None = None
+    refuses_nan: bool = False
+    timed: bool = False
+    below: bool = False
+    rescaled: bool = False
+    _tap: Tap | None = None
+    """Below the monitor."""
+    _seen: Any = None
+    """What has shown the samples that are read; None: the environment."""
+    _watch: StepTime | None = None
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        policy: Policy | None,
+        seed: int | None,
+        *,
+        substeps: bool = False,
+        case: EnvironmentCase | None = None,
+    ) -> None:
+        if policy is not None and not callable(policy):
+            way_out = "lambda obs: model.predict(obs)[0]" if hasattr(policy, "predict") else ""
+            raise InputTypeError(
+                f"expected a policy, a function from observation to action, got {policy!r}; "
+                f"write policy={way_out or f'lambda obs: {policy!r}'}"
+            )
+        self._monitor = monitor_of(env)
+        substeps = substeps or (self._monitor is not None and self._monitor.substeps)
+        self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
+        self.period = read_substep_period(env) if substeps else read_period(env)
+        self.limit = env.spec.max_episode_steps if env.spec else None
+        if substeps and self.limit is not None:
+            step = read_period(env)
+            self.limit = round(self.limit * step / self.period) if step and self.period else None
+        self._substeps = substeps
+        self._env = env
+        self._policy = policy
+        self._seed = seed
+        self._case = case
+        self._ends: ExitStack | None = None  # from a start on that changes something
+
+    def driven(self, case: Case) -> Environment:
+        """The environment with a case: options, attributes, and waveforms for its actions."""
+        bound = EnvironmentCase(self._env, case, self.name)
+        with bound.attributes():  # one of them may be the period
+            made = Environment(
+                self._env, self._policy, self._seed, substeps=self._substeps, case=bound
+            )
+        made.refuses_nan, made.timed = self.refuses_nan, self.timed
+        made.below, made.rescaled = self.below, self.rescaled
+        return made
+
+    def known(self, signals: Signals) -> Mapping[str, SignalLike]:
+        """The signals that are given, that the monitor has, and that the environment names."""
+        of_monitor = {} if self._monitor is None else self._monitor.judging.signals or {}
+        return {**own_signals(self._env), **of_monitor, **(signals or {})}
+
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Binds the selectors and finds who acts."""
+        self._step_period = period or Fraction(1)
+        if period is not None:
+            was_read = self.period is not None and math.isclose(self.period, period)
+            self._watch = StepTime(
+                self._env,
+                float(period),
+                read_substep_period if self._substeps else read_period,
+                was_read=was_read,
+                timed=self.timed,
+                substeps=self._substeps,
+                stated=self.period if was_read else None,
+            )
+        if self._substeps:
+            self._step_period = exact(read_period(self._env) or 1)
+        shown: Any = self._env if self._monitor is None else self._monitor.env
+        parsed = parse_signals(
+            signals or {},
+            variables,
+            SOURCES,
+            extra=True,
+            own=self.known(None),
+            refuse_nan=self.refuses_nan,
+        )
+        seen = () if self._substeps else parsed  # where no observation is read
+        rescaler = rescaling(shown, seen, below=self.below, rescaled=self.rescaled)
+        self._rescaler = rescaler
+        if rescaler is not None:
+            shown = rescaler.env
+        self._reads_at_reset = [signal.bind_reset(shown) for signal in parsed]
+        if self._substeps:
+            self._inside = Inside(self._env, parsed)
+        else:
+            self.reads = [signal.bind(shown) for signal in parsed]
+
+    def again(self, policy: Policy | None, seed: int | None) -> Environment:
+        """The environment for another run, with the signals that are bound."""
+        made = object.__new__(Environment)  # copy.copy() would take ten times as long
+        made.__dict__.update(self.__dict__, _policy=policy, _seed=seed)
+        return made
+
+    @property
+    def plain(self) -> bool:
+        """Whether a step of the environment is one sample, which it shows itself."""
+        return not self._substeps and self._monitor is None and self._rescaler is None
+
+    def play(self, panel: Panel, feed: Feed, most: float) -> None:
+        """Makes steps, each of which feeds a sample, until the system ends or a verdict is decided.
+
+        Args:
+            panel: The monitors.
+            feed: Feeds them with a step.
+            most: The greatest number of steps.
+        """
+        act, step, obs, watch = self._act, self._env.step, self.observation, self._watch
+        settled, steps = panel.settled, 0
+        while steps < most:
+            steps += 1
+            try:
+                action = act(obs)
+            except SystemExit as end:
+                raise exited("the policy", end) from end
+            obs, reward, terminated, truncated, info = step(action)
+            if watch is not None and watch.left:
+                watch.step()
+            self.observation = obs
+            try:
+                self.reward += float(reward)  # type: ignore[operator]  # None: see `_earn`
+            except TypeError:
+                self.reward = None
+            feed(obs, action, reward, info)
+            if terminated or truncated:
+                self.ended = "terminated" if terminated else "truncated"
+                self.reported = _reported(info)
+                return
+            if panel.settled != settled:
+                return
+
+    def start(self) -> list[float]:
+        self.ended = ""
+        self.reward, self.reported = 0.0, None
+        self._rest: deque[list[float]] = deque()
+        self._end: SystemEnd = ""
+        self._act: Policy = self._find_policy()
+        if self.plain and self._case is None:
+            self.observation, info = self._env.reset(seed=self._seed)
+        else:
+            self._ends = ExitStack()
+            info = self._start(self._ends)
+        if self._watch is not None:
+            self._watch.begin()
+        seen = self.observation, None, None, info
+        if self._seen is not None:
+            seen = self._seen.seen
+        return [read(*seen) for read in self._reads_at_reset]
+
+    def _start(self, ends: ExitStack) -> dict[str, Any]:
+        """Resets an environment with a monitor, a case or what rescales; undone by ``ends``."""
+        if self._monitor is not None:
+            self._tap = Tap(self._monitor.env)
+            ends.enter_context(self._monitor.tapped(self._tap))
+        self._seen = self._tap
+        if self._rescaler is not None:
+            inner = self._rescaler.env
+            self._seen = tapped(self._rescaler)
+            ends.callback(setattr, self._rescaler, "env", inner)
+        case = self._case
+        if case is None:
+            self.observation, info = self._env.reset(seed=self._seed)
+        else:
+            ends.enter_context(case.attributes())
+            self.observation, info = self._env.reset(seed=self._seed, options=case.options)
+            case.check()
+        return info
+
+    def advance(self) -> list[float]:
+        if not self._rest:
+            self._step()
+        values = self._rest.popleft()
+        if not self._rest:
+            self.ended = self._end
+        return values
+
+    def _step(self) -> None:
+        """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
+        try:
+            action = self._act(self.observation)
+        except SystemExit as end:
+            raise exited("the policy", end) from end
+        within = self._substeps
+        result = self._inside.step(action, self._keep) if within else self._env.step(action)
+        obs, reward, terminated, truncated, info = result
+        if self._watch is not None:
+            self._watch.step(len(self._rest) if self._substeps else 1)
+        self.observation = obs
+        if self._tap is not None:
+            obs, action, reward, info = self._tap.seen
+        if not self._substeps:
+            seen = (obs, action, reward, info) if self._seen is None else self._seen.seen
+            self._rest.append([read(*seen) for read in self.reads])
+        self._earn(reward)
+        if terminated or truncated:
+            self._end = "terminated" if terminated else "truncated"
+            self.reported = _reported(info)
+
+    def _earn(self, reward: Any) -> None:  # noqa: ANN401
+        try:
+            self.reward += float(reward)  # type: ignore[operator]  # None: see below
+        except TypeError:  # several objectives have several rewards
+            self.reward = None
+
+    def _keep(self, *step: Any) -> None:  # noqa: ANN401 - the arguments of a `Read`
+        self._rest.append([read(*step) for read in self._inside.reads])
+
+    def _find_policy(self) -> Policy:
+        """Who acts in an episode that begins now: the case, the policy or the baseline."""
+        if self._case is not None and self._case.drives:
+            return self._case.policy(self._policy, baseline_of(self._env), self._step_period)
+        policy = self._policy
+        if policy is None:  # one that is a collection may be empty
+            policy = baseline_of(self._env)
+        if policy is None:
+            raise InputError(
+                "an environment needs a policy, a function from observation to action; ",
+                Argument(
+                    "policy", words="policy=lambda obs: env.action_space.sample() acts at random"
+                ),
+            )
+        return policy
+
+    def close(self) -> None:
+        """Leaves the environment open, for it belongs to the caller, with its own attributes."""
+        if self._ends is not None:
+            self._ends.close()
+
+
+def _reported(info: Mapping[str, Any]) -> bool | None:
+    """The environment's own ``is_success`` in a last info; None if it has none."""
+    own = info.get("is_success")
+    return None if own is None else bool(own)
+
+
+def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
+    """The monitor of an environment, which may have wrappers around it; None if there is none."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, StlMonitor):
+            return env
+        env = env.env
+    return None
+
+
+def with_own_monitor(
+    monitor: Any,  # noqa: ANN401 - of one environment, or of many
+    specs: Any,  # noqa: ANN401
+    signals: Mapping[str, SignalLike] | None,
+    reading: Reading,
+) -> tuple[Any, Mapping[str, SignalLike] | None, Reading]:
+    """What `rtamt_gym.simulate` judges and how; without specifications what the monitor does.
+
+    Args:
+        monitor: The monitor of the environment, or None.
+        specs: The specifications that are given, or None.
+        signals: The signals that are given, or None.
+        reading: The options that are given.
+
+    Raises:
+        InputError: If something else is given than the monitor has.
+    """
+    if monitor is None or specs is not None:
+        return specs, signals, reading
+    own: Judging = monitor.judging
+    whose, way_out = (
+        "the monitor of the environment",
+        "leave it out, or give specifications with it",
+    )
+    if signals is not None and signals != own.signals:
+        refuse_other("signals", own.signals, signals, whose, way_out)
+    return own.specs, own.signals, reading.over(own.reading, whose, way_out)

@@ -1,0 +1,308 @@
+"""What a case does to an environment: options of its reset, attributes, parts of its actions."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from numbers import Real
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from rtamt import InputError
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.signals.spaces import described
+from rtamt_gym.systems.system import as_number, as_waveform, like, refuse_unknown
+
+_Policy = Callable[..., Any]
+
+_ATTRIBUTE = "env."
+"""What the name of an attribute begins with."""
+
+
+class _Attribute(NamedTuple):
+    """What an attribute holds during a run: a number, or a model of MuJoCo with other constants."""
+
+    name: str
+    owner: Any
+    field: str
+    value: Any
+
+
+class EnvironmentCase:
+    """A case, bound to an environment; its entries are found when it is made.
+
+    Attributes:
+        options: Parameters of a scenario, as options of its reset; None if there are none.
+
+    Args:
+        env: The environment.
+        case: The case.
+        name: The name of the environment, for messages.
+
+    Raises:
+        InputError: If the environment has nothing of a name, an attribute takes no such number, or
+            a waveform leaves the bounds of the actions.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], case: Case, name: str) -> None:
+        self._name = name
+        self._simulation: Any = env.unwrapped
+        self._space = env.action_space
+        self.options: dict[str, float] | None = {}
+        self._attributes: list[_Attribute] = []
+        self._drives: dict[str, tuple[tuple[int, ...], Waveform]] = {}
+        parameters = _parameters(self._simulation)
+        self._actions = _action_names(env)
+        drivable = listing(self._actions)
+        has_model, constants = _has_model(self._simulation), dict[str, float | Waveform]()
+        for key, entry in case.items():
+            if key in parameters:
+                self.options[key] = as_number(key, entry, drivable)
+            elif key in self._actions:
+                waveform = as_waveform(key, entry)
+                _check_fits(key, waveform, self._space, self._actions[key])
+                self._drives[key] = self._actions[key], waveform
+            elif has_model and _is_of_model(key):
+                constants[key] = entry
+            elif key.startswith(_ATTRIBUTE) and not parameters:
+                self._attributes.append(_attribute(name, key, as_number(key, entry, drivable), env))
+            else:
+                known = [*self._actions, *parameters]
+                if parameters:
+                    refuse_unknown(name, key, known)
+                more = "numbers of its attributes, such as 'env.gravity'"
+                if has_model:
+                    more += ", and of its model, such as 'body:torso.mass'"
+                own = [f"{_ATTRIBUTE}{key}"] if hasattr(self._simulation, key) else []
+                refuse_unknown(name, key, known, more, own)
+        self.options = self.options or None
+        if constants:
+            self._attributes.append(_changed_model(self._simulation, Case(constants), name))
+
+    @contextmanager
+    def attributes(self) -> Iterator[None]:
+        """A context in which the attributes hold their numbers; afterwards they are as before.
+
+        Raises:
+            InputError: If an attribute cannot be set.
+        """
+        before: list[tuple[_Attribute, bool, Any]] = []
+        try:
+            for each in self._attributes:
+                own = each.field in getattr(each.owner, "__dict__", {each.field})
+                before.append((each, own, getattr(each.owner, each.field)))
+                try:
+                    setattr(each.owner, each.field, each.value)
+                except AttributeError as error:
+                    before.pop()
+                    raise InputError(f"cannot set {each.name!r} of {self._name}: {error}") from None
+            yield
+        finally:
+            for each, own, value in reversed(before):
+                if own:
+                    setattr(each.owner, each.field, value)
+                else:  # the class had the value
+                    delattr(each.owner, each.field)
+
+    def check(self) -> None:
+        """Refuses a reset that has set an attribute or a parameter to another number.
+
+        Raises:
+            InputError: If one has.
+        """
+        for each in self._attributes:
+            now = getattr(each.owner, each.field)
+            if now != each.value:
+                raise InputError(
+                    f"{each.name!r} of the case is {each.value!r}, but the reset of {self._name} "
+                    f"sets it to {now!r}: it cannot be chosen"
+                )
+        parameters = _parameters(self._simulation)
+        for name, value in (self.options or {}).items():
+            if parameters.get(name) != value:
+                raise InputError(
+                    f"{name!r} of the case is {value:g}, but after the reset of {self._name} with "
+                    f"this option it is {parameters.get(name)!r}"
+                )
+
+    def policy(self, policy: _Policy | None, baseline: _Policy | None, period: Fraction) -> _Policy:
+        """The policy with which the case drives its actions, from the first step on.
+
+        Args:
+            policy: The caller's policy, which gives the actions that the case does not drive.
+            baseline: The environment's own, where there is none.
+            period: Seconds of a step.
+
+        Raises:
+            InputError: If the policy has nothing left to do, or an action is driven by nothing.
+        """
+        drives = [(at, wave.stepper(period)) for at, wave in self._drives.values()]
+        driven = {at for at, _ in drives}
+        left = [name for name, at in self._actions.items() if at not in driven]
+        if not left:
+            if policy is not None:
+                raise InputError(
+                    f"the case drives all actions of {self._name}, {listing(self._drives)}, and "
+                    "nothing is left for the policy; leave one of them out"
+                )
+            others: _Policy | None = None
+        else:
+            others = policy or baseline
+            if others is None:
+                raise InputError(
+                    f"the case drives {listing(self._drives)} of {self._name}, and nothing drives "
+                    f"{listing(left)}; add them to the case, or give ",
+                    Argument("policy"),
+                    " for them",
+                )
+        space, step = self._space, 0
+
+        def act(obs: Any) -> Any:  # noqa: ANN401
+            nonlocal step
+            action: Any = np.zeros(space.shape or (), space.dtype)
+            if others is not None:
+                action[...] = others(obs)
+            for at, value in drives:
+                action[at] = value(step)
+            step += 1
+            return int(action) if isinstance(space, spaces.Discrete) else action
+
+        return act
+
+    @property
+    def drives(self) -> bool:
+        """Whether the case drives an action."""
+        return bool(self._drives)
+
+
+def baseline_of(env: gym.Env[Any, Any]) -> _Policy | None:
+    """The environment's own policy, its attribute ``baseline``, where its actions are those taken.
+
+    None if there is none, or a wrapper takes other actions.
+    """
+    simulation: Any = env.unwrapped
+    baseline = getattr(simulation, "baseline", None)
+    if not callable(baseline) or env.action_space != simulation.action_space:
+        return None
+    policy: _Policy = baseline
+    return policy
+
+
+def _parameters(simulation: Any) -> Mapping[str, Any]:  # noqa: ANN401
+    """The parameters of a scenario by name; none of another environment."""
+    parameters = getattr(simulation, "parameters", None)
+    if isinstance(parameters, Mapping) and hasattr(simulation, "action_names"):
+        return parameters
+    return {}
+
+
+def _action_names(env: gym.Env[Any, Any]) -> dict[str, tuple[int, ...]]:
+    """The places in an action by name; none where actions are no arrays of numbers."""
+    space = env.action_space
+    if not isinstance(
+        space, spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary
+    ):
+        return {}
+    shape = space.shape or ()
+    names = getattr(env.unwrapped, "action_names", None)
+    if isinstance(names, Sequence) and shape == (len(names),):
+        return {str(name): (i,) for i, name in enumerate(names)}
+    places = list(np.ndindex(shape))
+    return {"action" + "".join(f"[{i}]" for i in at): at for at in places}
+
+
+def _check_fits(
+    name: str, waveform: Waveform, space: spaces.Space[Any], at: tuple[int, ...]
+) -> None:
+    """Refuses a waveform whose values are no part of an action."""
+    low, high = min(waveform.values), max(waveform.values)
+    if isinstance(space, spaces.Box):
+        # As the action holds them: a bound of 0.1 in float32 is not 0.1.
+        least, most = space.dtype.type(low), space.dtype.type(high)
+        bounds = space.low[at], space.high[at]
+    else:
+        whole = all(value.is_integer() for value in waveform.values)
+        if not whole or waveform.interpolation != "hold":
+            raise InputError(
+                f"expected {name!r} of the case as whole numbers with interpolation='hold', for "
+                f"the actions {described(space)}, got {waveform!r}"
+            )
+        least, most = low, high
+        bounds = _whole_bounds(space, at)
+    if least < bounds[0] or most > bounds[1]:
+        got = f"{low:g}" if low == high else f"values from {low:g} to {high:g}"
+        raise InputError(
+            f"expected {name!r} of the case from {bounds[0]:g} to {bounds[1]:g}, as the actions "
+            f"go, got {got}"
+        )
+
+
+def _whole_bounds(space: Any, at: tuple[int, ...]) -> tuple[int, int]:  # noqa: ANN401
+    match space:
+        case spaces.Discrete():
+            return int(space.start), int(space.start + space.n - 1)
+        case spaces.MultiDiscrete():
+            return int(space.start[at]), int(space.start[at] + space.nvec[at] - 1)
+        case _:
+            return 0, 1
+
+
+def _has_model(simulation: Any) -> bool:  # noqa: ANN401
+    """Whether an environment steps a model of MuJoCo, which it has loaded then."""
+    mujoco = sys.modules.get("mujoco")
+    return mujoco is not None and isinstance(getattr(simulation, "model", None), mujoco.MjModel)
+
+
+def _is_of_model(key: str) -> bool:
+    from rtamt_gym.systems.mujoco_case import is_of_model
+
+    return is_of_model(key)
+
+
+def _changed_model(simulation: Any, case: Case, name: str) -> _Attribute:  # noqa: ANN401
+    from rtamt_gym.systems.mujoco_case import changed
+
+    return _Attribute(listing(case), simulation, "model", changed(simulation.model, case, name))
+
+
+def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) -> _Attribute:
+    """Finds the attribute of a name in the simulation."""
+    owner: Any = None
+    value: Any = env.unwrapped
+    reached, field = "env", ""
+    for field in name.removeprefix(_ATTRIBUTE).split("."):
+        owner = value
+        if not hasattr(owner, field):
+            known = [each for each in dir(owner) if not each.startswith("_")]
+            meant = nearest(field, known).replace("'", f"'{reached}.", 1)
+            raise InputError(f"{system} has no {name!r}{meant or _numbers_of(owner, reached)}")
+        value, reached = getattr(owner, field), f"{reached}.{field}"
+    if not isinstance(value, Real):
+        raise InputError(
+            f"expected a number as {name!r} of {system}, which a case can set, got "
+            f"{type(value).__name__} {value!r}"
+        )
+    return _Attribute(name, owner, field, like(value, name, number))
+
+
+def _numbers_of(owner: Any, reached: str) -> str:  # noqa: ANN401
+    """The numbers that an object has as attributes, for a message."""
+    named = []
+    for field in dir(owner):
+        value = inspect.getattr_static(owner, field, None)  # a property is not asked
+        if (
+            isinstance(value, int | float)
+            and not isinstance(value, bool)
+            and not field.startswith("_")
+        ):
+            named.append(f"{reached}.{field}")
+    return f"; its numbers are {listing(named)}" if named else ""

@@ -1,0 +1,416 @@
+"""`Fmus`: connected functional mock-up units for co-simulation, as a system for `simulate`."""
+
+from __future__ import annotations
+
+import copy
+import os
+import shutil
+import sys
+import tempfile
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from importlib import import_module
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.systems.fmi_variables import Variable, Variables, fit, kind_of
+from rtamt_gym.systems.system import Signals, System, as_number, named_signals, whole_steps
+
+if TYPE_CHECKING:
+    from rtamt_gym.systems.fmi_instance import Instance, Reader, Writer
+
+
+_Path = str | os.PathLike[str]
+
+_Source = str | float | Callable[[float], float]
+"""What an input receives: the value of the variable named, a number, or a function of time."""
+
+_InputSource = int | Callable[[float], float]
+"""The source of an input during a run: the index of a connected output, or a function of time."""
+
+
+class Fmus(System):
+    """Connected FMUs for co-simulation, as Simulink, Modelica tools and others export them.
+
+    All FMUs step from one communication point to the next; then the outputs are copied to the
+    inputs that they are connected to. The order of the FMUs does not matter. An output that depends
+    on an input without delay lags by one communication step. FMI 2.0 and 3.0.
+
+    The name of a variable is ``"plant.level"``: the name of its FMU, a dot, its own name. If there
+    is only one FMU, the variable's own name is enough. An array of FMI 3.0 is read, connected and
+    set number by number: ``"plant.row[0]"`` is the first, ``"plant.grid[0][2]"`` one of a matrix.
+
+    Errors repeat the last messages of the FMU, whose debug logging is on.
+
+    Attributes:
+        paths: The paths of the FMUs by name.
+        arguments: The other arguments that it was made with.
+
+    Args:
+        fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a
+            mapping from names to paths.
+        inputs: What input variables receive: another variable, a number, or a function of time.
+            Other inputs keep the value that their FMU gives them.
+        parameters: Numbers for parameters, and for other variables that have a start value.
+        step: Seconds between communication points. None: the period of the samples, which is the
+            step size that the FMUs were exported with unless `simulate` is given another.
+        validate: Whether to refuse FMUs whose model description breaks a rule of the standard,
+            which FMPy checks. Some tools export such FMUs, and most of them run.
+
+    Raises:
+        InputError: If a file is not an FMU for co-simulation of FMI 2.0 or 3.0, if a variable does
+            not exist (names the nearest), or if one cannot be read, set or connected.
+        InputTypeError: If an argument is not of the types above.
+        ModuleNotFoundError: If FMPy is not installed, which the extra ``fmi`` does.
+
+    Example:
+        A controller and its plant::
+
+            system = Fmus(
+                ["controller.fmu", "plant.fmu"],
+                inputs={
+                    "plant.valve": "controller.valve",
+                    "controller.level": "plant.level",
+                    "controller.wanted": lambda t: 1.0 if t < 20 else 2.0,
+                },
+                parameters={"plant.area": 0.5},
+            )
+            simulate(system, "always(plant.level < 2.2)", duration=60).plot("levels.png")
+
+    Source: Functional Mock-up Interface 2.0.4 and 3.0.1, Modelica Association; run by FMPy.
+    """
+
+    needs_period: bool | str = True
+    endless = True
+
+    def __init__(
+        self,
+        fmus: _Path | Sequence[_Path] | Mapping[str, _Path],
+        *,
+        inputs: Mapping[str, _Source] | None = None,
+        parameters: Mapping[str, float] | None = None,
+        step: float | None = None,
+        validate: bool = True,
+    ) -> None:
+        self.paths = _named(fmus)
+        self.arguments: dict[str, Any] = {
+            "inputs": None if inputs is None else dict(inputs),
+            "parameters": None if parameters is None else dict(parameters),
+            "step": step,
+            "validate": validate,
+        }
+        self.name = ", ".join(self.paths)
+        self._step = None if step is None else check_number("step", step)
+        self._described = [_describe(path, validate=validate) for path in self.paths.values()]
+        experiments = [described.defaultExperiment for described in self._described]
+        sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
+        if len(sizes) > 1:
+            *others, last = (f"{size:g}" for size in sorted(sizes))
+            self.needs_period = f"suggest steps of {', '.join(others)} and {last} s"
+        self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
+        self._variables = Variables(dict(zip(self.paths, self._described, strict=True)))
+        self._start_values: list[tuple[Variable, float]] = []
+        for name, value in (parameters or {}).items():
+            variable = self._variables.parameter(name)
+            self._start_values.append((variable, fit(variable, value)))
+        self._wires: list[tuple[Variable, Variable | Waveform | Callable[[float], float]]] = []
+        for name, source in (inputs or {}).items():
+            self._connect(self._variables.input(name), source)
+        self._folders: list[Path] = []
+        self._instances: list[Instance] = []
+        self._interrupts = Interrupts()
+
+    def driven(self, case: Case) -> Fmus:
+        """The FMUs with what a case says of their inputs and parameters, in place of their own."""
+        self._unpack()  # once for all runs
+        given: dict[Variable, str] = {}
+        for name in case:
+            variable = self._variables.find(name)
+            if variable in given:
+                raise InputError(
+                    f"expected {variable.name!r} once in the case, got it as {given[variable]!r} "
+                    f"and as {name!r}"
+                )
+            given[variable] = name
+        wires = [wire for wire in self._wires if wire[0] not in given]
+        starts = [start for start in self._start_values if start[0] not in given]
+        for variable, name in given.items():
+            entry = case[name]
+            if variable.entry.causality != "input":
+                number = as_number(name, entry, "inputs")
+                starts.append((self._variables.parameter(name), fit(variable, number)))
+            elif isinstance(entry, Waveform):
+                _check_driven(variable, entry)
+                wires.append((variable, entry))
+            else:
+                starts.append((variable, fit(variable, entry)))
+        made = copy.copy(self)
+        made.__dict__ |= {"_wires": wires, "_start_values": starts, "_interrupts": Interrupts()}
+        # This one removes the folders when it is not used any more.
+        made.__dict__ |= {"_folders": self._folders, "_unpacked_by": self}
+        return made
+
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Finds the variables and counts the communication steps in a period."""
+        self._reads = [self._variables.find(name) for name in named_signals(variables, signals)]
+        period = period or Fraction(1)
+        self._h = period if self._step is None else exact(self._step)
+        self._substeps = whole_steps(period, self._h, "period", "communication step")
+        for name, described in zip(self.paths, self._described, strict=True):
+            if fixed := described.coSimulation.fixedInternalStepSize:
+                inner = exact(float(fixed))
+                whole_steps(self._h, inner, "communication step", f"fixed step of {name!r},")
+
+    def start(self) -> Sequence[float]:
+        """Loads and initializes the FMUs; returns the sample at time 0."""
+        self.ended = ""
+        self._count = 0
+        self._now = 0.0
+        self._unpack()
+        self._interrupts.begin()
+        from rtamt_gym.systems.fmi_instance import Instance
+
+        for name, described, folder in zip(self.paths, self._described, self._folders, strict=True):
+            self._instances.append(Instance(name, described, folder))
+        for i, instance in enumerate(self._instances):
+            instance.enter([(v, value) for v, value in self._start_values if v.fmu == i])
+        sources = [source for _, source in self._wires if isinstance(source, Variable)]
+        self._outputs = self._reader(list(dict.fromkeys(sources)))
+        self._connections = self._connected(list(dict.fromkeys(sources)))
+        for _ in self._instances:  # a value may pass through all FMUs
+            self._exchange()
+        for instance in self._instances:
+            instance.exit()
+        self._interrupts.check()
+        self._read = self._reader(self._reads)
+        return self._read()
+
+    def advance(self) -> Sequence[float] | None:
+        """Makes the communication steps of a period; None if an FMU ends before the last."""
+        numerator, denominator = self._h.as_integer_ratio()
+        step = float(self._h)
+        for left in range(self._substeps - 1, -1, -1):
+            reached = True
+            for instance in self._instances:
+                reached &= instance.step(self._now, step)
+                if instance.ended:
+                    self.ended = "terminated"
+            self._interrupts.check()
+            if not reached or (self.ended and left):
+                return None
+            self._count += 1
+            self._now = self._count * numerator / denominator  # exact, and faster than a Fraction
+            if self._connections:
+                self._exchange()
+        return self._read()
+
+    def close(self) -> None:
+        """Frees the FMUs; their unpacked files stay for the next run."""
+        with ExitStack() as stack:  # frees the others if one fails
+            stack.callback(self._interrupts.end)
+            while self._instances:
+                stack.callback(self._instances.pop(0).close)
+        for bound in ("_outputs", "_connections", "_read"):
+            self.__dict__.pop(bound, None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_folders": []}  # a copy unpacks for itself
+
+    def _unpack(self) -> None:
+        if self._folders:
+            return
+        top = Path(tempfile.mkdtemp(prefix="rtamt-fmu-"))
+        weakref.finalize(self, shutil.rmtree, top, ignore_errors=True)
+        folders = [top / str(i) for i in range(len(self.paths))]
+        for path, folder in zip(self.paths.values(), folders, strict=True):
+            _unpack(path, folder)
+        self._folders = folders
+
+    def _reader(self, variables: Sequence[Variable]) -> Reader:
+        """The function that reads variables, which may belong to several FMUs."""
+        parts = []
+        for i, instance in enumerate(self._instances):
+            at = [k for k, variable in enumerate(variables) if variable.fmu == i]
+            if at:
+                parts.append((at, instance.reader([variables[k] for k in at])))
+        if len(parts) == 1:
+            return parts[0][1]
+
+        def read() -> list[float]:
+            values = [0.0] * len(variables)
+            for at, part in parts:
+                for k, value in zip(at, part(), strict=True):
+                    values[k] = value
+            return values
+
+        return read
+
+    def _connected(self, outputs: Sequence[Variable]) -> list[tuple[Writer, list[_InputSource]]]:
+        """For each FMU with connected inputs: the function that writes them, and their sources."""
+        connections = []
+        for i, instance in enumerate(self._instances):
+            mine = [(target, source) for target, source in self._wires if target.fmu == i]
+            if mine:
+                write = instance.writer([target for target, _ in mine])
+                sources = [
+                    outputs.index(source)
+                    if isinstance(source, Variable)
+                    else self._stepped(target, source)
+                    if isinstance(source, Waveform)
+                    else source
+                    for target, source in mine
+                ]
+                connections.append((write, sources))
+        return connections
+
+    def _stepped(self, target: Variable, waveform: Waveform) -> Callable[[float], float]:
+        """The function that gives an input its value for the communication step that begins now."""
+        value, whole = waveform.stepper(self._h), kind_of(target.entry) is int
+        return lambda _: int(value(self._count)) if whole else value(self._count)
+
+    def _exchange(self) -> None:
+        """Copies outputs to the inputs that they are connected to."""
+        outputs, now = self._outputs(), self._now
+        for write, sources in self._connections:
+            write([outputs[of] if isinstance(of, int) else of(now) for of in sources])
+
+    def _connect(self, target: Variable, source: object) -> None:
+        if isinstance(source, str):
+            variable = self._variables.find(source)
+            if kind_of(target.entry) is int and kind_of(variable.entry) is float:
+                raise InputError(
+                    f"input {target.name!r} takes whole numbers, and {variable.name!r} is a "
+                    f"{variable.entry.type}"
+                )
+            self._wires.append((target, variable))
+        elif callable(source):
+            self._wires.append((target, source))
+        elif isinstance(source, Real):
+            self._start_values.append((target, fit(target, source)))
+        else:
+            raise InputTypeError(
+                f"input {target.name!r}: expected the name of a variable, a number or a function "
+                f"of time, got {source!r}"
+            )
+
+
+def _check_driven(target: Variable, waveform: Waveform) -> None:
+    """Refuses a waveform with values that an input does not take."""
+    for value in waveform.values:
+        fit(target, value)
+    if kind_of(target.entry) is int and waveform.interpolation != "hold":
+        raise InputError(
+            f"input {target.name!r} takes whole numbers: expected a waveform with "
+            f"interpolation='hold', got {waveform!r}"
+        )
+
+
+def _named(fmus: object) -> dict[str, Path]:
+    """The paths of the FMUs by name."""
+    if isinstance(fmus, str | os.PathLike):
+        fmus = [fmus]
+    if not isinstance(fmus, Mapping):
+        if not isinstance(fmus, Sequence) or not all(
+            isinstance(f, str | os.PathLike) for f in fmus
+        ):
+            raise InputTypeError(f"expected the path of an FMU, or several, got {fmus!r}")
+        stems = [Path(path).stem for path in fmus]
+        if twice := {stem for stem in stems if stems.count(stem) > 1}:
+            raise InputError(
+                f"expected FMUs of different names, got {min(twice)!r} more than once; "
+                f'name them: {{"first": {str(fmus[0])!r}, ...}}'
+            )
+        fmus = dict(zip(stems, fmus, strict=True))
+    if not fmus:
+        raise InputError("expected at least one FMU, got none")
+    return {str(name): Path(path) for name, path in fmus.items()}
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpacks an FMU into a folder.
+
+    Raises:
+        InputError: If it is damaged, or a file in it would lie outside the folder.
+    """
+    try:
+        _fmpy().extract(path, folder)
+    except OSError:
+        raise
+    except Exception as error:  # FMPy has no class of its own for what it refuses
+        raise InputError(f"cannot unpack the FMU {path}: {error}") from error
+
+
+def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is not typed
+    """Reads the model description of an FMU."""
+    fmpy = _fmpy()
+    try:
+        # FMPy leaves an entry of the archive open. If it then raises, the traceback keeps the file
+        # open too, unless it is ours.
+        with path.open("rb") as file:
+            described = fmpy.read_model_description(file, validate=validate)
+    except OSError:
+        raise
+    except Exception as error:  # FMPy has no class of its own for what it refuses
+        way_out = ""
+        if isinstance(error, fmpy.model_description.ValidationError):
+            way_out = "\nFmus(..., validate=False) takes it without this check"
+        raise InputError(f"cannot read the FMU {path}: {error}{way_out}") from error
+    if described.fmiVersion == "1.0":
+        raise InputError(f"expected an FMU of FMI 2.0 or 3.0, got 1.0 in {path}")
+    if described.coSimulation is None:
+        raise InputError(
+            f"expected an FMU for co-simulation, got {path}, which is for model exchange"
+        )
+    return described
+
+
+def _fmpy() -> Any:  # noqa: ANN401 - FMPy is not typed
+    try:
+        return import_module("fmpy")
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "Fmus") from error
+
+
+class Interrupts:
+    """Keeps a ``KeyboardInterrupt`` that comes while an FMU hands over a message.
+
+    Python raises it in the function that takes the message, from where ctypes cannot pass it on
+    through the FMU: it would tell `sys.unraisablehook` and forget it, and the simulation would go
+    on.
+    """
+
+    def __init__(self) -> None:
+        self._came = self._hears = False
+
+    def begin(self) -> None:
+        """Begins to listen."""
+        self._came, self._hears = False, True
+        self._before = sys.unraisablehook
+        sys.unraisablehook = self._hear
+
+    def end(self) -> None:
+        """Listens no more, if it did."""
+        if self._hears:
+            self._hears = False
+            sys.unraisablehook = self._before
+
+    def check(self) -> None:
+        """Raises the ``KeyboardInterrupt`` that came since the last check, if one did."""
+        if self._came:
+            self._came = False
+            raise KeyboardInterrupt
+
+    def _hear(self, unraisable: sys.UnraisableHookArgs) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            self._came = True
+        else:
+            self._before(unraisable)

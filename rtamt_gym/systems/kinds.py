@@ -1,0 +1,136 @@
+"""The kinds of simulations that `simulate` takes, each as a `System`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, cast
+
+import gymnasium as gym
+from gymnasium.vector import VectorEnv
+
+from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.systems.environment import Environment
+from rtamt_gym.systems.samples import SampleSource
+from rtamt_gym.systems.system import Drivable, Policy, System
+
+if TYPE_CHECKING:
+    from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.mujoco.step_monitor import StepMonitor
+
+
+def as_system(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    start: Snapshot | None,
+    case: Case | None,
+    *,
+    substeps: bool,
+) -> System:
+    """The caller's simulation as a `System`, with what a case gives it."""
+    ran = _as_kind(system, policy, seed, start, substeps=substeps)
+    return ran if case is None else driven(ran, case)
+
+
+def driven(ran: System, case: Case) -> System:
+    """A system with what a case gives it.
+
+    Raises:
+        InputError: If it takes no case, or as `Drivable.driven` does.
+    """
+    if not isinstance(ran, Drivable):
+        raise InputError(
+            f"{ran.name} takes no case, got {case!r}; environments, pairs (model, data) of MuJoCo, "
+            "Fmus, functions of time and generator functions take one"
+        )
+    return ran.driven(case)
+
+
+def _as_kind(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    start: Snapshot | None,
+    *,
+    substeps: bool,
+) -> System:
+    of_mujoco = _of_mujoco(system, policy, seed, start)
+    if of_mujoco is not None:
+        return of_mujoco
+    if isinstance(system, gym.Env):
+        return Environment(system, policy, seed, substeps=substeps)
+    if isinstance(system, VectorEnv):
+        raise InputError(
+            f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
+        )
+    if isinstance(system, str | os.PathLike):
+        fmu = os.fspath(system).endswith(".fmu")
+        raise InputTypeError(
+            "expected a system to run, got its name; write "
+            f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
+        )
+    refuse_seed(seed, system)
+    if policy is not None:
+        raise InputError(
+            Argument("policy"),
+            f" is for environments and MuJoCo models, got {policy!r} for {system!r}",
+        )
+    if isinstance(system, System):
+        return system
+    if hasattr(system, "keys"):
+        raise InputTypeError(
+            "expected samples one after the other, got columns; rtamt.evaluate takes these, and "
+            "to_dict('records') makes samples of a data frame"
+        )
+    if callable(system) or isinstance(system, Iterable):
+        return SampleSource(system)
+    raise InputTypeError(
+        "expected an environment, a pair (model, data) of MuJoCo, a StepMonitor, Fmus, a function "
+        f"of time or an iterable of samples, got {system!r}"
+    )
+
+
+def _of_mujoco(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    start: Snapshot | None,
+) -> System | None:
+    """The caller's simulation, if it is one of MuJoCo, which is imported then only."""
+    if type(system).__name__ == "Snapshot":
+        raise InputTypeError(
+            "expected a system to run, got a Snapshot, which holds no model; "
+            "write simulate(monitor, start=snapshot)"
+        )
+    if isinstance(system, PanelValues):
+        from rtamt_gym.systems.mujoco import Monitored
+
+        refuse_seed(seed, system)
+        return Monitored(cast("StepMonitor", system), policy, start)
+    if start is not None:
+        raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
+    if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
+        from rtamt_gym.systems.mujoco import MujocoModel
+
+        refuse_seed(seed, system)
+        model, data = system
+        return MujocoModel(model, data, policy)
+    return None
+
+
+_MUJOCO = {"MjModel", "MjData"}
+
+
+def refuse_seed(seed: int | None, system: object) -> None:
+    """Refuses a seed of a system that has none."""
+    if seed is not None:
+        raise InputError(
+            Argument("seed"),
+            " is for environments, got ",
+            Argument("seed", seed),
+            f" for {system!r}",
+        )

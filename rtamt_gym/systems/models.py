@@ -1,0 +1,402 @@
+"""`Model`: the policies of a trained model, for one episode or for many that run side by side."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import re
+import sys
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+from zipfile import BadZipFile, ZipFile
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import concatenate, create_empty_array
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.signals.spaces import described
+from rtamt_gym.systems.registry import find_object
+from rtamt_gym.systems.system import Policy
+
+WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+}
+"""What stands in a model that is loaded to act in place of what training alone needs: memory for as
+many steps, and the goals of another environment."""
+
+
+class Model:
+    """Makes the policy of an episode, by its seed, from a model of Stable-Baselines3.
+
+    The model may be anything with the method ``predict(observation, state, episode_start,
+    deterministic=...)`` that gives an action and the next state, of one observation or of a batch.
+    The state of a recurrent model starts anew with every episode. Observations are normalised where
+    the model was trained under a ``VecNormalize``.
+
+    A model that draws its actions draws from generators of the episode; the global generators of
+    Torch and NumPy are left as they were.
+
+    Attributes:
+        name: What it says that it is called, else the name of its class.
+        deterministic: Whether it gives the action that it holds for best.
+        files: The files that it was loaded from; empty if the program holds it.
+
+    Args:
+        model: The model.
+        deterministic: As the attribute.
+        statistics: A ``VecNormalize`` that was saved apart from the model; None: its own.
+        files: As the attribute.
+    """
+
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401 - not imported
+        *,
+        deterministic: bool = True,
+        statistics: Statistics | None = None,
+        files: tuple[Path, ...] = (),
+    ) -> None:
+        self.files = files
+        self.name = str(getattr(model, "name", type(model).__name__))
+        self.deterministic = deterministic
+        self._model = model
+        normalizer = statistics or getattr(model, "get_vec_normalize_env", lambda: None)()
+        self._shown = (lambda obs: obs) if normalizer is None else normalizer.normalize_obs
+        self._statistics = _numbers(getattr(normalizer, "obs_rms", None))
+
+    def __call__(self, seed: int) -> Policy:
+        """The policy of an episode."""
+        dice = None if self.deterministic else _Dice(seed, self._model)
+        memory: Any = None
+        begins = np.ones(1, np.bool_)
+
+        def act(obs: Any) -> Any:  # noqa: ANN401
+            nonlocal memory, begins
+            if dice is None:
+                action, memory = self._predict(obs, memory, begins)
+            else:
+                with dice.thrown():
+                    action, memory = self._predict(obs, memory, begins)
+            begins = np.zeros(1, np.bool_)
+            return action
+
+        return act
+
+    def batch(self, space: spaces.Space[Any], count: int) -> PolicyBatch:
+        """The policy of so many episodes that run side by side; of a deterministic model alone."""
+        return PolicyBatch(self._predict, space, count)
+
+    @property
+    def kind(self) -> type:
+        """The class of the model."""
+        return type(self._model)
+
+    @property
+    def fingerprint(self) -> str:
+        """A text that only models with the same weights and statistics have; else their name."""
+        network = getattr(self._model, "policy", None)
+        state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
+        found = hashlib.sha256()
+        for name, weights in state.items():
+            found.update(name.encode())
+            found.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
+        found.update(self._statistics)
+        known = state or self._statistics
+        return f"{self.name} {found.hexdigest()[:32]}" if known else self.name
+
+    def _predict(self, obs: Any, memory: Any, begins: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        found: tuple[Any, Any] = self._model.predict(
+            self._shown(obs), memory, begins, deterministic=self.deterministic
+        )
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The model as the file that it saves, without what training needs; else as it is."""
+        state = {**self.__dict__}
+        if hasattr(self._model, "save") and hasattr(type(self._model), "load"):
+            file = BytesIO()
+            self._model.save(file)
+            state["_model"] = _File(type(self._model), file.getvalue())
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if isinstance(self._model, _File):
+            self._model = self._model.load()
+
+
+class PolicyBatch:
+    """The policy of episodes that run side by side.
+
+    Args:
+        predict: Gives actions and the next memory for observations, memory and which begin.
+        space: The space of an observation.
+        count: How many there are.
+    """
+
+    def __init__(self, predict: Any, space: spaces.Space[Any], count: int) -> None:  # noqa: ANN401
+        self._predict = predict
+        self._space = space
+        self._memory: Any = None
+        self._begins = np.ones(count, np.bool_)
+
+    def begin(self, place: int) -> None:
+        """Forgets the episode at a place: another one begins there."""
+        self._begins[place] = True
+
+    def act(self, observations: Sequence[Any]) -> Any:  # noqa: ANN401
+        """The actions for observations, one of every episode."""
+        space, count = self._space, len(self._begins)
+        room: Any = create_empty_array(space, count)
+        return self.of(concatenate(space, observations, room))
+
+    def of(self, observations: Any) -> Any:  # noqa: ANN401
+        """The actions for a batch of observations."""
+        actions, self._memory = self._predict(observations, self._memory, self._begins)
+        self._begins = np.zeros_like(self._begins)
+        return actions
+
+
+class Statistics:
+    """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again.
+
+    Args:
+        held: The bytes.
+    """
+
+    def __init__(self, held: bytes) -> None:
+        self._held = held
+        loaded = pickle.loads(held)  # noqa: S301 - as the model is
+        self._normalize: Any = loaded.normalize_obs
+        self.obs_rms: Any = getattr(loaded, "obs_rms", None)
+
+    def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
+        """An observation, or a batch of them, normalised."""
+        return self._normalize(obs)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Statistics, (self._held,)
+
+
+def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
+    """Mean and variance of what a ``VecNormalize`` has seen, as bytes; none without it."""
+    if statistics is None:
+        return b""
+    if isinstance(statistics, Mapping):
+        return b"".join(key.encode() + _numbers(each) for key, each in statistics.items())
+    return b"".join(np.asarray(each).tobytes() for each in (statistics.mean, statistics.var))
+
+
+class _File:
+    """A model as the bytes of the file that it saves."""
+
+    def __init__(self, kind: Any, held: bytes) -> None:  # noqa: ANN401
+        self._kind = kind
+        self._held = held
+
+    def load(self) -> Any:  # noqa: ANN401
+        instead = dict(WITHOUT_TRAINING)
+        return self._kind.load(BytesIO(self._held), device="cpu", custom_objects=instead)
+
+
+class _Dice:
+    """The generators of random numbers that a model draws from, as one episode has them."""
+
+    def __init__(self, seed: int, model: Any) -> None:  # noqa: ANN401
+        self._torch = sys.modules.get("torch")
+        # An exploring model draws from its space of actions too.
+        self._space = model.action_space if hasattr(model, "exploration_rate") else None
+        outside = self._read()
+        np.random.seed(seed % 2**32)  # noqa: NPY002 - the generator that models draw from
+        if self._torch is not None:
+            self._torch.manual_seed(seed)
+        self._own = self._read()
+        self._set(outside)
+
+    @contextmanager
+    def thrown(self) -> Iterator[None]:
+        """A context in which random numbers come from the generators of the episode."""
+        outside = self._read()
+        self._set(self._own)
+        try:
+            if self._space is not None:
+                self._space.seed(np.random.randint(2**31))  # noqa: NPY002
+            yield
+        finally:
+            self._own = self._read()
+            self._set(outside)
+
+    def _read(self) -> tuple[Any, Any]:
+        torch = self._torch
+        return np.random.get_state(), None if torch is None else torch.get_rng_state()  # noqa: NPY002
+
+    def _set(self, state: tuple[Any, Any]) -> None:
+        np.random.set_state(state[0])  # noqa: NPY002
+        if self._torch is not None:
+            self._torch.set_rng_state(state[1])
+
+
+def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa: ANN401
+    """Refuses a model that was trained in other spaces than an environment has.
+
+    Raises:
+        InputError: If it was.
+    """
+    for which in ("observation", "action"):
+        trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
+        if trained is not None and not _alike(trained, has):
+            raise InputError(
+                f"{what} was trained with the {which} space {described(trained)}, and "
+                f"{env.spec.id if env.spec else env} has {described(has)}"
+            )
+
+
+def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
+    """Whether two spaces have values of one form; models of pictures move the channels."""
+    return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)
+
+
+ALGORITHMS: dict[str, tuple[str, str, frozenset[str]]] = {
+    name: (module, policies, frozenset(attributes))
+    for name, module, policies, attributes in (
+        ("RecurrentPPO", "sb3_contrib", "sb3_contrib.common.recurrent", ["clip_range"]),
+        ("MaskablePPO", "sb3_contrib", "sb3_contrib.common.maskable", ["clip_range"]),
+        ("TRPO", "sb3_contrib", "", ["cg_max_steps"]),
+        ("ARS", "sb3_contrib", "", ["n_delta"]),
+        ("TQC", "sb3_contrib", "", ["top_quantiles_to_drop_per_net"]),
+        ("CrossQ", "sb3_contrib", "", ["policy_delay", "target_entropy"]),
+        ("QRDQN", "sb3_contrib", "", ["n_quantiles"]),
+        ("TD3", "stable_baselines3", "", ["policy_delay"]),
+        ("DDPG", "stable_baselines3", "", ["policy_delay"]),
+        ("SAC", "stable_baselines3", "", ["target_entropy"]),
+        ("DQN", "stable_baselines3", "", ["exploration_fraction"]),
+        ("PPO", "stable_baselines3", "", ["clip_range"]),
+        ("A2C", "stable_baselines3", "", ["gae_lambda"]),
+    )
+}
+"""The package of each algorithm, where its policies are defined if that must be known to tell it,
+and the attributes that tell it from those below. A file of DDPG is read as one of TD3, of which it
+is a case: both act alike."""
+
+
+def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
+    """Loads ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
+
+    Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl``, if that lies
+    beside it. Both files hold pickled Python objects, which can do anything when they are loaded.
+
+    Args:
+        text: The path of the file; ahead of it, where the file does not tell the algorithm, its
+            name, or ``module.Class``.
+        env: The environment whose observations and actions the model must have.
+
+    Returns:
+        What makes the policy of an episode.
+
+    Raises:
+        InputError: If the file is no model, its algorithm is not known, it or the ``VecNormalize``
+            cannot be loaded, or it was trained in other spaces.
+        OSError: If the file cannot be opened.
+    """
+    # A path may begin with the letter of a drive.
+    given, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text
+    path = Path(file)
+    if not path.exists() and path.suffix != ".zip":
+        path = path.with_name(f"{path.name}.zip")  # as Stable-Baselines3 does
+    attributes, policy_module = _read(path)
+    name = given or algorithm_of(attributes, policy_module)
+    if name is None:
+        raise InputError(
+            f"{path} does not tell its algorithm; write sb3:ALGORITHM:{file}, where ALGORITHM is "
+            f"{', '.join(ALGORITHMS)} or module.Class"
+        )
+    model = _load(name, path, attributes, file)
+    check_spaces(model, env, str(path))
+    beside = path.with_name(f"{path.stem}_vecnormalize.pkl")
+    files = (path, beside) if beside.exists() else (path,)
+    return Model(model, statistics=_statistics(path, beside), files=files)
+
+
+def _statistics(path: Path, beside: Path) -> Statistics | None:
+    """Return the ``VecNormalize`` in a file next to a model; None if there is no such file."""
+    if not beside.exists():
+        return None
+    held = beside.read_bytes()
+    try:
+        return Statistics(held)
+    except Exception as error:  # whatever the pickled objects raise
+        raise InputError(
+            f"cannot load {beside} as the VecNormalize of {path.name}: {type(error).__name__}: "
+            f"{error}; expected the file that its save() writes, or none of this name"
+        ) from error
+
+
+def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
+    """The name of the algorithm that has some attributes; None if it is not known.
+
+    Args:
+        attributes: The names of the attributes that were saved.
+        policy_module: The name of the module that defines the class of the policy.
+    """
+    for name, (_, policies, telling) in ALGORITHMS.items():
+        if telling.issubset(attributes) and policy_module.startswith(policies):
+            return name
+    return None
+
+
+def _read(path: Path) -> tuple[Collection[str], str]:
+    """The names of the attributes that a file holds, and the module of the policy's class."""
+    try:
+        with ZipFile(path) as archive:
+            held = json.loads(archive.read("data"))
+        return held.keys(), str(held["policy_class"].get("__module__"))
+    except (BadZipFile, KeyError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is no model of Stable-Baselines3; expected the file that model.save() writes"
+        ) from error
+
+
+def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:  # noqa: ANN401
+    if name == "MaskablePPO":
+        raise InputError(
+            f"{path} is a model of MaskablePPO, which needs to be told the actions that are "
+            "allowed; write a function that does, and --policy module:function"
+        )
+    found = _class_of(name)
+    instead = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
+    try:
+        return found.load(path, device="cpu", custom_objects=instead)
+    except Exception as error:
+        raise InputError(
+            f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; if it is "
+            f"one of another algorithm, write sb3:ALGORITHM:{file}"
+        ) from error
+
+
+def _class_of(name: str) -> Any:  # noqa: ANN401
+    if name in ALGORITHMS:
+        package = ALGORITHMS[name][0]
+        if not find_spec(package):
+            needed = {"sb3_contrib": "sb3-contrib"}.get(package, "stable-baselines3")
+            raise InputError(f"a model of {name} needs {needed}: pip install {needed}")
+        return find_object(package, name)
+    module, dot, of = name.rpartition(".")
+    if not dot:
+        raise InputError(
+            f"expected an algorithm of Stable-Baselines3, {', '.join(ALGORITHMS)}, or "
+            f"module.Class, got {name!r}{nearest(name, ALGORITHMS)}"
+        )
+    found = find_object(module, of)
+    if not callable(getattr(found, "load", None)):
+        raise InputError(f"expected a class of models as {name}, got {found!r}, which cannot load")
+    return found

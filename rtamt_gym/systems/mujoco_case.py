@@ -1,0 +1,247 @@
+"""What a case does to a MuJoCo model: initial states, numbers of the model, and what drives it."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Literal, NamedTuple
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.signals.mujoco import field_of, index_in
+from rtamt_gym.signals.selectors import Selector, Syntax, parse_selector
+from rtamt_gym.systems.system import as_number, as_waveform, like
+
+_DRIVABLE: Final = (
+    "ctrl[0], actuator:NAME, qfrc_applied[0], joint:NAME.qfrc_applied and body:NAME.xfrc_applied[0]"
+)
+"""What waveforms drive."""
+
+
+def _of_object(example: str) -> Syntax:
+    return Syntax(example=example, names=1, field="required")
+
+
+_WRITES: Final = {
+    "ctrl": Syntax(example="ctrl[0]", common=True),
+    "actuator": Syntax(example="actuator:motor", names=1, field="optional", common=True),
+    "qpos": Syntax(example="qpos[0]", common=True),
+    "qvel": Syntax(example="qvel[0]"),
+    "act": Syntax(example="act[0]"),
+    "qfrc_applied": Syntax(example="qfrc_applied[0]"),
+    "opt": Syntax(example="opt.gravity[2]", field="required", common=True),
+    "body": Syntax(example="body:pole.mass", names=1, field="required", common=True),
+    "joint": _of_object("joint:hinge.damping"),
+    "geom": _of_object("geom:foot.friction[0]"),
+    "site": _of_object("site:grip.pos[2]"),
+    "tendon": _of_object("tendon:cord.stiffness"),
+    "camera": _of_object("camera:eye.pos[2]"),
+    "light": _of_object("light:sun.pos[2]"),
+}
+"""The words that the names of a case may begin with."""
+
+_STATE: Final = {("joint", "qpos"), ("joint", "qvel"), ("actuator", "act")}
+"""The fields of objects that hold the state, of which a case gives the initial value."""
+
+_DRIVES: Final = {("joint", "qfrc_applied"), ("body", "xfrc_applied"), ("actuator", "ctrl")}
+"""The fields of objects that are held while a step is made, and that a case may drive."""
+
+
+class Driven(NamedTuple):
+    """A model and its data as a case makes them; copies, so that the caller's stay as they are.
+
+    Attributes:
+        model: The model.
+        data: The data.
+        inputs: What is driven: the array, the index in it, and the waveform.
+    """
+
+    model: Any
+    data: Any
+    inputs: list[tuple[Any, int, Waveform]]
+
+    def setter(self) -> Callable[[], None]:
+        """A function that sets the inputs of a step: the first call those for the first step."""
+        period = self.model.opt.timestep
+        drives = [(array, at, waveform.stepper(period)) for array, at, waveform in self.inputs]
+        step = 0
+
+        def set_inputs() -> None:
+            nonlocal step
+            for array, at, value in drives:
+                array[at] = value(step)
+            step += 1
+
+        return set_inputs
+
+
+def copy_data(target: Any, model: Any, source: Any) -> None:  # noqa: ANN401 - MuJoCo is not typed
+    """Copy all data of a simulation into data of the same model.
+
+    Raises:
+        InputError: If this version of MuJoCo cannot copy data.
+    """
+    if not hasattr(mujoco, "mj_copyData"):
+        raise InputError(
+            "cases and branches of a MuJoCo model need MuJoCo 3.5 or newer, got "
+            f"{mujoco.__version__}; install it: pip install 'mujoco>=3.5'"
+        )
+    mujoco.mj_copyData(target, model, source)
+
+
+def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN401
+    """Copies a model and its data, and sets what a case says.
+
+    Args:
+        model: The model.
+        data: Its data; the copy takes its present state, except for what the case says.
+        case: The case.
+        name: The name of the model, for messages.
+
+    Raises:
+        InputError: If the model has nothing of a name, with the nearest; if a number does not fit,
+            or MuJoCo derives it from others; or if two names mean one number.
+    """
+    model, present = copy.copy(model), data
+    data = mujoco.MjData(model)
+    copy_data(data, model, present)
+    places = _find(model, data, case)
+    inputs = []
+    for key, place in places.items():
+        if place.kind == "input":
+            inputs.append((place.array, place.at, as_waveform(key, case[key])))
+        elif place.kind == "state":
+            place.array[place.at] = _number(key, case[key])
+    _set_constants(model, case, places, name)
+    return Driven(model, data, inputs)
+
+
+def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
+    """A copy of a model with the constants of a case, for an environment that steps it.
+
+    Args:
+        model: The model.
+        case: Constants and options of the model by name.
+        name: The name of the environment, for messages.
+
+    Raises:
+        InputError: As `drive` does; and if an entry is no constant and no option.
+    """
+    model = copy.copy(model)
+    places = _find(model, mujoco.MjData(model), case)
+    for key, place in places.items():
+        as_number(key, case[key], "its actions")
+        if place.kind in {"input", "state"}:
+            what = "resets its state" if place.kind == "state" else "has actions for what drives it"
+            raise InputError(
+                f"{name} takes no {key!r} of a case: it {what}; of its model a case sets "
+                "constants, such as body:torso.mass or opt.gravity[2]"
+            )
+    _set_constants(model, case, places, name)
+    return model
+
+
+def is_of_model(name: str) -> bool:
+    """Whether the name of an entry begins as names in a model do."""
+    return re.match(r"\w*", name)[0] in _WRITES  # type: ignore[index]  # an empty match is one
+
+
+class _Place(NamedTuple):
+    """Where the number of an entry is held.
+
+    Attributes:
+        kind: ``"input"``, held while a step is made; ``"state"``, of which there is an initial
+            value; ``"constant"``, of the model; ``"option"``, an attribute of ``model.opt``.
+        array: The array, of one dimension; the options for an option that is no array.
+        at: The index in it, or the name of the option.
+    """
+
+    kind: Literal["input", "state", "constant", "option"]
+    array: Any
+    at: Any
+
+
+def _find(model: Any, data: Any, case: Case) -> dict[str, _Place]:  # noqa: ANN401
+    """The place of every entry of a case."""
+    places: dict[str, _Place] = {}
+    taken: dict[object, str] = {}
+    for key in case:
+        place = places[key] = _place(model, data, key)
+        held = place.at if place.kind == "option" else place.array[place.at :].ctypes.data
+        if held in taken:
+            raise InputError(
+                f"expected one entry of the case for a number, got {taken[held]!r} and {key!r}"
+            )
+        taken[held] = key
+    return places
+
+
+def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
+    what = f"{key!r} of the case"
+    selector = parse_selector(what, key, _WRITES)
+    if selector.source == "opt":
+        return _option(what, model, selector)
+    field = selector.field or ("ctrl" if selector.source == "actuator" else "")
+    whole = Selector(selector.source, selector.names, field, selector.path)
+    kind: Literal["input", "state", "constant"] = "constant"
+    if not selector.names:
+        kind = "input" if selector.source in {"ctrl", "qfrc_applied"} else "state"
+        array = getattr(data, selector.source)
+    elif (selector.source, field) in _STATE:
+        kind, array = "state", field_of(what, whole, data)
+    elif (selector.source, field) in _DRIVES:
+        kind, array = "input", field_of(what, whole, data)
+    else:
+        array = field_of(what, whole, model)
+    if array.dtype.kind != "f":  # others are places in arrays, and kinds
+        raise InputError(f"{what}: {selector} holds whole numbers, which no case sets")
+    return _Place(kind, array.reshape(-1), index_in(what, whole, array.size))
+
+
+def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN401
+    """The place of a number of ``model.opt``."""
+    options = [name for name in dir(model.opt) if not name.startswith("_")]
+    if selector.field not in options:
+        raise InputError(
+            f"{what}: there is no option {selector.field!r} of MuJoCo"
+            f"{nearest(selector.field, options)}"
+        )
+    value = getattr(model.opt, selector.field)
+    if isinstance(value, np.ndarray):
+        return _Place("constant", value, index_in(what, selector, value.size))
+    index_in(what, selector, 1)
+    return _Place("option", model.opt, selector.field)
+
+
+def _set_constants(model: Any, case: Case, places: Mapping[str, _Place], name: str) -> None:  # noqa: ANN401
+    """Sets options and constants; MuJoCo derives others from them, as when it compiles a model."""
+    constants: list[tuple[str, _Place, float]] = []
+    for key, place in places.items():
+        if place.kind == "constant":
+            number = _number(key, case[key])
+            place.array[place.at] = number
+            constants.append((key, place, number))
+        elif place.kind == "option":
+            present = getattr(place.array, place.at)
+            setattr(place.array, place.at, like(present, key, _number(key, case[key])))
+    if constants:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    for key, place, number in constants:
+        if place.array[place.at] != number:
+            raise InputError(
+                f"{key!r} of the case cannot be chosen: MuJoCo derives it from others of {name}"
+            )
+
+
+def _number(name: str, entry: float | Waveform) -> float:
+    number = as_number(name, entry, _DRIVABLE)
+    if not math.isfinite(number):
+        raise InputError(f"expected {name!r} of the case as a finite number, got {number!r}")
+    return number

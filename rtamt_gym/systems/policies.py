@@ -1,0 +1,290 @@
+"""Policies by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from rtamt import InputError, InputTypeError, RtamtError
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.spaces import described
+from rtamt_gym.systems.models import Model, check_spaces
+from rtamt_gym.systems.registry import find_object, line_in
+from rtamt_gym.systems.system import Policy, exited
+
+SeededPolicy = Callable[[int], Policy]
+"""Makes the policy of an episode from the seed of the episode."""
+
+
+def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> SeededPolicy:
+    """Makes the policy that a text names, for an environment.
+
+    | text | policy |
+    |---|---|
+    | ``random`` | actions drawn from the space of actions, from the seed of the episode |
+    | ``zero`` | the action zero, or the one nearest to it that the space has |
+    | ``baseline`` | the policy that a scenario has of its own |
+    | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.systems.models` |
+    | ``module:function`` | a function from observation to action |
+    | ``module:Class`` | a class of such functions, made anew for each episode |
+
+    Args:
+        text: The name.
+        env: The environment.
+        what: What the name is called in messages.
+
+    Raises:
+        InputError: If the text names none, it cannot be loaded, or it does not fit the environment;
+            from the policy, if it raises or gives no action.
+    """
+    if text in _UNTRAINED:
+        return _UNTRAINED[text](env.action_space, what)
+    if text == "baseline":
+        baseline = getattr(env.unwrapped, "baseline", None)
+        if not callable(baseline):
+            raise InputError(f"{what} baseline: expected a scenario, which has one, got {env}")
+        return lambda _seed: baseline
+    kind, colon, rest = text.partition(":")
+    if not (kind and colon and rest):
+        raise InputError(
+            f"{what}: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+            f"{text!r}{_meant(text)}"
+        )
+    if kind == "sb3":
+        from rtamt_gym.systems.models import load_policy
+
+        return load_policy(rest, env)
+    if kind.endswith(".py"):
+        raise InputError(
+            f"{what}: expected module:function, got the name of a file; write "
+            f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
+        )
+    found = find_object(kind, rest)
+    if isinstance(found, type):
+        make = PolicyClass.of(found, f"{what} {text}")
+        return lambda seed: _checked(text, make(seed), env.action_space)
+    policy = _checked(text, _function(text, found, what), env.action_space)
+    return lambda _seed: policy
+
+
+@dataclass(frozen=True)
+class PolicyClass:
+    """A class whose instances are policies, one for each episode: what they remember begins anew.
+
+    Attributes:
+        kind: The class.
+        seeded: Whether it is made with the seed of the episode, its argument ``seed``.
+    """
+
+    kind: type
+    seeded: bool
+
+    @classmethod
+    def of(cls, kind: type, what: str) -> PolicyClass:
+        """Checks a class; ``what`` names it.
+
+        Raises:
+            InputError: If its instances are no functions, or it needs other arguments.
+        """
+        if not any("__call__" in vars(base) for base in kind.__mro__):
+            way_out = ""
+            if hasattr(kind, "predict"):
+                way_out = ", or save a model and write sb3:FILE.zip"
+            raise InputError(
+                f"{what}: expected a class whose instances are called with the observation, got "
+                f"one without __call__; give it one that returns the action{way_out}"
+            )
+        try:
+            parameters = inspect.signature(kind).parameters
+        except ValueError:  # as of some classes that are not written in Python
+            return cls(kind, seeded=False)
+        needed = [
+            each.name
+            for each in parameters.values()
+            if each.default is each.empty
+            and each.kind not in {each.VAR_POSITIONAL, each.VAR_KEYWORD}
+            and each.name != "seed"
+        ]
+        if needed:
+            raise InputError(
+                f"{what}: expected a class that is made without arguments, or with seed= alone, "
+                f"got one that needs {listing(needed)}; write a function of the module that "
+                "makes it and acts"
+            )
+        return cls(kind, seeded="seed" in parameters)
+
+    def __call__(self, seed: int) -> Policy:
+        """The policy of an episode."""
+        policy: Policy = self.kind(seed=seed) if self.seeded else self.kind()
+        return policy
+
+
+def _meant(text: str) -> str:
+    if text.endswith(".zip"):
+        return f"; write sb3:{text}"
+    module = text.rstrip(":")
+    if module == "sb3" or not module.replace(".", "").isidentifier():
+        return ""
+    return (
+        nearest(text, [*_UNTRAINED, "baseline"])
+        or f"; write {module}:FUNCTION for a function of a module"
+    )
+
+
+def _function(text: str, found: Any, what: str) -> Callable[[Any], Any]:  # noqa: ANN401
+    if callable(found):
+        function: Callable[[Any], Any] = found
+        return function
+    way_out = ""
+    if hasattr(found, "predict"):
+        way_out = "; write one that returns model.predict(obs, deterministic=True)[0]"
+    raise InputError(
+        f"{what} {text}: expected a function from observation to action, got {found!r}{way_out}"
+    )
+
+
+def _checked(text: str, function: Callable[[Any], Any], space: spaces.Space[Any]) -> Policy:
+    """The function; its errors, and what is no action, become messages that name it."""
+
+    def act(obs: Any) -> Any:  # noqa: ANN401
+        try:
+            action = function(obs)
+        except RtamtError:
+            raise
+        except SystemExit as end:
+            where = line_in(str(function.__module__), end)
+            raise exited(f"the policy {text}", end, where) from end
+        except Exception as error:
+            where = line_in(str(function.__module__), error)
+            raise InputError(
+                f"the policy {text} raised {type(error).__name__}: {error}"
+                f"{where or '; it is called with the observation'}"
+            ) from error
+        if not _fits(action, space):
+            raise InputError(
+                f"the policy {text} gave {action!r}; expected an action of {described(space)}"
+            )
+        return action
+
+    return act
+
+
+def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
+    """Whether a value is an action; numbers of another precision, or out of bounds, are left."""
+    if not isinstance(space, spaces.Box):
+        return space.contains(action)
+    try:
+        return np.asarray(action, np.float64).shape == space.shape
+    except (TypeError, ValueError):
+        return False
+
+
+def _random(space: spaces.Space[Any], _what: str) -> SeededPolicy:
+    def make_policy(seed: int) -> Policy:
+        own = deepcopy(space)  # episodes that run side by side would draw from each other's
+        own.seed(seed)
+        return lambda _obs: own.sample()
+
+    return make_policy
+
+
+def _zero(space: spaces.Space[Any], what: str) -> SeededPolicy:
+    match space:
+        case spaces.Box():
+            action: Any = np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
+        case spaces.Discrete():
+            action = int(space.start)
+        case spaces.MultiDiscrete() | spaces.MultiBinary():
+            action = np.zeros(space.shape, space.dtype)
+        case _:
+            raise InputError(f"{what} zero: expected a space of numbers, got {space}")
+    return lambda _seed: lambda _obs: action
+
+
+_UNTRAINED: Mapping[str, Callable[[spaces.Space[Any], str], SeededPolicy]] = {
+    "random": _random,
+    "zero": _zero,
+}
+"""Policies that need no training, by name: what makes them for a space of actions."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A policy that is evaluated.
+
+    Attributes:
+        name: What it is called.
+        make: Makes the policy of an episode from its seed; None: the environment has its own.
+    """
+
+    name: str
+    make: SeededPolicy | None
+
+    @property
+    def identity(self) -> str:
+        """What tells it from others, as far as that is known: of a function its name."""
+        if isinstance(self.make, Model):
+            draws = "" if self.make.deterministic else ", actions drawn"
+            return f"{self.name} {self.make.fingerprint}{draws}"
+        return self.name
+
+
+def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Evaluated:  # noqa: ANN401
+    """What a caller gives as a policy, for an environment.
+
+    Raises:
+        InputError: If a text names no policy, or the policy does not fit the environment.
+        InputTypeError: If it is no policy.
+    """
+    if isinstance(policy, Evaluated):
+        return policy
+    if isinstance(policy, str):
+        make: SeededPolicy | None = policy_of(policy, env, what="the policy")
+        if isinstance(make, Model):
+            make.deterministic = deterministic
+        return Evaluated(policy, None if policy == "baseline" else make)
+    if hasattr(policy, "predict") and not isinstance(policy, type):
+        check_spaces(policy, env, f"the model of {type(policy).__name__}")
+        model = Model(policy, deterministic=deterministic)
+        return Evaluated(model.name, model)
+    if isinstance(policy, type):
+        return Evaluated(_name(policy), PolicyClass.of(policy, f"the policy {_name(policy)}"))
+    if not callable(policy):
+        raise InputTypeError(
+            "expected a policy: a model of Stable-Baselines3, a function from observation to "
+            "action, a class of such, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', got "
+            f"{policy!r}"
+        )
+    return Evaluated(_name(policy), _Same(policy))
+
+
+def check_name_of_policy(name: object) -> None:
+    """Refuses what is neither None nor a text that can stand in a table."""
+    if name is not None and not (isinstance(name, str) and name.strip() and name.isprintable()):
+        raise InputError(
+            "expected ", Argument("name"), f" as a text in one line, such as 'before', got {name!r}"
+        )
+
+
+@dataclass(frozen=True)
+class _Same:
+    """A function that acts in all episodes."""
+
+    function: Callable[..., Any]
+
+    def __call__(self, _seed: int) -> Callable[..., Any]:
+        """The function."""
+        return self.function
+
+
+def _name(policy: Callable[..., Any]) -> str:
+    name = getattr(policy, "__qualname__", None) or type(policy).__qualname__
+    return str(name).rpartition("<locals>.")[2]

@@ -1,0 +1,189 @@
+"""Environments by their registered id, for the command line."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+import gymnasium as gym
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.checks.extras import EXTRAS
+from rtamt_gym.systems.system import exited
+
+PACKAGES: Final[Mapping[str, str]] = {"rtamt": "rtamt_envs", "": "highway_env"}
+"""The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, when it is
+imported; Gymnasium's own are there without it."""
+
+
+def make(
+    env_id: str, max_steps: int | None = None, options: Mapping[str, Any] | None = None
+) -> gym.Env[Any, Any]:
+    """Makes the environment of an id; the user need not import one of `PACKAGES` first.
+
+    Args:
+        env_id: The id that `gymnasium.make` takes; the module of ``module:Name-v0`` may lie in the
+            working directory.
+        max_steps: Time limit in steps; None: the environment's own.
+        options: Further keyword arguments of the environment.
+
+    Raises:
+        InputError: If there is no such environment (names the nearest), it cannot be made, or its
+            module cannot be imported.
+    """
+    name = env_id.rpartition(":")[2].partition("-v")[0]
+    package = PACKAGES.get(name.rpartition("/")[0])
+    if package and ":" not in env_id and not _known(name) and find_spec(package):
+        register(package)
+    if ":" in env_id:
+        imported(env_id.partition(":")[0])
+    try:
+        return gym.make(
+            env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})
+        )
+    except (gym.error.Error, ModuleNotFoundError) as error:
+        said, hint = str(error), ""
+        if isinstance(error, gym.error.NameNotFound):
+            missing = _register_all()
+            named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
+            if name in named:
+                hint = f" Did you mean: `{named[name]}`?"
+            elif missing:
+                said = said.removesuffix(".")
+                hint = "".join(
+                    f"; the environments of {each.replace('_', '-')} need "
+                    f"pip install '.[{EXTRAS[each][0]}]'"
+                    for each in missing
+                )
+        raise InputError(f"cannot make {env_id}: {said}{hint}") from error
+    except SystemExit as end:
+        raise exited(f"the making of {env_id}", end) from end
+    except Exception as error:
+        if not options:
+            raise
+        # An environment may refuse its arguments with any error.
+        given = ", ".join(f"{key}={value!r}" for key, value in options.items())
+        # Gymnasium adds the id and the arguments to a TypeError.
+        what = str(error).partition(" was raised from the environment creator")[0]
+        raise InputError(
+            f"cannot make {env_id} with {given}: {type(error).__name__}: {what}"
+        ) from error
+
+
+def families() -> dict[str, list[str]]:
+    """The ids of all registered environments, the newest of each name, by where they come from."""
+    _register_all()
+    newest: dict[tuple[str | None, str], gym.envs.registration.EnvSpec] = {}
+    for spec in gym.registry.values():
+        known = newest.get((spec.namespace, spec.name))
+        if known is None or (spec.version or 0) >= (known.version or 0):
+            newest[spec.namespace, spec.name] = spec
+    found: dict[str, list[str]] = {}
+    for spec in newest.values():
+        entry = spec.entry_point if isinstance(spec.entry_point, str) else ""
+        module = entry.partition(":")[0].removeprefix("gymnasium.envs.")
+        found.setdefault(module.partition(".")[0] or "others", []).append(spec.id)
+    return {family: sorted(ids) for family, ids in sorted(found.items())}
+
+
+def package_of(env_id: str) -> str:
+    """The module that `make` imports for an id: its own, one of `PACKAGES`, or ``gymnasium``.
+
+    Example:
+        >>> package_of("rtamt/RequestGrant-v0"), package_of("CartPole-v1"), package_of("a.b:C-v0")
+        ('rtamt_envs', 'gymnasium', 'a.b')
+    """
+    module, colon, own = env_id.rpartition(":")
+    if colon:
+        return module
+    name = own.partition("-v")[0]
+    namespace = name.rpartition("/")[0]
+    if not namespace and _known(name):
+        return "gymnasium"
+    return PACKAGES.get(namespace, "gymnasium")
+
+
+def register(package: str) -> None:
+    """Registers the environments of a package, one of `PACKAGES`."""
+    # Without this, pygame, which highway-env imports, prints a greeting on stdout.
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import_module(package)
+
+
+def _register_all() -> list[str]:
+    """Registers the environments of all packages; returns those that are not installed."""
+    missing = [package for package in PACKAGES.values() if not find_spec(package)]
+    for package in PACKAGES.values():
+        if package not in missing:
+            register(package)
+    return missing
+
+
+def _known(name: str) -> bool:
+    return any(spec.id.rpartition("-v")[0] == name for spec in gym.registry.values())
+
+
+def find_object(module: str, path: str) -> Any:  # noqa: ANN401
+    """Imports a module, also from the working directory, and finds an object in it.
+
+    Args:
+        module: The dotted name of the module.
+        path: The name of the object in it, with dots for attributes of objects.
+
+    Raises:
+        InputError: If there is no such module or object, with the nearest name, or the import
+            raises.
+    """
+    found: Any = imported(module)
+    for name in path.split("."):
+        if not hasattr(found, name):
+            of = f"the module {module}" if isinstance(found, ModuleType) else repr(found)
+            raise InputError(f"{of} has no {name!r}{nearest(name, dir(found))}")
+        found = getattr(found, name)
+    return found
+
+
+def line_in(module: str, error: BaseException) -> str:
+    """Where in the file of a module an error was raised, " (drive.py, line 3)"; else empty."""
+    own = module.replace(".", os.sep)
+    files = f"{os.sep}{own}.py", f"{os.sep}{own}{os.sep}__init__.py"
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.endswith(files)]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
+def imported(module: str) -> ModuleType:
+    """Imports a module, also from the working directory.
+
+    Raises:
+        InputError: If there is no such module, or the import raises.
+    """
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.insert(0, here)  # as `python -m` does
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
+            raise InputError(
+                f"there is no module {error.name!r}, neither in the working directory nor where "
+                "Python looks for modules"
+            ) from error
+        raise InputError(f"cannot import {module}: {error}{line_in(module, error)}") from error
+    except SystemExit as end:
+        code = "" if end.code is None else repr(end.code)
+        raise InputError(
+            f"cannot import {module}: it called sys.exit({code}){line_in(module, end)}; put what "
+            'runs below if __name__ == "__main__":'
+        ) from end
+    except Exception as error:
+        raise InputError(
+            f"cannot import {module}: {type(error).__name__}: {error}{line_in(module, error)}"
+        ) from error

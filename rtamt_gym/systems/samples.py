@@ -1,0 +1,111 @@
+"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from inspect import isgeneratorfunction
+from typing import Any
+
+from rtamt import InputError, InputTypeError
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.systems.system import Sample, Signals, System, named_signals, refuse_unknown
+
+
+class SampleSource(System):
+    """A function of time, a generator function, or an iterable that gives samples."""
+
+    def __init__(
+        self,
+        source: Callable[[float], Sample | None]
+        | Callable[[], Iterator[Sample]]
+        | Iterable[Sample],
+        case: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.needs_period = self.endless = callable(source) and not isgeneratorfunction(source)
+        name = getattr(source, "__name__", "function").replace("<lambda>", "function")
+        self.name = name if callable(source) else "samples"
+        self._source: Any = source
+        self._case = case or {}
+        self._samples: Iterator[Sample | None] = iter(())
+        self._count = 0
+
+    def driven(self, case: Case) -> System:
+        """The function with the entries of a case as keyword arguments."""
+        if not callable(self._source):
+            raise InputError(
+                "samples that are there already take no case; give a generator function, whose "
+                f"keyword arguments are the names {listing(case)}"
+            )
+        known, open_ = _keywords(self._source, 1 if self.endless else 0)
+        for name in case:
+            if name not in known and not open_:
+                refuse_unknown(self.name, name, known, "" if known else "no keyword arguments")
+        return SampleSource(self._source, case)
+
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        self._reads = named_signals(variables, signals)
+        self._period = period
+
+    def start(self) -> list[float]:
+        self.ended = ""
+        source = self._source
+        if self.endless:
+            period = self._period or Fraction(1)
+            self._samples = (source(float(i * period), **self._case) for i in itertools.count())
+        else:
+            self._samples = iter(source(**self._case) if callable(source) else source)
+        self._count = 0
+        first = self.advance()
+        if first is None:
+            raise InputError(f"expected one sample at least, {self.name} has given none")
+        return first
+
+    def advance(self) -> list[float] | None:
+        sample = next(self._samples, None)
+        if sample is None:
+            self.ended = "terminated"
+            return None
+        if not isinstance(sample, Mapping):
+            raise InputTypeError(
+                f"expected a mapping of names to numbers as sample {self._count} of {self.name}, "
+                f"got {sample!r}"
+            )
+        try:
+            values = [sample[name] for name in self._reads]
+        except KeyError:
+            missing = next(name for name in self._reads if name not in sample)
+            raise InputError(
+                f"sample {self._count} of {self.name} has no {missing!r}; "
+                f"it has {listing(sample)}{nearest(missing, sample)}"
+            ) from None
+        self._count += 1
+        return values
+
+    def close(self) -> None:
+        """Closes a generator, which may hold open files."""
+        if isinstance(self._samples, Generator):
+            self._samples.close()
+
+
+def _keywords(function: Callable[..., object], skip: int) -> tuple[list[str], bool]:
+    """The keyword arguments that a function takes, and whether it takes any name.
+
+    Args:
+        function: The function.
+        skip: How many arguments it is given by their place.
+    """
+    try:
+        parameters = [*inspect.signature(function).parameters.values()]
+    except ValueError:  # as of some functions that are not written in Python
+        return [], True
+    named = [
+        each.name
+        for each in parameters[skip:]
+        if each.kind in {each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY}
+    ]
+    return named, any(each.kind is each.VAR_KEYWORD for each in parameters)
