@@ -53,23 +53,21 @@ if TYPE_CHECKING:
     from rtamt.language.words import in_words
     from rtamt.machines.backend import BACKEND
     from rtamt.machines.protocols import End
-    from rtamt.monitors.asked import Asked, Evidence
     from rtamt.monitors.book import VerdictBook
     from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
     from rtamt.monitors.dense import DenseMonitor, evaluate_dense
-    from rtamt.monitors.dense_asked import DenseAsked
     from rtamt.monitors.dense_episode import DenseEpisodeMonitor
-    from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
-    from rtamt.monitors.dense_judgement import judge_dense
     from rtamt.monitors.evaluation import evaluate
-    from rtamt.monitors.evidence import DenseImplications, Implications
-    from rtamt.monitors.explanation import Explanation, explain
-    from rtamt.monitors.holds import holds
+    from rtamt.monitors.explainer import explain, explain_dense
+    from rtamt.monitors.explanation import DenseExplanation, Explanation
+    from rtamt.monitors.implications import DenseImplications, Implications
     from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
-    from rtamt.monitors.judgement import Judgement, judge
+    from rtamt.monitors.judgement import Judgement, judge, judge_dense
     from rtamt.monitors.many import evaluate_many
-    from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
+    from rtamt.monitors.monitor import EpisodeMonitor, Monitor
+    from rtamt.monitors.triggers import Asked, DenseAsked, Evidence
     from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
+    from rtamt.monitors.verdict import Verdict, holds
     from rtamt.mutation.mutants import Mutant, mutants
     from rtamt.mutation.mutations import MUTATIONS, Mutation
     from rtamt.mutation.noticing import noticed
@@ -172,29 +170,29 @@ __all__ = [
 _MODULES = {
     "Align": "rtamt.program.timing",
     "Answer": "rtamt.checking.answers",
-    "Asked": "rtamt.monitors.asked",
+    "Asked": "rtamt.monitors.triggers",
     "BACKEND": "rtamt.machines.backend",
     "Between": "rtamt.inputs.between",
     "Check": "rtamt.checking.answers",
     "CheckedRequirement": "rtamt.checking.answers",
     "ClockEvent": "rtamt.monitors.clocks",
     "ClockKind": "rtamt.monitors.clocks",
-    "DenseAsked": "rtamt.monitors.dense_asked",
+    "DenseAsked": "rtamt.monitors.triggers",
     "DenseEpisodeMonitor": "rtamt.monitors.dense_episode",
-    "DenseExplanation": "rtamt.monitors.dense_explanation",
-    "DenseImplications": "rtamt.monitors.evidence",
+    "DenseExplanation": "rtamt.monitors.explanation",
+    "DenseImplications": "rtamt.monitors.implications",
     "DenseMonitor": "rtamt.monitors.dense",
     "End": "rtamt.machines.protocols",
     "EpisodeMonitor": "rtamt.monitors.monitor",
     "Equivalence": "rtamt.checking.answers",
     "Events": "rtamt.inputs.events",
-    "Evidence": "rtamt.monitors.asked",
+    "Evidence": "rtamt.monitors.triggers",
     "Example": "rtamt.checking.examples",
     "ExampleTrace": "rtamt.checking.witness",
     "Explanation": "rtamt.monitors.explanation",
     "Formula": "rtamt.language.formula",
     "Idle": "rtamt.checking.answers",
-    "Implications": "rtamt.monitors.evidence",
+    "Implications": "rtamt.monitors.implications",
     "InputError": "rtamt.errors",
     "InputTypeError": "rtamt.errors",
     "Interval": "rtamt.language.interval",
@@ -225,7 +223,7 @@ _MODULES = {
     "Term": "rtamt.language.formula",
     "VectorEpisodeMonitor": "rtamt.monitors.vector",
     "VectorMonitor": "rtamt.monitors.vector",
-    "Verdict": "rtamt.monitors.monitor",
+    "Verdict": "rtamt.monitors.verdict",
     "VerdictBook": "rtamt.monitors.book",
     "check": "rtamt.checking.check",
     "conjunction": "rtamt.language.formula",
@@ -235,14 +233,14 @@ _MODULES = {
     "evaluate_dense": "rtamt.monitors.dense",
     "evaluate_many": "rtamt.monitors.many",
     "examples": "rtamt.checking.examples",
-    "explain": "rtamt.monitors.explanation",
-    "explain_dense": "rtamt.monitors.dense_explanation",
+    "explain": "rtamt.monitors.explainer",
+    "explain_dense": "rtamt.monitors.explainer",
     "export_fmu": "rtamt.export.fmu",
-    "holds": "rtamt.monitors.holds",
+    "holds": "rtamt.monitors.verdict",
     "in_words": "rtamt.language.words",
     "joint_feed": "rtamt.monitors.joint",
     "judge": "rtamt.monitors.judgement",
-    "judge_dense": "rtamt.monitors.dense_judgement",
+    "judge_dense": "rtamt.monitors.judgement",
     "load": "rtamt.language.parser",
     "mutants": "rtamt.mutation.mutants",
     "noticed": "rtamt.mutation.noticing",

@@ -6,12 +6,12 @@ The names mean what the same names of `rtamt` mean for samples.
 from rtamt.inputs.events import Events
 from rtamt.monitors.dense import DenseMonitor as Monitor
 from rtamt.monitors.dense import evaluate_dense as evaluate
-from rtamt.monitors.dense_asked import DenseAsked as TriggerCount
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor as EpisodeMonitor
-from rtamt.monitors.dense_explanation import DenseExplanation as Explanation
-from rtamt.monitors.dense_explanation import explain_dense as explain
-from rtamt.monitors.dense_judgement import judge_dense as judge
-from rtamt.monitors.evidence import DenseImplications as Implications
+from rtamt.monitors.explainer import explain_dense as explain
+from rtamt.monitors.explanation import DenseExplanation as Explanation
+from rtamt.monitors.implications import DenseImplications as Implications
+from rtamt.monitors.judgement import judge_dense as judge
+from rtamt.monitors.triggers import DenseAsked as TriggerCount
 
 __all__ = [
     "EpisodeMonitor",

@@ -22,8 +22,8 @@ from rtamt.language.formula import Formula
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.judgement import judge
-from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import Spec, checked_end
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.instructions import Window
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program

@@ -11,7 +11,7 @@ from rtamt.checking.samples import known_samples
 from rtamt.checking.truths import World, truth
 from rtamt.machines.protocols import End
 from rtamt.monitors.judgement import Judgement, judge
-from rtamt.monitors.monitor import Verdict
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.program import Program
 
 __all__ = ["ExampleTrace", "Goal", "judged_so", "shortened"]

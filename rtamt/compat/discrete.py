@@ -26,7 +26,8 @@ from rtamt.inputs.messages import Messages, write_fields
 from rtamt.language.interval import UNITS
 from rtamt.language.specification import Specification
 from rtamt.monitors.evaluation import evaluate
-from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.explainer import explain
+from rtamt.monitors.explanation import Explanation
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor
 from rtamt.program.timing import Period, as_period
 

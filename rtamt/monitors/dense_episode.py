@@ -10,7 +10,6 @@ from rtamt.inputs.samples import NanPolicy
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.online import DirectUpdate, MachineValue, Online, machine_value
 from rtamt.monitors.options import (
     EventOptions,
@@ -20,6 +19,7 @@ from rtamt.monitors.options import (
     event_reader,
     listed_in_signature,
 )
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period, as_period

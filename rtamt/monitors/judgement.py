@@ -1,71 +1,69 @@
-"""The verdict on a whole trace."""
+"""The judgement of a whole trace, over samples and over dense time."""
 
 from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Final, Generic, TypeVar, Unpack
+from typing import Any, Unpack
 
-from rtamt.errors import InputError, SpecificationError
 from rtamt.inputs.between import identical
+from rtamt.inputs.events import EventsLike, Until
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.backend import BACKENDS
-from rtamt.machines.bounds import TraceBounds
+from rtamt.machines.dense.rows import dense_of, unknown_of
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import moved, verdict_of
-from rtamt.monitors.asked import (
-    Asked,
-    Evidence,
-    SampledQuestion,
-    evidence_of,
-    reads_hidden,
-    text_of,
-)
+from rtamt.machines.readout import verdict_of
+from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.holds import holds, zero_text
-from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
+    EventOptions,
     SampleOptions,
     Spec,
     checked_end,
     compiled,
+    compiled_dense,
+    event_reader,
     listed_in_signature,
 )
-from rtamt.monitors.untested import Untested, found_untested
-from rtamt.program.memory import episode_numbers, limit_beyond
-from rtamt.program.placement import place
-from rtamt.program.program import Program
+from rtamt.monitors.sample_trace import SampleTrace
+from rtamt.monitors.trace import JudgedTrace
+from rtamt.monitors.triggers import Evidence, evidence_of, text_of
+from rtamt.monitors.unrecorded import Untested, unrecorded_of
+from rtamt.monitors.verdict import Verdict, holds, zero_text
+from rtamt.program.dense_regions import compile_regions
+from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
 
-__all__ = ["Judgement", "judge"]
 
-_T = TypeVar("_T")
+class _Details:
+    """What a verdict rests on, each part computed when it is first read; pickled with all parts."""
 
+    def __init__(self, trace: JudgedTrace, verdict: Verdict, end: End) -> None:
+        self._trace, self._verdict, self._end = trace, verdict, end
 
-class _Once(Generic[_T]):
-    """A value that is found when it is first asked for."""
+    @functools.cached_property
+    def unrecorded(self) -> tuple[Untested, ...]:
+        if self._end == "complete" or self._verdict is not Verdict.UNDECIDED:
+            return ()
+        return unrecorded_of(self._trace.registers())
 
-    __slots__ = ("_find", "_value")
+    @functools.cached_property
+    def decided_at(self) -> float | None:
+        return self._trace.decided_at()
 
-    def __init__(self, find: Callable[[], _T]) -> None:
-        self._find: Callable[[], _T] | None = find
-        self._value: _T
+    @functools.cached_property
+    def evidence(self) -> Evidence[Any]:
+        return evidence_of(self._trace, satisfied=self._verdict is Verdict.SATISFIED)
 
-    def __call__(self) -> _T:
-        if self._find is not None:
-            self._value, self._find = self._find(), None
-        return self._value
+    @functools.cached_property
+    def early_end(self) -> str:
+        return self._trace.early_end()
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _found, (self(),)
-
-
-def _found(value: _T) -> _Once[_T]:
-    return _Once(lambda: value)
+    def __getstate__(self) -> dict[str, object]:
+        parts = "unrecorded", "decided_at", "evidence", "early_end"
+        return {name: getattr(self, name) for name in parts}
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -97,49 +95,34 @@ class Judgement:
     formula: str
     complete: Verdict
     unknown: tuple[str, ...]
-    _untested: Callable[[], tuple[Untested, ...]]
-    _decided_at: Callable[[], float | None]
-    _evidence: Callable[[], Evidence[Any]]
-    _early_end: Callable[[], str]
+    _details: _Details
 
     @staticmethod
     def of(
-        bounds: tuple[float, float, float],
+        trace: JudgedTrace,
         end: End,
-        formula: str,
-        complete: Verdict,
-        untested: Callable[[], tuple[Untested, ...]],
-        decided_at: Callable[[], float | None],
-        evidence: Callable[[Verdict], Evidence[Any]],
-        unknown: tuple[str, ...] = (),
-        early_end: Callable[[], str] = str,
+        bounds: tuple[float, float, float],
+        complete: tuple[float, float],
+        unknown: tuple[str, ...],
     ) -> Judgement:
-        """The judgement for robustness, lower and upper bound.
+        """Return the judgement of a trace.
 
         Args:
+            trace: The trace.
+            end: The end mode.
             bounds: Robustness, lower and upper bound.
-            end: The reading of the end.
-            formula: The formula as text.
-            complete: The verdict of the complete reading.
-            untested: Finds what was not recorded, when that is first asked for.
-            decided_at: Finds when the open reading was decided, when that is first asked for.
-            evidence: Finds what the verdict stands on, when that is first asked for.
-            unknown: The variables of which a value is not known.
-            early_end: Describes how a variable ends a trace in dense time before others do; empty
-                if none does.
+            complete: The bounds of the complete trace.
+            unknown: The variables with a value that is not known.
         """
-        verdict = _verdict(*bounds[1:])
+        verdict = Verdict(verdict_of(*bounds[1:]))
         return Judgement(
             *bounds,
             verdict,
             end,
-            formula,
-            complete,
+            text_of(trace.formula),
+            Verdict(verdict_of(*complete)),
             unknown,
-            _Once(untested),
-            _Once(decided_at),
-            _Once(lambda: evidence(verdict)),
-            _Once(early_end),
+            _Details(trace, verdict, end),
         )
 
     @property
@@ -157,7 +140,7 @@ class Judgement:
 
         It is found when it is first asked for.
         """
-        return self._untested()
+        return self._details.unrecorded
 
     @property
     def decided_at(self) -> float | None:
@@ -166,7 +149,7 @@ class Judgement:
         It is the sample at which `EpisodeMonitor` decides, the first one if it needs none; found
         when it is first asked for.
         """
-        return self._decided_at()
+        return self._details.decided_at
 
     @property
     def asked(self) -> tuple[Any, ...]:
@@ -178,7 +161,7 @@ class Judgement:
         whole. They come in the order of the text, the outer one first, after names are substituted.
         It is found when it is first asked for.
         """
-        return self._evidence().asked
+        return self._details.evidence.asked
 
     @property
     def vacuous(self) -> bool:
@@ -188,7 +171,7 @@ class Judgement:
         right side of all of them, as on a trace of no request, or of a goal that was reached
         without one.
         """
-        return self._evidence().vacuous
+        return self._details.evidence.vacuous
 
     @property
     def never_asked(self) -> bool:
@@ -196,7 +179,7 @@ class Judgement:
 
         A formula without an implication is never said to be.
         """
-        return self._evidence().never_asked
+        return self._details.evidence.never_asked
 
     def _robustness_text(self) -> str:
         open_ = {self.verdict, self.complete} == {Verdict.UNDECIDED}
@@ -224,20 +207,20 @@ class Judgement:
         return f"<Judgement {self.verdict.name}, {values}, end={self.end!r}>"
 
     def __str__(self) -> str:
-        lines = [f"{self.verdict.name}: {self.formula}", *self._said()]
+        lines = [f"{self.verdict.name}: {self.formula}", *self._lines()]
         return "\n".join(line for each in lines for line in _wrapped(each))
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the verdict, the formula, and what ``str`` says of them."""
         head = f"{self.verdict._repr_html_()} <code>{escape(self.formula)}</code>"
-        return "<br>".join([head, *map(escape, self._said())])
+        return "<br>".join([head, *map(escape, self._lines())])
 
-    def _said(self) -> Iterator[str]:
+    def _lines(self) -> Iterator[str]:
         """The lines below the formula, before they are wrapped."""
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
         yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
         yield from map(str, self.untested)
-        if early_end := self._early_end():
+        if early_end := self._details.early_end:
             yield early_end
         for each in self.asked:
             # Where values are not known, its left side may hold at an instant.
@@ -249,10 +232,6 @@ class Judgement:
                 yield f"no reading of the end decides it: it hangs on {self.open_for}"
             else:
                 yield f'if the trace is all there is, end="complete" says {self.complete.name}'
-
-
-def _verdict(lower: float, upper: float) -> Verdict:
-    return Verdict(verdict_of(lower, upper))
 
 
 @listed_in_signature(SampleOptions)
@@ -312,108 +291,99 @@ def judge(
         no reading of the end decides it: it hangs on values of x that are not known
     """
     reading = checked_end(end)
-    specification, interface, backend, nan, seconds, program = compiled(
-        judge, spec, period, options, online=False
-    )
-    reader = SampleReader(program, nan, bounds=True)
+    program = compiled(judge, spec, period, options, online=False)
+    reader = SampleReader(program.program, program.nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
-    limit_beyond(program, length, unknown=greatest is not least)
+    limit_beyond(program.program, length, unknown=greatest is not least)
     unknown = []
     if greatest is not least:
-        pairs = zip(program.inputs, least, greatest, strict=False)  # rates follow
+        pairs = zip(program.program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
-    made, hides = BACKENDS[backend], reads_hidden(specification.formula, interface)
-    ran, run = None, made.episode_run
-    if run is not None and greatest is least and _is_short(program, length):
-        with suppress(InputError):  # of a sample that may not matter: columns tell
-            ran = run(program, reader, least, length, reading)
-    if ran is not None or hides:  # they are read later, and the caller may write to them
-        same = greatest is least
-        least = [column.copy() for column in least]
-        greatest = least if same else [column.copy() for column in greatest]
+    trace = SampleTrace(program, options.get("align"), reading, (least, greatest), length)
+    bounds, complete = trace.judge(reader)
+    return Judgement.of(trace, reading, bounds, complete, tuple(unknown))
 
-    def bounds_of_trace() -> TraceBounds:
-        machines = made.discrete_machine, made.term_ranges
-        return TraceBounds.of(program, reader, *machines, (least, greatest), length)
 
-    if ran is None:
-        trace = bounds_of_trace()
-        complete, bounds = trace.bounds("complete"), trace.bounds(reading)
-        robustness = moved(trace.robustness(), *bounds)
-        kept = trace.until(trace.n)  # without the columns that were made, as long as the trace
-        whole = _found(kept)
-        decided_at = _Once(lambda: _first_decided(kept))
-    else:
-        robustness, bounds = ran.robustness, (ran.lower, ran.upper)
-        complete = ran.complete, ran.complete
-        whole, decided_at = _Once(bounds_of_trace), _found(ran.decided_at)
-    columns = None
-    if hides:
-        columns = dict(zip(program.variables, zip(least, greatest, strict=True), strict=True))
+@listed_in_signature(EventOptions)
+def judge_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    end: End = "cut",
+    *,
+    until: Until | None = None,
+    resolution: Period = "1ns",
+    **options: Unpack[EventOptions],
+) -> Judgement:
+    """The verdict on a whole trace in dense time, by what its end means.
 
-    def evidence(verdict: Verdict) -> Evidence[Asked]:
-        its, align = whole(), options.get("align")
-        judged = specification, seconds, align, interface, reading, its.n
-        question = SampledQuestion(*judged, its, columns, nan, backend)
-        return evidence_of(question, satisfied=verdict is Verdict.SATISFIED)
+    It is about the first time at which all variables are known, and exact at that instant: values
+    at single instants count, those inside nested formulas too, which `evaluate_dense` leaves out.
+    The trace ends at the earliest of the variables' last events, an instant that is known. If other
+    variables have later events, the text of the result names the variable that ends the trace, and
+    ``until`` holds its last value. Invariants are written ``always(...)``. The attributes
+    `untested`, `decided_at`, `asked` and `vacuous` of the result cost extra, when they are first
+    asked for.
 
-    def untested() -> tuple[Untested, ...]:
-        if reading == "complete" or _verdict(*bounds) is not Verdict.UNDECIDED:
-            return ()
-        return found_untested(whole(), seconds, reading)
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `evaluate_dense`; a value may also be a `Between`.
+        end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
+        until: A time up to which the last value of each variable holds, as if an event at that time
+            repeated it; ``"latest"`` for the time of the last event of all variables of the
+            formula. Beyond ``max_gap`` the value is unknown. None: the trace ends with the earliest
+            of the last events.
+        resolution: As for `DenseMonitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`; ``nan``
+            and ``max_gap``, as for `DenseEpisodeMonitor`.
 
-    return Judgement.of(
-        (robustness, *bounds),
-        reading,
-        text_of(specification.formula),
-        _verdict(*complete),
-        untested,
-        decided_at,
-        evidence,
-        tuple(unknown),
+    Returns:
+        The judgement. Its ``decided_at`` is a time of the kind of the events' times,
+        `numpy.datetime64` too; ``untested`` is in seconds, for dates since 1970.
+
+    Raises:
+        SpecificationError: As for `evaluate_dense`.
+        InputError: As for `evaluate_dense`; on another reading of the end; on a time ``until``
+            before the last event of every variable; and on a trace that with the bounds of the
+            formula lasts 2^62 ticks or more.
+        InputTypeError: As for `evaluate_dense`.
+
+    Example:
+        >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 0), (2.25, 5), (6, 5)]}
+        >>> judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).verdict.name
+        'SATISFIED'
+        >>> print(judge_dense("always[0:8](gnt < 9)", trace))
+        UNDECIDED: always[0:8](gnt < 9)
+        robustness 4, bounds -inf to 4 under end="cut"
+        always[0:8](gnt < 9): not recorded: 6 s to 8 s
+        if the trace is all there is, end="complete" says SATISFIED
+        >>> print(judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).asked[0])
+        asked 1x, first at time 1
+
+        A value that is written once holds to the end of the others:
+
+        >>> flight = {"z": [(0, -10), (6, -500), (9, -10)], "home": [(0, 0)]}
+        >>> print(judge_dense("always(z - home > -100)", flight))
+        SATISFIED: always(z - home > -100)
+        robustness 90, bounds 90 to 90 under end="cut"
+        the trace ends at time 0 with the last event of 'home' and leaves out 2 later
+            events; until="latest" holds its value
+        >>> judge_dense("always(z - home > -100)", flight, until="latest").verdict.name
+        'VIOLATED'
+
+    Source: see `DenseMonitor`.
+    """
+    reading = checked_end(end)
+    specification, interface, backend, whole = compiled_dense(
+        judge_dense, spec, resolution, options, online=False, bounds=True
     )
-
-
-_SHORT: Final = 8192
-"""Samples up to which the machine is faster than columns; half as many for each unknown."""
-
-_KEPT: Final = 1 << 16
-"""Numbers that the machine may keep."""
-
-
-def _is_short(program: Program, n: int) -> bool:
-    """Whether the episode machine judges a trace faster than columns do, and takes the program."""
-    unknowns = _unknowns(program)
-    return unknowns is not None and n <= _SHORT >> unknowns
-
-
-@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
-def _unknowns(program: Program) -> int | None:
-    """How many unknowns the episode machine has; None: it needs a pair, or does not fit."""
-    try:
-        placement = place(program)
-    except SpecificationError:
-        return None
-    fits = not program.neutral and episode_numbers(placement).total() <= _KEPT
-    return len(placement.unknowns) if fits else None
-
-
-def _first_decided(whole: TraceBounds) -> int | None:
-    """The first sample at which the open reading is decided, if it is at the last one."""
-    low, high = 0, 1  # undecided after low samples, or none; decided after high samples
-
-    def decided(n: int) -> bool:
-        return _verdict(*whole.until(n).bounds("open")) is not Verdict.UNDECIDED
-
-    if not decided(whole.n):
-        return None
-    while high < whole.n and not decided(high):
-        low, high = high, 2 * high
-    high = min(high, whole.n)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if decided(middle) else (middle, high)
-    return high - 1
+    regions = compile_regions(specification, whole.resolution, interface=interface)
+    reader = event_reader(dense_of(regions), options)
+    given = reader.whole(signals)
+    if until is not None:
+        given = reader.held(given, until)
+    trace = DenseTrace(specification, interface, reading, regions, given, reader, backend)
+    unknown = unknown_of(given, reader)
+    return Judgement.of(trace, reading, trace.values, trace.complete, unknown)
 
 
 def _number(value: float) -> str:

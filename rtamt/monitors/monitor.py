@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from array import array
 from collections.abc import Callable
@@ -16,7 +15,8 @@ from rtamt.inputs.between import Between
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
-from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.explainer import explain
+from rtamt.monitors.explanation import Explanation
 from rtamt.monitors.online import (
     DirectUpdate,
     EpisodeValues,
@@ -27,11 +27,9 @@ from rtamt.monitors.online import (
     machine_value,
 )
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
-
-__all__ = ["EpisodeMonitor", "Monitor", "Verdict"]
-
 
 _UPDATE = """Take in one sample and give the robustness {when}.
 
@@ -174,30 +172,6 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
     def __repr__(self) -> str:
         return f"<Monitor of {self.specification.formula}, latency {self.latency}>"
-
-
-class _Coloured:
-    """What a notebook shows of a member: its name on a colour, for a light and a dark page."""
-
-    __slots__ = ()
-
-    name: str
-
-    def _repr_html_(self) -> str:
-        colour = {"VIOLATED": "#b3261e", "UNDECIDED": "#5f6368", "SATISFIED": "#1b6e3c"}[self.name]
-        style = f"background:{colour};color:#fff;padding:0 .4em;border-radius:.3em"
-        return f'<span style="{style}">{self.name}</span>'
-
-
-class Verdict(_Coloured, enum.IntEnum):
-    """The verdict on an episode, decided as soon as both bounds have the same sign bit."""
-
-    VIOLATED = -1
-    """No continuation can satisfy the specification: the upper bound is negative, or -0.0."""
-    UNDECIDED = 0
-    """The lower bound is negative, or -0.0, and the upper is not."""
-    SATISFIED = 1
-    """No continuation can violate the specification: the lower bound is positive, or +0.0."""
 
 
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):

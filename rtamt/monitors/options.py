@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, TypedDict, TypeVar, cast, get_args
+from typing import Any, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from rtamt.errors import InputError, alternatives, brief, nearest
 from rtamt.inputs.event_reader import NO_DENSE_BOUNDS, EventReader, checked_nan
@@ -20,18 +20,6 @@ from rtamt.program.interface import Interface, Names, SemanticsName, as_interfac
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period, as_align, as_period
-
-__all__ = [
-    "EventOptions",
-    "Options",
-    "SampleOptions",
-    "Spec",
-    "checked_end",
-    "compiled",
-    "compiled_dense",
-    "event_reader",
-    "listed_in_signature",
-]
 
 Spec = str | Formula | Specification
 """A specification: text, a formula made of combinators, or a parsed specification."""
@@ -65,6 +53,18 @@ _SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise", "align": None}
 _EVENT_DEFAULTS: EventOptions = {**_DEFAULTS, "nan": "raise", "max_gap": None}
 _ENDS: tuple[End, ...] = get_args(End)
 
+
+class Compiled(NamedTuple):
+    """A specification of samples with its options, and its program."""
+
+    specification: Specification
+    interface: Interface
+    backend: BackendName
+    nan: NanPolicy
+    period: Fraction | None
+    program: Program
+
+
 _F = TypeVar("_F", bound=Callable[..., object])
 
 
@@ -75,7 +75,7 @@ def compiled(
     options: SampleOptions,
     *,
     online: bool,
-) -> tuple[Specification, Interface, BackendName, NanPolicy, Fraction | None, Program]:
+) -> Compiled:
     """Check the options of a monitor or an evaluation of samples, and compile its specification.
 
     Args:
@@ -84,9 +84,6 @@ def compiled(
         period: Seconds between samples; None: bounds are numbers of samples.
         options: The keywords of the call.
         online: Whether a future without an end is refused; see `Program.online`.
-
-    Returns:
-        Specification, interface, chosen back-end, nan policy, period in seconds, program.
     """
     given: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
     if len(given) > len(_SAMPLE_DEFAULTS):
@@ -97,7 +94,7 @@ def compiled(
     program = compile_program(
         specification, seconds, interface=interface, align=align, online=online
     )
-    return specification, interface, backend, given["nan"], seconds, program
+    return Compiled(specification, interface, backend, given["nan"], seconds, program)
 
 
 def compiled_dense(

@@ -16,8 +16,8 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.judgement import judge
-from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import SampleOptions, checked_end, compiled, listed_in_signature
+from rtamt.monitors.verdict import Verdict
 from rtamt.mutation.mutants import Mutant
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program

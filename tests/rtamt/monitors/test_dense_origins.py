@@ -17,8 +17,7 @@ from reasons_oracle import Operands, Part, Reasons
 
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Bounds, Builder, Operator
-from rtamt.monitors.dense_provenance import RegionValues, dense_origin_of
-from rtamt.monitors.provenance import Origin, flat
+from rtamt.monitors.origins import Origin, RobustnessSignal, flat, origin_of
 
 INF = math.inf
 WINDOWS = {"always": "min", "eventually": "max", "historically": "min", "once": "max"}
@@ -41,7 +40,8 @@ class Drawn(NamedTuple):
         """What the row chooses among as many operands as it has."""
         operands = [runs(self.left), runs(self.right)][: row.arity[0]]
         last = len(self.left) - 1
-        return dense_origin_of(row, (self.lo, self.hi), operands, last, self.now, earliest=True)
+        bounds = self.lo, self.hi
+        return origin_of(row, bounds, operands, last, self.now, dense=True, earliest=True)
 
 
 def drawn(seed: int) -> Drawn:
@@ -60,11 +60,11 @@ def drawn(seed: int) -> Drawn:
     return Drawn(operand(), operand(), rng.randint(0, last), lo, hi)
 
 
-def runs(values: list[float]) -> RegionValues:
+def runs(values: list[float]) -> RobustnessSignal:
     """The values as runs of equal bits."""
     bits = np.array(values).view(np.int64)
     starts = np.flatnonzero(np.append(True, bits[1:] != bits[:-1])).astype(np.int64)
-    return RegionValues(starts, np.array(values)[starts])
+    return RobustnessSignal(np.array(values)[starts], starts)
 
 
 def decided(origin: Origin) -> tuple[int, int] | None:

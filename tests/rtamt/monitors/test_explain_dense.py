@@ -25,7 +25,7 @@ import rtamt
 from rtamt import DenseExplanation, Formula, explain_dense, holds, judge_dense
 from rtamt.language.formula import make
 from rtamt.language.node import Node
-from rtamt.monitors.dense_explanation import DenseExplanationStep
+from rtamt.monitors.explanation import DenseExplanationStep
 
 Backend = Literal["native", "python"]
 

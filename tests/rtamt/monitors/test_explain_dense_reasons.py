@@ -22,7 +22,7 @@ from rtamt import DenseExplanation, Formula, explain_dense, variable
 from rtamt.language.formula import make
 from rtamt.language.interval import Interval
 from rtamt.language.node import Node
-from rtamt.monitors.dense_explanation import DenseCircumstance
+from rtamt.monitors.explanation import DenseCircumstance
 
 Backend = Literal["native", "python"]
 INF = math.inf

@@ -1,4 +1,4 @@
-"""What the verdicts on many traces of one specification stand on, without judging them again."""
+"""Triggers of the implications on many traces of one specification, without judging them again."""
 
 from __future__ import annotations
 
@@ -8,20 +8,11 @@ from typing import Any, Unpack
 from rtamt.errors import InputTypeError, brief
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.rows import dense_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.asked import (
-    Asked,
-    Evidence,
-    SampledQuestion,
-    evidence_of,
-    texts_of,
-)
-from rtamt.monitors.dense_asked import DenseAsked, DenseQuestion, dense_evidence
+from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
     EventOptions,
     SampleOptions,
@@ -32,10 +23,11 @@ from rtamt.monitors.options import (
     event_reader,
     listed_in_signature,
 )
+from rtamt.monitors.sample_trace import SampleTrace
+from rtamt.monitors.triggers import Asked, DenseAsked, Evidence, evidence_of, texts_of
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period
-
-__all__ = ["DenseImplications", "Implications"]
 
 
 class Implications:
@@ -70,23 +62,22 @@ class Implications:
         False
     """
 
-    __slots__ = ("_compiled", "_options", "_period", "_spec", "texts", "variables")
+    __slots__ = ("_align", "_compiled", "_period", "texts", "variables")
 
     @listed_in_signature(SampleOptions)
     def __init__(
         self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
         self._compiled = compiled(Implications, spec, period, options, online=False)
-        self._spec, *_, program = self._compiled
-        self._period, self._options = period, options
-        self.texts = texts_of(self._spec.formula)
-        self.variables = program.inputs
+        self._period, self._align = period, options.get("align")
+        self.texts = texts_of(self._compiled.specification.formula)
+        self.variables = self._compiled.program.inputs
 
     def __bool__(self) -> bool:
         return bool(self.texts)
 
     def __repr__(self) -> str:
-        return f"<Implications of {self._spec.formula}: {len(self.texts)}>"
+        return f"<Implications of {self._compiled.specification.formula}: {len(self.texts)}>"
 
     def evidence(
         self,
@@ -114,14 +105,13 @@ class Implications:
         _check_verdict(verdict)
         if not self.texts:
             return _NOTHING
-        specification, interface, backend, nan, seconds, program = self._compiled
-        reader = SampleReader(program, nan, bounds=True)
+        reader = SampleReader(self._compiled.program, self._compiled.nan, bounds=True)
         least, greatest, length = trace_between(reader, signals, n, self._period)
-        columns = dict(zip(program.variables, zip(least, greatest, strict=True), strict=True))
-        its = (specification, seconds, self._options.get("align"), interface, reading, length)
-        question = SampledQuestion(*its, None, columns, nan, backend)
-        satisfied = question.satisfied() if verdict is None else verdict is Verdict.SATISFIED
-        return evidence_of(question, satisfied=satisfied)
+        trace = SampleTrace(
+            *(self._compiled, self._align, reading, (least, greatest), length), by_columns=True
+        )
+        satisfied = trace.satisfied_without(()) if verdict is None else verdict > 0
+        return evidence_of(trace, satisfied=satisfied)
 
 
 class DenseImplications:
@@ -148,24 +138,24 @@ class DenseImplications:
         asked 1x, first at time 1
     """
 
-    __slots__ = ("_options", "_resolution", "_spec", "texts", "variables")
+    __slots__ = ("_compiled", "_options", "texts", "variables")
 
     @listed_in_signature(EventOptions)
     def __init__(
         self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
-        self._spec, *_, dense = compiled_dense(
+        self._compiled = compiled_dense(
             DenseImplications, spec, resolution, options, online=False, bounds=True
         )
-        self._resolution, self._options = resolution, options
-        self.texts = texts_of(self._spec.formula)
-        self.variables = dense.program.variables
+        self._options = options
+        self.texts = texts_of(self._compiled[0].formula)
+        self.variables = self._compiled[-1].program.variables
 
     def __bool__(self) -> bool:
         return bool(self.texts)
 
     def __repr__(self) -> str:
-        return f"<DenseImplications of {self._spec.formula}: {len(self.texts)}>"
+        return f"<DenseImplications of {self._compiled[0].formula}: {len(self.texts)}>"
 
     def evidence(
         self,
@@ -188,24 +178,13 @@ class DenseImplications:
         _check_verdict(verdict)
         if not self.texts:
             return _NOTHING
-        specification, interface, backend, whole = compiled_dense(
-            DenseImplications,
-            self._spec,
-            self._resolution,
-            self._options,
-            online=False,
-            bounds=True,
-        )
+        specification, interface, backend, whole = self._compiled
         regions = compile_regions(specification, whole.resolution, interface=interface)
         reader = event_reader(dense_of(regions), self._options)
         given = reader.whole(signals)
-        machine = BACKENDS[backend].dense_episode_machine(regions, reader)
-        machine.run(given)  # refuses what judge_dense refuses
-        machine.finish(reading)
-        satisfied = verdict_of(machine.lower, machine.upper) if verdict is None else verdict
-        its = specification, interface, reading, regions, given, machine.span, reader, backend
-        question = DenseQuestion(*its)
-        return dense_evidence(question, satisfied=satisfied > 0)
+        trace = DenseTrace(specification, interface, reading, regions, given, reader, backend)
+        satisfied = verdict_of(*trace.values[1:]) if verdict is None else verdict
+        return evidence_of(trace, satisfied=satisfied > 0)
 
 
 _NOTHING: Evidence[Any] = Evidence((), vacuous=False, never_asked=False)

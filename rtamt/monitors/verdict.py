@@ -1,7 +1,8 @@
-"""Whether a formula holds, read from the sign bit of its robustness."""
+"""Verdicts, and whether a formula holds by the sign bit of its robustness."""
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Sequence
 from typing import Any, overload
 
@@ -11,7 +12,29 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import array_of_numbers, kind_of
 
-__all__ = ["holds", "zero_text"]
+
+class _Coloured:
+    """A member that a notebook shows as its name on a colour, for a light and a dark page."""
+
+    __slots__ = ()
+
+    name: str
+
+    def _repr_html_(self) -> str:
+        colour = {"VIOLATED": "#b3261e", "UNDECIDED": "#5f6368", "SATISFIED": "#1b6e3c"}[self.name]
+        style = f"background:{colour};color:#fff;padding:0 .4em;border-radius:.3em"
+        return f'<span style="{style}">{self.name}</span>'
+
+
+class Verdict(_Coloured, enum.IntEnum):
+    """The verdict on an episode, decided as soon as both bounds have the same sign bit."""
+
+    VIOLATED = -1
+    """No continuation can satisfy the specification: the upper bound is negative, or -0.0."""
+    UNDECIDED = 0
+    """The lower bound is negative, or -0.0, and the upper is not."""
+    SATISFIED = 1
+    """No continuation can violate the specification: the lower bound is positive, or +0.0."""
 
 
 @overload
@@ -19,15 +42,15 @@ def holds(robustness: float) -> bool: ...
 @overload
 def holds(robustness: NDArray[Any] | Sequence[Any]) -> NDArray[np.bool_]: ...
 def holds(robustness: object) -> object:
-    """Whether the formula holds, from its robustness: at 0 the sign bit says it.
+    """Return whether the formula holds, from its robustness; at 0 the sign bit decides.
 
     Robustness is positive where a formula holds and negative where it does not. At 0 both are
     possible: it is +0.0 where the formula holds (``x >= 3`` at 3) and -0.0 where it does not
-    (``x > 3`` at 3), and no comparison tells one from the other.
+    (``x > 3`` at 3), and no comparison distinguishes them.
 
-    A robustness that was written down and read again must have kept its sign: ``-0.0`` in a text
-    does, ``0`` in a column of integers does not. Under interface-aware semantics a predicate of no
-    concern counts 0 and neither holds nor fails: there the bounds of an `EpisodeMonitor` tell.
+    A robustness that was saved and loaded must have kept its sign: ``-0.0`` in a text does, ``0``
+    in a column of integers does not. Under interface-aware semantics a predicate of no concern
+    counts 0 and neither holds nor fails: use the bounds of an `EpisodeMonitor` there.
 
     Args:
         robustness: A number, or an array of any shape.
@@ -67,5 +90,5 @@ def holds(robustness: object) -> object:
 
 
 def zero_text(*, held: bool) -> str:
-    """A robustness of 0 with what its sign says."""
+    """Return the text of a robustness of 0, with the meaning of its sign."""
     return "0, holds" if held else "0, violated"

@@ -1,0 +1,173 @@
+"""A trace in dense time that was judged."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Given, are_dates
+from rtamt.inputs.samples import NanPolicy
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.specification import Specification
+from rtamt.machines.backend import BACKENDS, BackendName
+from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.rows import dense_of, rows_of
+from rtamt.machines.protocols import DenseSigns, End
+from rtamt.machines.readout import verdict_of
+from rtamt.monitors.trace import TraceClock, TraceRegisters
+from rtamt.monitors.triggers import DenseAsked, reads_hidden
+from rtamt.program.dense_regions import RegionProgram, compile_regions
+from rtamt.program.implications import Counted, Reads, Routes, TraceSpan, unanswered
+from rtamt.program.interface import STANDARD, Interface
+
+
+class DenseTrace:
+    """A trace in dense time with a verdict, which its machine computes.
+
+    Args:
+        specification: The specification.
+        interface: The semantics of the verdict.
+        end: The end mode.
+        regions: The program of the verdict.
+        given: For each variable the times and values of its events.
+        reader: Counts their times.
+        backend: The back-end.
+
+    Raises:
+        InputError: On events that `judge_dense` refuses.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        interface: Interface,
+        end: End,
+        regions: RegionProgram,
+        given: Sequence[Given],
+        reader: EventReader,
+        backend: BackendName,
+    ) -> None:
+        self._specification, self._interface, self._end = specification, interface, end
+        self._regions, self._given, self._reader = regions, given, reader
+        self._machines = BACKENDS[backend]
+        self._backend = backend
+        self.formula = specification.formula
+        self.hides = reads_hidden(specification.formula, interface)
+        machine = self._machines.dense_episode_machine(regions, reader)
+        machine.run(given)
+        self._decided = verdict_of(machine.lower, machine.upper) != 0
+        self.complete = machine.complete()
+        machine.finish(end)
+        self.values = machine.robustness, machine.lower, machine.upper
+        self._span = machine.span
+
+    def decided_at(self) -> float | None:
+        """Return the time of the first tick at which the open end is decided."""
+        if not self._decided:
+            return None
+        again = self._machines.dense_episode_machine(self._regions, self._reader)
+        again.run(self._given, decided=True)
+        return again.decided_at
+
+    def early_end(self) -> str:
+        """Return how a variable ends the trace before others do; empty if none does."""
+        return self._reader.early_end(self._given)
+
+    @property
+    def extent(self) -> TraceSpan:
+        """The places of the trace."""
+        last = 2 * (self._span[1] - self._span[0])
+        return TraceSpan(last, self._end == "complete", self._end == "cut", dense=True)
+
+    def reads(self) -> Mapping[Formula, Reads]:
+        """Return where the formula reads its implications."""
+        return _routes(self._regions).reads(self.extent)
+
+    def opposite(self, left: Formula) -> DenseSigns:
+        """Return the signs of the negation of a left side, by standard semantics."""
+        whole = self._reader
+        regions, reader = _opposite(
+            self._regions, left, self._backend, whole.nan, whole.max_gap, whole.unknown
+        )
+        given = self._given_of(regions)
+        return self._machines.dense_signs(regions, reader, given, self._span, self._end)
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
+        specification = _with_result(self._specification, unanswered(self.formula, answered))
+        regions = compile_regions(
+            specification, self._regions.resolution, interface=self._interface
+        )
+        machine = self._machines.dense_episode_machine(regions, self._reader.of(dense_of(regions)))
+        machine.run(self._given_of(regions))
+        machine.finish(self._end)
+        return verdict_of(machine.lower, machine.upper) == 1
+
+    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> DenseAsked:
+        """Return how often an implication was triggered, in seconds."""
+        ticks, occasions, place = counted
+        seconds, ticks_in = self._regions.resolution.as_integer_ratio()
+        first = None
+        if place is not None:
+            dated = are_dates(self._given[0].times)  # dates do not mix with numbers
+            first = self._reader.time(self._span[0] + place // 2, dated)
+        return DenseAsked(text, ticks * seconds / ticks_in, occasions, first, vacuous)
+
+    def registers(self) -> TraceRegisters:
+        """Return the registers of the formula, for an end that is not complete."""
+        terms = self._machines.term_columns, self._machines.term_ranges
+        begin, last, rows = rows_of(self._regions, self._given, self._reader, terms)
+        cut = self._end == "cut"
+        outlook = DenseOutlook(self._regions.program, rows, last, cut=cut)
+        program = outlook.program
+
+        def reach(register: int) -> tuple[Node, int, int | None]:
+            window = program.window(register)
+            hi = None if window.endless else window.hi
+            return program.sources[register], window.lo or 0, hi
+
+        clock = TraceClock(self._regions.resolution, begin, step=2)
+        return TraceRegisters(program, clock, last, last, cut, outlook.undecided, reach)
+
+    def _given_of(self, regions: RegionProgram) -> list[Given]:
+        """Return the events of the variables of a program of some of them."""
+        events = dict(zip(self._regions.program.variables, self._given, strict=True))
+        return [events[name] for name in regions.program.variables]
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _routes(regions: RegionProgram) -> Routes:
+    return Routes(regions.program.specification.formula, dense_of(regions).bounds)
+
+
+@functools.lru_cache(maxsize=512)
+def _opposite(
+    whole: RegionProgram,
+    left: Formula,
+    backend: BackendName,
+    nan: NanPolicy,
+    max_gap: int | None,
+    unknown: bool,  # noqa: FBT001 - a key of the cache
+) -> tuple[RegionProgram, EventReader]:
+    """Return the program of the negation of a left side, and the reader of its events.
+
+    It has the variables of the left side, or if there are none those of the whole formula.
+    """
+    specification = whole.program.specification
+    opposite = specification.with_result(~left)
+    if not left.variables:
+        opposite = _with_result(specification, ~left)
+    regions = compile_regions(opposite, whole.resolution, interface=STANDARD)
+    dense = dense_of(regions)
+    reader = EventReader(dense, nan, max_gap, bounds=True)
+    reader.unknown = unknown
+    return regions, reader.with_clock(BACKENDS[backend].clock(dense))
+
+
+@functools.lru_cache(maxsize=512)
+def _with_result(specification: Specification, formula: Formula) -> Specification:
+    other = specification.with_result(formula)
+    return replace(other, formulas={**other.formulas, "#": specification.formula})

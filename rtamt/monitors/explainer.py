@@ -1,0 +1,604 @@
+"""The functions that explain a robustness: `explain` over samples, `explain_dense` over dense time.
+
+A robustness is made of the values of predicates by minimum, maximum and a change of sign: it *is*
+one of them, or its opposite. `FormulaSignals` follows it from the root down; the module `origins`
+finds the operand and the place from which one formula at one place has its value.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from numbers import Real
+from typing import Any, NamedTuple, SupportsIndex, Unpack, cast
+
+import numpy as np
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.inputs.arrays import kind_of
+from rtamt.inputs.clock import shown
+from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
+from rtamt.inputs.events import EventsLike
+from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.parser import as_specification
+from rtamt.language.printing import node_text
+from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds, Operator
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.dense.outlook import recorded
+from rtamt.machines.dense.rows import (
+    FindBoth,
+    RegionRows,
+    TraceValues,
+    Waiting,
+    dense_of,
+    readings_of,
+    terms_of,
+    together,
+)
+from rtamt.machines.offline import run_outputs
+from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.explanation import (
+    Cause,
+    Circumstance,
+    DenseCause,
+    DenseCircumstance,
+    DenseExplanation,
+    DenseExplanationStep,
+    Explanation,
+    ExplanationStep,
+    ShareRole,
+)
+from rtamt.monitors.options import (
+    Options,
+    SampleOptions,
+    Spec,
+    compiled,
+    compiled_dense,
+    listed_in_signature,
+)
+from rtamt.monitors.origins import (
+    FIRST_BEST,
+    Origin,
+    Part,
+    RobustnessSignal,
+    flat,
+    holds_by_sign,
+    origin_of,
+)
+from rtamt.program.dense_lowering import MAX_TICKS
+from rtamt.program.dense_regions import RegionProgram, regions_of_all
+from rtamt.program.instructions import Map, operands
+from rtamt.program.interface import Interface, PredicateValue
+from rtamt.program.program import Program
+from rtamt.program.timing import Period, alignment, samples
+
+
+class Visit(NamedTuple):
+    """A formula at a place, on the path from a specification to the cause.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text; named formulas inside it are shown by their names.
+        place: The place at which it is evaluated.
+        origin: The origin of its value there.
+        reading: What it counts under the semantics, if it is a predicate.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    place: int
+    origin: Origin
+    reading: PredicateValue
+
+
+class Share(NamedTuple):
+    """A formula whose sign from a first to a last place contributes to a violation.
+
+    Attributes:
+        formula: The formula.
+        role: ``"held"``: it holds; ``"missing"``: it fails where it could have prevented the
+            violation; ``"broken"``: it fails, and had to hold on a stretch of places.
+        first: The first place.
+        last: The last place.
+        outside: First and last place of its window if that lies outside the trace; see `Origin`.
+    """
+
+    formula: Formula
+    role: ShareRole
+    first: int
+    last: int
+    outside: tuple[int | None, int | None] | None = None
+
+
+class FormulaSignals:
+    """The robustness of all formulas of a specification on a trace, and where it comes from.
+
+    Args:
+        specification: The specification.
+        interface: What predicates count.
+        signal: Returns the robustness of a formula over the trace.
+        bounds: Returns the bounds of an operator in places.
+        last: The last place of the trace.
+        dense: Whether places are regions of dense time.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        interface: Interface,
+        signal: Callable[[Node], RobustnessSignal],
+        bounds: Callable[[Formula], Bounds],
+        last: int,
+        *,
+        dense: bool = False,
+    ) -> None:
+        self._specification, self._interface = specification, interface
+        self.signal, self._bounds = signal, bounds
+        self._last, self._dense = last, dense
+
+    def named(self, formula: Formula) -> tuple[str | None, str]:
+        """Return the name of a formula, or None, and its text with the names of formulas in it."""
+        names: dict[Node, str] = {}
+        for name, node in self._specification.formulas.items():
+            names.setdefault(node, name)
+        own = names.pop(formula, None)
+        return own, node_text(formula, names)
+
+    def path(self, place: int) -> list[Visit]:
+        """Return the formulas from the specification down to the predicate or window that decided.
+
+        Args:
+            place: The place at which the specification is evaluated.
+        """
+        formula, path = self._specification.formula, []
+        while True:
+            row = cast("Operator", formula.op)
+            origin = self._origin(formula, place) if row.operands == "formula" else Origin()
+            reading = "value" if row.holds is None else self._interface.reading(formula)
+            path.append(Visit(formula, *self.named(formula), place, origin, reading))
+            if origin.operand is None:
+                return path
+            formula, place = cast("Formula", formula.args[origin.operand]), origin.place
+
+    def _origin(self, formula: Formula, place: int, *, earliest: bool = False) -> Origin:
+        row = cast("Operator", formula.op)
+        bounds = self._bounds(formula) if row.timed else None
+        operands = [self.signal(arg) for arg in formula.args]
+        return origin_of(
+            *(row, bounds, operands, self._last, place), dense=self._dense, earliest=earliest
+        )
+
+    def nearest(self, share: Share) -> tuple[int, float]:
+        """Return where a formula comes nearest to the other sign, and its value there."""
+        places, values = self.signal(share.formula).within(share.first, share.last)
+        k = FIRST_BEST["min" if share.role == "held" else "max"](values)
+        return int(places[k]), float(values[k])
+
+    def shares(self, path: Sequence[Visit]) -> Iterator[Share]:
+        """Yield the formulas that contribute to a violation in addition to the path.
+
+        A path goes through one operand at one place: the request of a response, for example, and
+        not the grant. As long as these formulas and the last formula of the path keep their signs,
+        the violation stays. Without a violation there are none.
+        """
+        if holds_by_sign(self.signal(path[0].formula).at(path[0].place)):
+            return
+        seen = {(path[-1].formula, path[-1].place, path[-1].place)}
+        for visit in path:
+            stack = [(visit.formula, part) for part in self._others(visit)]
+            stack.reverse()
+            while stack:
+                parent, part = stack.pop()
+                formula = cast("Formula", parent.args[part.operand])
+                key = formula, part.first, part.last
+                if key in seen or not formula.variables:
+                    continue
+                seen.add(key)
+                row = cast("Operator", formula.op)
+                outside = None
+                if part.first == part.last and row.operands == "formula":
+                    origin = self._origin(formula, part.first, earliest=True)
+                    below = [*flat(origin.parts)]
+                    if below:
+                        if part.broken and not row.timed:
+                            below = [replace(item, broken=True) for item in below]
+                        stack += [(formula, item) for item in reversed(below)]
+                        continue
+                    outside = origin.outside
+                role: ShareRole = "broken" if part.broken else "missing"
+                if holds_by_sign(self.signal(formula).at(part.first)):
+                    role = "held"
+                yield Share(formula, role, part.first, part.last, outside)
+
+    def _others(self, visit: Visit) -> Sequence[Part]:
+        """Return the parts of a sign on the path, without the part that the path goes through."""
+        origin = visit.origin
+        if origin.operand is None:
+            return ()
+        # Parts with the earliest places are few; use them if the path goes through one.
+        parts = [*flat(self._origin(visit.formula, visit.place, earliest=True).parts)]
+        if not any(
+            part.operand == origin.operand and part.first <= origin.place <= part.last
+            for part in parts
+        ):
+            parts = [*flat(origin.parts)]
+        through = origin.operand, origin.place, origin.place
+        return [part for part in parts if (part.operand, part.first, part.last) != through]
+
+
+@listed_in_signature(SampleOptions)
+def explain(
+    spec: Spec,
+    data: TraceColumns,
+    period: Period | None = None,
+    *,
+    sample: SupportsIndex = 0,
+    start: float = 0.0,
+    n: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> Explanation:
+    """Return which sub-formulas and samples decided the robustness at one sample of a trace.
+
+    The robustness is the value of one predicate at one sample, or its opposite; the explanation is
+    the path there, from the specification down. Where values are equal, the first operand decides,
+    and its first sample. The robustness does not change as long as the deciding value stays and no
+    other value of a predicate crosses it or its opposite; and it follows the deciding value up to
+    the next such value.
+
+    Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
+    samples are; if that decided, the explanation ends with the operator and has no causes.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        data: As for `evaluate`.
+        period: As for `Monitor`.
+        sample: The sample whose robustness is explained, from 0.
+        start: Time of the first sample in seconds, for the times of the explanation.
+        n: The length, for a formula without variables.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`.
+
+    Raises:
+        SpecificationError: As for `evaluate`.
+        InputError: As for `evaluate`, and if the trace has no such sample, or ``start`` is not
+            finite.
+        InputTypeError: As for `evaluate`, and if ``sample`` is not a whole number or ``start`` not
+            a number.
+
+    Example:
+        >>> trace = {"req": [0, 4, 0, 0, 0], "gnt": [5, 0, 0, 1, 4]}
+        >>> e = explain("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace)
+        >>> print(e)
+        robustness -1 at sample 0, decided by req >= 3 at sample 1
+        <BLANKLINE>
+              at  value  formula
+        sample 0     -1  always(req >= 3 implies eventually[0:2](gnt >= 3))
+        sample 1     -1  req >= 3 implies eventually[0:2](gnt >= 3)
+        sample 1      1  req >= 3
+        sample 1      4  req
+        sample 3     -2  missing: gnt >= 3
+                           nowhere from sample 1 to sample 3; this is the nearest
+        >>> e.predicate, e.causes
+        (<Formula req >= 3>, (Cause(variable='req', sample=1, value=4.0),))
+
+    Source: the arguments of the minima and maxima in the robustness of Fainekos and Pappas,
+    "Robustness of temporal logic specifications for continuous-time signals", TCS 2009.
+    """
+    specification = as_specification(spec)
+    start = _start(start)
+    names, observed = _with_all_named(specification)
+    _, interface, backend, nan, seconds, program = compiled(
+        explain, observed, period, options, online=False
+    )
+    reader = SampleReader(program, nan)
+    columns, length = whole_trace(reader, data, n, period)
+    at = _place(sample, length)
+    # What the result does not need decides nothing, and may have no value.
+    unneeded, unknown = _unneeded(program), RobustnessSignal(np.full(length, math.nan))
+    outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in unneeded}
+    program = program.restricted(program.result, outputs)
+    machine = BACKENDS[backend].discrete_machine
+    values = run_outputs(program, reader, machine, columns, length)
+    signals: dict[Node, RobustnessSignal] = {
+        f: RobustnessSignal(values[name]) if name in values else unknown
+        for name, f in names.items()
+    }
+    unit, align = specification.unit, options.get("align")
+
+    def bounds(formula: Formula) -> Bounds:
+        error = functools.partial(specification.error, formula)
+        return samples(formula.interval, seconds, unit, error, align)
+
+    def aligned(formula: Formula) -> str | None:
+        """Return what the interval of an operator became; None if its bounds fit."""
+        if formula.op is None or not formula.op.timed:
+            return None
+        return alignment(formula.interval, seconds, unit, bounds(formula))
+
+    formulas = FormulaSignals(specification, interface, signals.__getitem__, bounds, length - 1)
+    path = formulas.path(at)
+    steps = tuple(
+        ExplanationStep(
+            *(visit.formula, visit.name, visit.text, visit.place),
+            None if seconds is None else start + float(visit.place * seconds),
+            signals[visit.formula].at(visit.place),
+            visit.origin.witness,
+            visit.origin.outside,
+            visit.reading,
+            aligned(visit.formula),
+        )
+        for visit in path
+    )
+    circumstances = tuple(
+        Circumstance(
+            *(share.formula, *formulas.named(share.formula), share.role),
+            (share.first, share.last),
+            *formulas.nearest(share),
+            share.outside,
+        )
+        for share in formulas.shares(path)
+    )
+    formula, at = steps[-1].formula, steps[-1].sample
+    causes: tuple[Cause, ...] = ()
+    if steps[-1].outside is None:
+        column = dict(zip(program.variables, columns, strict=True))
+        rates = {
+            n.args[0].leaf for n in formula.nodes() if n.op is not None and n.op.name == "rate"
+        }
+        causes = tuple(
+            Cause(v, i, float(column[v][i]))
+            for v in formula.variables
+            for i in ([at - 1, at] if v in rates and at else [at])
+        )
+    period = None if seconds is None else float(seconds)
+    return Explanation(steps, causes, period, start, circumstances)
+
+
+@listed_in_signature(Options)
+def explain_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    time: float | Fraction | np.datetime64 | None = None,
+    *,
+    resolution: Period = "1ns",
+    **options: Unpack[Options],
+) -> DenseExplanation:
+    """Return which sub-formulas and times decided the robustness at one time in dense time.
+
+    It is `explain` for events, exact at that instant as `judge_dense` is: single instants count,
+    which `evaluate_dense` leaves out.
+
+    Each step is at an instant, or right after an instant: a stretch between two instants has no
+    first time. ``p since q`` needs p right after the witness. Signals are right-continuous, so a
+    variable has the same value right after a time. It costs an evaluation for each operand of the
+    formulas on the path.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `evaluate_dense`.
+        time: The time whose robustness is explained, of the kind of the events' times; it goes to
+            the nearest tick. None: where the trace begins, the first time at which all variables
+            are known.
+        resolution: As for `DenseMonitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
+
+    Raises:
+        SpecificationError: As for `evaluate_dense`.
+        InputError: As for `evaluate_dense`, and if the time is not one of the trace, or a number
+            where the events have dates, or the other way round.
+        InputTypeError: As for `evaluate_dense`, and if ``time`` is no number.
+
+    Example:
+        >>> trace = {"req": [(0, 0), (1.5, 4), (1.6, 0), (9, 0)], "gnt": [(0, 0), (4, 2), (9, 2)]}
+        >>> e = explain_dense("always(req >= 3 implies eventually[0:3](gnt >= 3))", trace)
+        >>> print(e)
+        robustness -1 at 0 s, decided by req >= 3 at 1.5 s
+        <BLANKLINE>
+           at  value  formula
+          0 s     -1  always(req >= 3 implies eventually[0:3](gnt >= 3))
+        1.5 s     -1  req >= 3 implies eventually[0:3](gnt >= 3)
+        1.5 s      1  req >= 3
+        1.5 s      4  req
+          4 s     -1  missing: gnt >= 3
+                        nowhere from 1.5 s to 4.5 s; this is the nearest
+        >>> e.predicate, e.causes
+        (<Formula req >= 3>, (DenseCause(variable='req', time=1.5, value=4.0),))
+
+    Source: as for `explain`.
+    """
+    specification = as_specification(spec)
+    names, observed = _with_all_named(specification)
+    _, interface, backend, program = compiled_dense(
+        explain_dense, observed, resolution, options, online=False
+    )
+    alone = program.result_alone()
+    reader = EventReader(alone)
+    given = reader.whole(signals)
+    machines = BACKENDS[backend]
+    machines.dense_machine(alone, reader, ()).run(given)  # refuses what evaluate_dense refuses
+    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
+    begin = max(int(ticks[0]) for ticks, _ in columns)
+    end = min(int(ticks[-1]) for ticks, _ in columns)
+    tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
+    regions = regions_of_all(observed, program.resolution, interface=interface)
+    if end - begin + regions.reach >= MAX_TICKS:
+        reader.refuse_length(end - begin + regions.reach)
+    terms = machines.term_columns, machines.term_ranges
+    run = _RegionRun(regions, names, terms, reader, _TraceEvents(columns, begin, end, dated))
+    last = 2 * (end - begin)
+    formulas = FormulaSignals(specification, interface, run.signal, run.bounds, last, dense=True)
+    path = formulas.path(2 * (tick - begin))
+
+    def moment(place: int | None) -> Any:  # noqa: ANN401 - None, a float or a date
+        return None if place is None else reader.time(begin + place // 2, dated)
+
+    def window(outside: tuple[int | None, int | None] | None) -> tuple[Any, Any] | None:
+        return outside and (moment(outside[0]), moment(outside[1]))
+
+    def circumstance(share: Share) -> DenseCircumstance:
+        place, value = formulas.nearest(share)
+        after = share.first != share.last  # a stretch lasts up to the next tick
+        return DenseCircumstance(
+            *(share.formula, *formulas.named(share.formula), share.role),
+            (moment(share.first), moment(share.last + after)),
+            *(moment(place), value),
+            window(share.outside),
+            after=place % 2 == 1,
+            open_begin=share.first % 2 == 1,
+            open_end=share.last % 2 == 1,
+        )
+
+    steps = tuple(
+        DenseExplanationStep(
+            *(visit.formula, visit.name, visit.text, moment(visit.place)),
+            run.signal(visit.formula).at(visit.place),
+            moment(visit.origin.witness),
+            window(visit.origin.outside),
+            visit.reading,
+            after=visit.place % 2 == 1,
+            witness_after=(visit.origin.witness or 0) % 2 == 1,
+        )
+        for visit in path
+    )
+    causes: tuple[DenseCause, ...] = ()
+    if steps[-1].outside is None:
+        decided = begin + path[-1].place // 2
+        events = dict(zip(alone.program.variables, columns, strict=True))
+        causes = tuple(
+            DenseCause(v, steps[-1].time, float(values[ticks.searchsorted(decided, "right") - 1]))
+            for v in steps[-1].formula.variables
+            for ticks, values in [events[v]]
+        )
+    circumstances = tuple(map(circumstance, formulas.shares(path)))
+    return DenseExplanation(steps, causes, moment(last), specification.unit, circumstances)
+
+
+def _with_all_named(specification: Specification) -> tuple[dict[str, Formula], Specification]:
+    """Return names for all formulas in a specification, used by no formula, and it with them."""
+    formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
+    names = {f"#{i}": formula for i, formula in enumerate(formulas)}
+    return names, replace(specification, formulas={**specification.formulas, **names})
+
+
+def _unneeded(program: Program) -> set[int]:
+    """Return the registers with a term that the result does not need, and that may thus be nan."""
+    needed = program.needed(program.result)
+    registers: set[int] = set()
+    for register, instruction in enumerate(program.instructions):
+        term = register < program.terms and isinstance(instruction, Map)
+        if (term and register not in needed) or not registers.isdisjoint(operands(instruction)):
+            registers.add(register)
+    return registers
+
+
+def _start(start: float) -> float:
+    if not isinstance(start, Real) or isinstance(start, np.timedelta64):
+        raise InputTypeError(
+            f"expected the time of the first sample in seconds as start, got {kind_of(start)}"
+        )
+    try:
+        time = float(start)
+    except OverflowError:
+        time = math.inf
+    if not math.isfinite(time):
+        raise InputError(f"expected a finite time of the first sample as start, got {brief(start)}")
+    return time
+
+
+def _place(sample: SupportsIndex, length: int) -> int:
+    try:
+        at = operator.index(sample)
+    except TypeError:
+        raise InputTypeError(
+            f"expected the number of a sample, got {type(sample).__name__} {brief(sample)}"
+        ) from None
+    if not 0 <= at < length:
+        raise InputError(f"expected a sample from 0 to {length - 1}, got {brief(at)}")
+    return at
+
+
+def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:
+    """Return the tick of a time of the trace."""
+    if isinstance(time, np.number) and not isinstance(time, np.timedelta64):
+        time = time.item()
+    first, last = (shown(reader.time(tick, dated)) for tick in (begin, end))
+    trace = f"expected a time from {first} to {last}"
+    is_date = isinstance(time, np.datetime64)
+    no_date = ", which is no datetime64" if dated else ""
+    if not is_date and (not isinstance(time, Real) or isinstance(time, bool | np.timedelta64)):
+        raise InputTypeError(f"{trace}, got {kind_of(time)}{no_date}")
+    got = f"{trace}, got {shown(time) if is_date else brief(time)}"
+    if dated != is_date:
+        raise InputError(f"{got}{no_date or ', which is a date'}")
+    if isinstance(time, np.datetime64):
+        finite = not np.isnat(time)
+        tick = int(reader.clock.ticks(np.array([time]), "")[0]) if finite else end + 1
+    else:
+        finite = not isinstance(time, float) or math.isfinite(time)
+        tick = reader.clock.nearest(time) if finite else end + 1
+    if not begin <= tick <= end:
+        raise InputError(got)
+    return tick
+
+
+class _TraceEvents(NamedTuple):
+    """The events of every variable, and the ticks at which the trace begins and ends."""
+
+    columns: Sequence[TimedColumn]
+    begin: int
+    end: int
+    dated: Dated
+
+
+class _RegionRun:
+    """Runs the formulas of a specification over the regions of a trace, each at its first use."""
+
+    def __init__(
+        self,
+        regions: RegionProgram,
+        names: Mapping[str, Formula],
+        terms: FindBoth,
+        reader: EventReader,
+        trace: _TraceEvents,
+    ) -> None:
+        self._program, self._bounds = regions.program, dense_of(regions).bounds
+        outputs = regions.program.outputs
+        self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
+        self._unneeded = _unneeded(regions.program)
+        self._terms, self._reader = terms, reader
+        waiting = [Waiting() for _ in trace.columns]
+        for events, column in zip(waiting, trace.columns, strict=True):
+            events.extend(column)
+        self._values = TraceValues(*together(waiting, trace.begin, trace.end), trace.dated)
+        self._begin, self._last = trace.begin, 2 * (trace.end - trace.begin)
+        self._signals: dict[int, RobustnessSignal] = {}
+
+    def bounds(self, formula: Formula) -> Bounds:
+        begin, end = self._bounds(formula)
+        return 2 * begin, None if end is None else 2 * end
+
+    def signal(self, formula: Node) -> RobustnessSignal:
+        register = self._registers[formula]
+        if register not in self._signals:
+            self._signals[register] = self._run(register)
+        return self._signals[register]
+
+    def _run(self, register: int) -> RobustnessSignal:
+        if register in self._unneeded:
+            # What the result does not need decides nothing, and may have no value.
+            return RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
+        part = self._program.restricted(register, {})
+        places = 2 * (self._values.ticks - self._begin)
+        tables = terms_of(readings_of(part), self._terms, self._reader, self._values)
+        rows = [RegionRows(places, table) for table in tables]
+        _, runs = recorded(part, rows, self._last, "complete")
+        return RobustnessSignal(runs.last, runs.starts)

@@ -1,0 +1,292 @@
+"""A trace of samples that was judged."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from fractions import Fraction
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.errors import InputError, SpecificationError
+from rtamt.inputs.samples import SampleReader
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.bounds import Flags, TraceBounds
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import moved, verdict_of
+from rtamt.monitors.options import Compiled
+from rtamt.monitors.trace import TraceClock, TraceRegisters
+from rtamt.monitors.triggers import Asked, reads_hidden
+from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
+from rtamt.program.instructions import Window
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.memory import episode_numbers
+from rtamt.program.placement import place
+from rtamt.program.program import Program
+from rtamt.program.timing import Align, samples
+
+_Columns = list[NDArray[np.float64]]
+
+_MAX_SHORT: Final = 8192
+"""Samples up to which the machine is faster than columns; half as many for each unknown."""
+
+_MAX_NUMBERS: Final = 1 << 16
+"""Numbers that the machine may keep."""
+
+
+class SampleTrace:
+    """A trace of samples with a verdict.
+
+    Args:
+        compiled: The specification with its options and its program.
+        align: How bounds became whole samples.
+        end: The end mode.
+        columns: The least and the greatest values of every variable; one list if all are known.
+        n: The number of samples.
+        by_columns: Whether implications are evaluated from the columns alone, without the bounds
+            of the formula, which nobody needs where the verdict is known.
+    """
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        align: Align | None,
+        end: End,
+        columns: tuple[_Columns, _Columns],
+        n: int,
+        *,
+        by_columns: bool = False,
+    ) -> None:
+        self._compiled, self._align, self._end = compiled, align, end
+        self._columns, self._n, self._by_columns = columns, n, by_columns
+        self.formula = compiled.specification.formula
+        self.hides = reads_hidden(self.formula, compiled.interface)
+
+    def judge(self, reader: SampleReader) -> tuple[tuple[float, float, float], tuple[float, float]]:
+        """Return robustness and bounds, and the bounds of the complete trace.
+
+        The native machine of `EpisodeMonitor` judges short traces; columns judge all others.
+        """
+        least, greatest = self._columns
+        run = None
+        episode_run = BACKENDS[self._compiled.backend].episode_run
+        if episode_run is not None and greatest is least and _is_short(self._program, self._n):
+            with suppress(InputError):  # a sample that may not matter: columns decide
+                run = episode_run(self._program, reader, least, self._n, self._end)
+        if run is not None or self.hides:  # they are read later, and the caller may write to them
+            low = [column.copy() for column in least]
+            high = low if greatest is least else [column.copy() for column in greatest]
+            self._columns = low, high
+        if run is not None:
+            self._decided_at = run.decided_at
+            return (run.robustness, run.lower, run.upper), (run.complete, run.complete)
+        bounds = self.bounds
+        complete, ends = bounds.bounds("complete"), bounds.bounds(self._end)
+        robustness = moved(bounds.robustness(), *ends)
+        # Without the columns that were computed, as long as the trace.
+        self.bounds = bounds.until(bounds.n)
+        if not self.hides:
+            self._columns = [], []
+        return (robustness, *ends), complete
+
+    @property
+    def _program(self) -> Program:
+        return self._compiled.program
+
+    @functools.cached_property
+    def bounds(self) -> TraceBounds:
+        """The bounds of the formula."""
+        machines = BACKENDS[self._compiled.backend]
+        reader = SampleReader(self._program, self._compiled.nan, bounds=True)
+        makers = machines.discrete_machine, machines.term_ranges
+        return TraceBounds.of(self._program, reader, *makers, self._columns, self._n)
+
+    @property
+    def n(self) -> int:
+        """The number of samples that matter."""
+        return self._n if self._by_columns else self.bounds.n
+
+    @functools.cached_property
+    def _decided_at(self) -> int | None:
+        return _first_decided(self.bounds)
+
+    def decided_at(self) -> int | None:
+        """Return the first sample at which the open end is decided."""
+        return self._decided_at
+
+    def early_end(self) -> str:
+        """Return no text: the variables of samples end together."""
+        return ""
+
+    @property
+    def extent(self) -> TraceSpan:
+        """The samples of the trace."""
+        return TraceSpan(self.n - 1, self._end == "complete", self._end == "cut")
+
+    def reads(self) -> Mapping[Formula, Reads]:
+        """Return where the formula reads its implications."""
+        compiled = self._compiled
+        return _reads(compiled.specification, compiled.period, self._align, self.extent)
+
+    def opposite(self, left: Formula) -> _SampleSigns:
+        """Return the signs of the negation of a left side, by standard semantics."""
+        compiled = self._compiled
+        key = compiled.specification, compiled.period, self._align
+        if not (self.hides or self._by_columns):
+            # The negation, as the whole formula may have no other predicates.
+            program = _opposite(*key, compiled.interface, left)
+            return _SampleSigns(self.bounds.part(program), self._end)
+        program = _opposite(*key, STANDARD, left)
+        return _SampleSigns(self._bounds_of(program, everywhere=True), self._end)
+
+    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
+        """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
+        compiled = self._compiled
+        specification = _with_result(compiled.specification, unanswered(self.formula, answered))
+        program = compile_program(
+            specification, compiled.period, interface=compiled.interface, align=self._align
+        )
+        bounds = self._bounds_of(program) if self._by_columns else self.bounds.part(program)
+        return verdict_of(*bounds.bounds(self._end)) == 1
+
+    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> Asked:
+        """Return how often an implication was triggered, in samples."""
+        return Asked(text, *counted, vacuous)
+
+    def registers(self) -> TraceRegisters:
+        """Return the registers of the formula, for an end that is not complete."""
+        bounds, end, exact = self.bounds, self._end, self.bounds.split.exact
+
+        def undecided(register: int) -> Flags:
+            return bounds.undecided((register,), end)[0]
+
+        def reach(register: int) -> tuple[Node, int, int | None]:
+            node, window = exact.sources[register], exact.window(register)
+            inner = window.args[-1]
+            hi = window.hi
+            if exact.sources[inner] is node:  # a late window without an end shifts another window
+                instruction = exact.instructions[inner]
+                hi = None if isinstance(instruction, Window) and instruction.hi is None else hi
+            return node, window.lo or 0, hi
+
+        clock = TraceClock(self._compiled.period)
+        n, program = bounds.n, bounds.split.formulas
+        return TraceRegisters(program, clock, n - 1, n, end == "cut", undecided, reach)
+
+    def _bounds_of(self, program: Program, *, everywhere: bool = False) -> TraceBounds:
+        """Return the bounds of a program that reads some of the variables."""
+        machines, n = BACKENDS[self._compiled.backend], self.n
+        column = dict(zip(self._program.variables, zip(*self._columns, strict=True), strict=True))
+        pairs = [column[name] for name in program.variables]
+        lower = upper = [low[:n] for low, _ in pairs]
+        if any(low is not high for low, high in pairs):
+            upper = [high[:n] for _, high in pairs]
+        reader = SampleReader(program, self._compiled.nan, bounds=True)
+        makers = machines.discrete_machine, machines.term_ranges
+        return TraceBounds.of(program, reader, *makers, (lower, upper), n, everywhere=everywhere)
+
+
+class _SampleSigns:
+    def __init__(self, part: TraceBounds, end: End) -> None:
+        self._part, self._end, self._last = part, end, part.n - 1
+
+    @functools.cached_property
+    def _fails(self) -> NDArray[np.bool_]:
+        return self._part.fails(self._end)
+
+    def fails_at(self, instants: InstantRuns) -> Counted:
+        length = occasions = 0
+        first = None
+        for begin, final in instants:  # no run touches the next
+            flags = self._fails[begin : int(min(final, self._last)) + 1]
+            count = int(np.count_nonzero(flags))
+            if not count:
+                continue
+            if first is None:
+                first = begin + int(flags.argmax())
+            length += count
+            occasions += int(np.count_nonzero(flags[1:] > flags[:-1])) + int(flags[0])
+        return length, occasions, first
+
+    def holds_at(self, instants: InstantRuns) -> bool:
+        if instants[-1][1] > self._last:
+            return False
+        holds = self._part.holds(self._end)
+        return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
+
+
+def _is_short(program: Program, n: int) -> bool:
+    """Return whether the episode machine takes a program, and is faster than columns."""
+    unknowns = _unknowns(program)
+    return unknowns is not None and n <= _MAX_SHORT >> unknowns
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _unknowns(program: Program) -> int | None:
+    """Return how many unknowns the episode machine has; None if it needs a pair or is too large."""
+    try:
+        placement = place(program)
+    except SpecificationError:
+        return None
+    fits = not program.neutral and episode_numbers(placement).total() <= _MAX_NUMBERS
+    return len(placement.unknowns) if fits else None
+
+
+def _first_decided(bounds: TraceBounds) -> int | None:
+    """Return the first sample at which the open end is decided, if it is at the last sample."""
+    low, high = 0, 1  # undecided after low samples, or none; decided after high samples
+
+    def decided(n: int) -> bool:
+        return verdict_of(*bounds.until(n).bounds("open")) != 0
+
+    if not decided(bounds.n):
+        return None
+    while high < bounds.n and not decided(high):
+        low, high = high, 2 * high
+    high = min(high, bounds.n)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if decided(middle) else (middle, high)
+    return high - 1
+
+
+@functools.lru_cache(maxsize=512)
+def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
+    def bounds(node: Node) -> Bounds:
+        error = functools.partial(specification.error, node)
+        return samples(node.interval, period, specification.unit, error, align)
+
+    return Routes(specification.formula, bounds)
+
+
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _reads(
+    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
+) -> Mapping[Formula, Reads]:
+    return _routes(specification, period, align).reads(extent)
+
+
+@functools.lru_cache(maxsize=512)
+def _opposite(
+    specification: Specification,
+    period: Fraction | None,
+    align: Align | None,
+    interface: Interface,
+    left: Formula,
+) -> Program:
+    """Return the program of the negation of a formula, with the variables of a specification."""
+    opposite = specification.with_result(~left)
+    return compile_program(opposite, period, interface=interface, align=align)
+
+
+@functools.lru_cache(maxsize=512)
+def _with_result(specification: Specification, formula: Formula) -> Specification:
+    return specification.with_result(formula)

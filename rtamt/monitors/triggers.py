@@ -1,0 +1,175 @@
+"""Triggers: how often the left sides of a formula's implications held on a trace.
+
+An implication is triggered where the formula reads it and its left side holds for certain: there
+its right side is needed. Where it is never triggered, or where its right side does not matter, a
+satisfied formula is weaker evidence than it seems (`rtamt.program.implications`).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
+
+from rtamt.language.formula import Formula
+from rtamt.monitors.trace import JudgedTrace
+from rtamt.program.implications import Counted, implications
+from rtamt.program.interface import Interface
+
+_A = TypeVar("_A")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How often an implication was triggered on a trace of samples.
+
+    It is triggered at the recorded samples at which the formula reads it and its left side holds
+    for certain. ``str`` gives it in words, as in ``asked 2x, first at sample 1``.
+
+    Attributes:
+        text: The implication as text.
+        samples: The number of these samples.
+        occasions: The number of runs of neighbouring samples; a run at the start of the trace
+            counts.
+        first: The first of these samples; None if there is none.
+        vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
+            this implication.
+    """
+
+    text: str
+    samples: int
+    occasions: int
+    first: int | None
+    vacuous: bool
+
+    def __str__(self) -> str:
+        return _in_words(self, f"sample {self.first}")
+
+
+@dataclass(frozen=True, slots=True)
+class DenseAsked:
+    """How often an implication was triggered on a trace in dense time.
+
+    It is triggered at the recorded instants at which the formula reads it and its left side holds
+    for certain. ``str`` gives it in words, as in ``asked 2x, first at time 1.5``.
+
+    Attributes:
+        text: The implication as text.
+        duration: How long it was triggered, in seconds; a single instant lasts 0 s.
+        occasions: The number of times at which that began; the start of the trace counts.
+        first: The first of them, as the times of the events are; None if there is none. It may be
+            triggered right after that time.
+        vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
+            this implication.
+    """
+
+    text: str
+    duration: float
+    occasions: int
+    first: float | None
+    vacuous: bool
+
+    def __str__(self) -> str:
+        first = self.first
+        time = f"{first:.12g}" if isinstance(first, float | int) else str(first)
+        return _in_words(self, f"time {time}")
+
+
+def _in_words(row: Asked | DenseAsked, first: str) -> str:
+    if row.first is None:
+        return "never asked"
+    answer = ", satisfied without an answer" if row.vacuous else ""
+    return f"asked {row.occasions}x, first at {first}{answer}"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence(Generic[_A]):
+    """What a verdict rests on; made by `Implications`, and read in a `Judgement`.
+
+    Attributes:
+        asked: For each implication an `Asked` or a `DenseAsked`, in the order of the text, the
+            outer implication first.
+        vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right sides of
+            all of them.
+        never_asked: Whether the verdict is SATISFIED, there is an implication, and none was
+            triggered.
+    """
+
+    asked: tuple[_A, ...]
+    vacuous: bool
+    never_asked: bool
+
+
+@functools.lru_cache(maxsize=512)
+def text_of(formula: Formula) -> str:
+    """Return the formula as text."""
+    return str(formula)
+
+
+def texts_of(formula: Formula) -> tuple[str, ...]:
+    """Return the implications of a formula that count, as text."""
+    return tuple(text_of(each) for each in implications(formula))
+
+
+@functools.lru_cache(maxsize=512)
+def reads_hidden(formula: Formula, interface: Interface) -> bool:
+    """Return whether a left side has a predicate that counts 0 by the semantics of the verdict."""
+    if interface.semantics in ("standard", "boolean"):
+        return False
+    lefts = (each.args[0].nodes() for each in implications(formula))
+    return any(
+        interface.reading(node) == "zero"
+        for nodes in lefts
+        for node in nodes
+        if node.op is not None and node.op.holds is not None
+    )
+
+
+_NEVER: Counted = 0, 0, None
+
+
+def evidence_of(trace: JudgedTrace, *, satisfied: bool) -> Evidence[Any]:
+    """Return what the verdict on a trace rests on.
+
+    Args:
+        trace: The trace.
+        satisfied: Whether the verdict is SATISFIED.
+    """
+    rows, vacuous = _rows(trace, implications(trace.formula), satisfied=satisfied)
+    never = satisfied and bool(rows) and not any(counted[1] for _, counted, _ in rows)
+    asked = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
+    return Evidence(tuple(asked), vacuous, never)
+
+
+def _rows(
+    trace: JudgedTrace, counted: Sequence[Formula], *, satisfied: bool
+) -> tuple[list[tuple[str, Counted, bool]], bool]:
+    """Return text, count and vacuity of each implication, and the vacuity of all together."""
+    if not counted:
+        return [], False
+    places = trace.reads()
+    rows, redundant = [], []
+    for implication in counted:
+        every, needed = places[implication]
+        text = text_of(implication)
+        if not every:
+            rows.append((text, _NEVER, satisfied))
+            redundant.append(True)
+            continue
+        opposite = trace.opposite(cast("Formula", implication.args[0]))
+        count = opposite.fails_at(every)
+        vacuous = False
+        if satisfied:
+            _, answers, _ = count if needed == every else opposite.fails_at(needed)
+            vacuous = not answers
+            # Where the left side fails, the right side does not matter.
+            redundant.append(not count[1] and not trace.hides and opposite.holds_at(every))
+            if vacuous and not redundant[-1]:
+                vacuous = trace.satisfied_without((implication,))
+        rows.append((text, count, vacuous))
+    # The more right sides are false, the less is satisfied.
+    vacuous = satisfied and all(alone for _, _, alone in rows)
+    if vacuous and len(rows) > 1 and not all(redundant):
+        vacuous = trace.satisfied_without(counted)
+    return rows, vacuous

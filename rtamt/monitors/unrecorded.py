@@ -1,0 +1,121 @@
+"""Unrecorded intervals: times that the verdict on a trace needs and the recording lacks."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+from rtamt.language.node import Node
+from rtamt.monitors.trace import TraceRegisters
+from rtamt.program.instructions import Map, Window
+
+
+@dataclass(frozen=True, slots=True)
+class Untested:
+    """A formula whose value at a time needs more than was recorded.
+
+    ``str`` gives it in words, as in ``always[20:30](x > 5): not recorded: 20 s to 30 s``.
+
+    Attributes:
+        formula: The formula as text.
+        at: The time at which its value is needed, in seconds; in samples without a period.
+        begin: Start of the unrecorded interval, in the same unit.
+        end: End of that interval; None if it has none.
+        unit: ``"s"`` or ``"samples"``.
+    """
+
+    formula: str
+    at: float
+    begin: float
+    end: float | None
+    unit: str
+
+    def __str__(self) -> str:
+        where = f" at {self._moment(self.at)}" if self.at else ""
+        return f"{self.formula}{where}: not recorded: {self._interval()}"
+
+    def _interval(self) -> str:
+        if self.end is None:
+            return f"{self._moment(self.begin)} and later"
+        if self.end == self.begin:
+            return self._moment(self.begin)
+        if self.unit == "s":
+            return f"{self._moment(self.begin)} to {self._moment(self.end)}"
+        return f"samples {self.begin:.12g} to {self.end:.12g}"
+
+    def _moment(self, time: float) -> str:
+        return f"{time:.12g} s" if self.unit == "s" else f"sample {time:.12g}"
+
+
+def unrecorded_of(registers: TraceRegisters) -> tuple[Untested, ...]:
+    """Return the outermost formulas that need more than was recorded, where it matters.
+
+    The search goes from the root to undecided operands, and to the first time at which they are
+    undecided.
+    """
+    clock = registers.clock
+    return tuple(
+        Untested(
+            *(str(node), clock.time(at), clock.time(begin)),
+            *(None if end is None else clock.end(end), clock.unit),
+        )
+        for (node, at), (begin, end) in sorted(
+            _search(registers).items(), key=lambda row: row[0][1]
+        )
+    )
+
+
+def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int | None]]:
+    """Return for each formula and place the unrecorded interval that it needs."""
+    program, last = registers.program, registers.last
+    undecided = functools.cache(registers.undecided)
+    intervals: dict[tuple[Node, int], tuple[int, int | None]] = {}
+    stack, seen = [(program.result, 0)], set[tuple[int, int]]()
+    while stack:
+        key = register, at = stack.pop()
+        if key in seen or register < program.terms:
+            continue
+        seen.add(key)
+        instruction = program.instructions[register]
+        if isinstance(instruction, Map):
+            below = [operand for operand in instruction.args if operand >= program.terms]
+            stack += [(r, at) for r in below if undecided(r).first(at, at) is not None]
+        elif isinstance(instruction, Window):
+            begin = 0 if instruction.lo is None else max(0, at + instruction.lo)
+            end = None if instruction.hi is None else at + instruction.hi
+            missing = _lacks(registers, instruction, at)
+            for operand in instruction.args:
+                places = undecided(operand)
+                first = places.first(begin, last if end is None else min(end, last))
+                if first is not None:
+                    stack.append((operand, first))
+                if not missing and end is not None:
+                    missing = places.first(max(begin, last + 1), end) is not None
+            if missing:
+                _note(intervals, registers, register, at)
+    return intervals
+
+
+def _lacks(registers: TraceRegisters, window: Window, at: int) -> bool:
+    """Return whether a window at a place ends after the trace, whatever its operands are."""
+    if registers.cut:
+        unbounded = window.endless or window.hi is None
+        return unbounded and at + window.begin > registers.last
+    # An unseen element may not be there, except at the window's own time.
+    return window.hi is None or (window.hi > 0 and at + window.hi > registers.last)
+
+
+def _note(
+    intervals: dict[tuple[Node, int], tuple[int, int | None]],
+    registers: TraceRegisters,
+    register: int,
+    at: int,
+) -> None:
+    """Add what a window needs of the time after the trace."""
+    node, lo, hi = registers.reach(register)
+    begin, end = max(registers.beyond, at + lo), None if hi is None else at + hi
+    if (node, at) in intervals:
+        before = intervals[node, at]
+        begin = min(begin, before[0])
+        end = None if end is None or before[1] is None else max(end, before[1])
+    intervals[node, at] = begin, end
