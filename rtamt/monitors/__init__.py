@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from rtamt.monitors.asked import Asked as TriggerCount
-    from rtamt.monitors.asked import Evidence
-    from rtamt.monitors.evidence import Implications
+    from rtamt.monitors.triggers import Asked as TriggerCount
+    from rtamt.monitors.triggers import Evidence
+    from rtamt.monitors.implications import Implications
 
 __all__ = [
     "Evidence",
@@ -19,8 +19,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
-            "Evidence": "rtamt.monitors.asked.Evidence",
-            "Implications": "rtamt.monitors.evidence.Implications",
-            "TriggerCount": "rtamt.monitors.asked.Asked",
+            "Evidence": "rtamt.monitors.triggers.Evidence",
+            "Implications": "rtamt.monitors.implications.Implications",
+            "TriggerCount": "rtamt.monitors.triggers.Asked",
         },
     )
