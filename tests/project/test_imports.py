@@ -139,10 +139,10 @@ LATE = {
             "rtamt_gym.mujoco.snapshots",
             "rtamt_gym.search.falsification.falsification",
             "rtamt_gym.search.mining.mining",
-            "rtamt_gym.search.runs.record",
-            "rtamt_gym.search.runs.saved_case",
+            "rtamt_gym.play.record",
+            "rtamt_gym.play.saved_case",
             "rtamt_gym.search.sweeps.sweep",
-            "rtamt_gym.simulation.run",
+            "rtamt_gym.play.run",
         )
     ),
 }
