@@ -17,7 +17,7 @@ from rtamt_gym.judging.costs import (
     options_of_parts,
     step_costs,
 )
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["ArrayCosts", "CostState"]
 

@@ -17,8 +17,8 @@ from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.monitors import make_monitors
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["ArrayPanel", "PanelState", "Taken"]
 

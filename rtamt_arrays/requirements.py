@@ -18,11 +18,10 @@ from rtamt_arrays.panel import ArrayPanel, PanelState, Taken
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import end_info, spec_state, step_info
-from rtamt_gym.judging.reading import Reading, View
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.options.evaluation import AtTermination, Reading, View
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
 from rtamt_gym.wrappers.features import StateFeatures
 

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.inputs.space import Space
     from rtamt_gym.inputs.waveform import Waveform
-    from rtamt_gym.judging.reading import Reading
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.options.evaluation import Reading
     from rtamt_gym.play.record import Record
     from rtamt_gym.play.run import Run
     from rtamt_gym.play.runner import Runner
@@ -109,7 +109,7 @@ _MODULES = {
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "ParallelStlReward": "rtamt_gym.wrappers.parallel_reward",
     "Parameter": "rtamt_gym.inputs.ranges",
-    "Reading": "rtamt_gym.judging.reading",
+    "Reading": "rtamt_gym.options.evaluation",
     "Record": "rtamt_gym.play.record",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",

@@ -124,7 +124,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         raise InputError(no_such("command", command, COMMANDS))
     parser = _parser(command)
     if command:  # the list of commands is printed without NumPy, which this module needs
-        from rtamt_gym.commands.arguments import with_default_count
+        from rtamt_gym.options.command_line import with_default_count
 
         argv = with_default_count(argv)
     if command in OF_TRACES:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from rtamt.monitors.implications import Implications
     from rtamt.monitors.triggers import Asked as TriggerCount
     from rtamt.monitors.triggers import Evidence
-    from rtamt.monitors.implications import Implications
 
 __all__ = [
     "Evidence",

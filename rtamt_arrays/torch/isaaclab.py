@@ -30,8 +30,8 @@ from rtamt_arrays.requirements import (
 from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judging.reading import seconds_of
 from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.options.evaluation import seconds_of
 
 try:
     from isaaclab.managers import ManagerTermBase

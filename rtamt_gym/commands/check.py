@@ -12,7 +12,7 @@ from typing import Any
 
 import rtamt
 from rtamt import Answer, Check, CheckedRequirement, Specification
-from rtamt_gym.commands.arguments import add_output, check_outputs
+from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
@@ -24,6 +24,7 @@ from rtamt_gym.commands.example_traces import (
     write,
 )
 from rtamt_gym.commands.specs import files_of, read_constants, read_requirements
+from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.results.codec import document
 from rtamt_gym.results.provenance import Provenance, plain_provenance
 
@@ -38,14 +39,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt check requirements.stl --period 100ms --assume 'always(v >= 0)'"
     add_search(parser, horizon=10_000)
-    add_output(parser, "--plot", "draw the traces")
-    parser.add_argument(
-        "--same-as",
-        action="append",
-        default=[],
-        metavar="OTHER",
-        help="say only whether the same traces satisfy this formula or .stl file; of several "
-        "requirements, those of the same names; may be repeated",
+    add_options(
+        parser,
+        Option("--plot FILE", "draw the traces", read=Path),
+        Option(
+            "--same-as OTHER",
+            "say only whether the same traces satisfy this formula or .stl file; of several "
+            "requirements, those of the same names",
+            repeat=True,
+        ),
     )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import add_accept_changed, add_output
 from rtamt_gym.commands.evaluate import check_files, tell_files
 from rtamt_gym.commands.exit_codes import exit_code
+from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
 
 __all__ = ["add_arguments", "run"]
 
@@ -18,16 +18,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "seed. Exits 1 if B is shown to satisfy a requirement less often than A, else 0."
     )
     parser.epilog = "example: rtamt compare old.json new.json"
-    for name in ("A", "B"):
-        parser.add_argument(
-            name.lower(),
-            type=Path,
-            metavar=f"{name}.json",
-            help=f"the evaluation {name}, as rtamt evaluate --save writes it",
+    evaluations = [
+        Option(
+            f"{name}.json",
+            f"the evaluation {name}, as rtamt evaluate --save writes it",
+            read=Path,
+            dest=name.lower(),
         )
-    add_accept_changed(parser, "compare two evaluations")
-    add_output(parser, "--save", "write the comparison as JSON")
-    add_output(parser, "--report", "write the comparison as a page of HTML")
+        for name in ("A", "B")
+    ]
+    add_options(
+        parser,
+        *evaluations,
+        shared("--accept-changed", about=f"compare two evaluations {ALTHOUGH_CHANGED}"),
+        Option("--save FILE", "write the comparison as JSON", read=Path),
+        Option("--report FILE", "write the comparison as a page of HTML", read=Path),
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import add_output, check_outputs, whole
+from rtamt_gym.commands.arguments import check_outputs
+from rtamt_gym.options.command_line import Option, add_options, whole
 
 __all__ = ["add_arguments", "run"]
 
@@ -16,11 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "two specifications. Prints a table and draws a picture. Needs the extras gym, highway "
         "and plot."
     )
-    parser.add_argument(
-        "--seed", type=whole, default=0, metavar="S", help="seed of every episode (default: 0)"
+    add_options(
+        parser,
+        Option("--seed S", "seed of every episode", default=0, read=whole),
+        Option("--plot FILE", "file of the picture", default=Path("rtamt-demo.png"), read=Path),
     )
-    add_output(parser, "--plot", "file of the picture (default: rtamt-demo.png)")
-    parser.set_defaults(plot=Path("rtamt-demo.png"))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -9,7 +9,8 @@ from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.commands.arguments import add_environment, read_options, whole
+from rtamt_gym.commands.arguments import read_options
+from rtamt_gym.options.command_line import Option, add_options, shared, whole
 from rtamt_gym.tables import number, shorten, table
 
 if TYPE_CHECKING:
@@ -30,15 +31,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "lasts. Without an id, lists the environments that are registered."
     )
     parser.epilog = "example: rtamt envs Hopper-v5 --env-kwarg frame_skip=2"
-    add_environment(parser, needed=False)
-    parser.add_argument(
-        "--all",
-        action="store_true",
-        help="show all selectors; else long spaces are cut, and of a MuJoCo simulation the "
-        "positions and velocities are shown",
-    )
-    parser.add_argument(
-        "--seed", type=whole, default=0, metavar="S", help="seed of the episode (default: 0)"
+    add_options(
+        parser,
+        shared("ENV_ID", nargs="?"),
+        "--env-kwarg",
+        Option(
+            "--all",
+            "show all selectors; else long spaces are cut, and of a MuJoCo simulation the "
+            "positions and velocities are shown",
+        ),
+        Option("--seed S", "seed of the episode", default=0, read=whole),
     )
 
 

@@ -13,32 +13,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt import InputError
-from rtamt_gym.commands.arguments import (
-    EPISODES,
-    add_environment,
-    add_folder,
-    add_max_steps,
-    add_output,
-    add_reading,
-    add_require_triggered,
-    add_spec,
-    add_workers,
-    check_outputs,
-    positive,
-    read_options,
-    read_reading,
-    read_signals,
-    whole,
-)
+from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import INTERRUPTED, Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.success import (
-    add_success,
+    SUCCESS,
     check_success,
     flag_signal,
     not_kept,
     success_requirements,
+)
+from rtamt_gym.options.command_line import (
+    EPISODES,
+    Option,
+    add_options,
+    positive,
+    read_evaluation_options,
 )
 from rtamt_gym.tables import counted
 
@@ -66,98 +57,90 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: rtamt evaluate CartPole-v1 --policy sb3:model.zip --spec 'upright = "
         "always(abs(angle) < 0.1)' --signal 'angle=obs[2]' --episodes 200"
     )
-    add_environment(parser)
-    parser.add_argument(
-        "--policy",
-        required=True,
-        metavar="POLICY",
-        help="who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
-        "objects, so trust it), module:function, from observation to action, module:Class, made "
-        "anew for each episode, random, zero, or baseline (a scenario's own)",
-    )
-    parser.add_argument(
-        "--name",
-        metavar="NAME",
-        help="what the policy is called in tables, files and reports (default: POLICY)",
-    )
-    add_spec(parser)
-    add_success(parser)
-    parser.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="NAME=SELECTOR",
-        help="what a variable reads, as for rtamt run; may be repeated",
-    )
-    parser.add_argument(
-        "--episodes",
-        type=positive,
-        metavar="N",
-        help=f"number of episodes (default: {_EPISODES}); with --until-width or --target the most "
-        f"(default: {_MOST})",
-    )
-    parser.add_argument(
-        "--until-width",
-        type=float,
-        metavar="WIDTH",
-        help="play until the interval of every rate is so wide: 0.05",
-    )
-    parser.add_argument(
-        "--target",
-        type=float,
-        metavar="RATE",
-        help="play until it is clear of every requirement whether it is satisfied in this share of "
-        "all episodes: 0.95",
-    )
-    parser.add_argument(
-        "--alpha",
-        type=float,
-        metavar="CHANCE",
-        help="the greatest chance of a wrong answer to --target (default: 0.05)",
-    )
-    parser.add_argument(
-        "--margin",
-        type=float,
-        metavar="MARGIN",
-        help="a rate so far below the target or more falls short of it; between the two either "
-        "answer is right (default: 0.05)",
-    )
-    parser.add_argument(
-        "--interval",
-        choices=("exact", "wilson"),
-        default="exact",
-        help="the 95%% intervals of rates: exact holds the true rate in at least 95 of 100 "
-        "evaluations; wilson is narrower, and does in about 95, near 0 and 1 in far fewer "
-        "(default: exact)",
-    )
-    parser.add_argument(
+    add_options(
+        parser,
+        "ENV_ID",
+        "--env-kwarg",
+        Option(
+            "--policy POLICY",
+            "who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
+            "objects, so trust it), module:function, from observation to action, module:Class, "
+            "made anew for each episode, random, zero, or baseline (a scenario's own)",
+            required=True,
+        ),
+        Option(
+            "--name NAME", "what the policy is called in tables, files and reports", usual="POLICY"
+        ),
+        "--spec",
+        *SUCCESS,
+        Option("--signal NAME=SELECTOR", "what a variable reads, as for rtamt run", repeat=True),
+        Option(
+            "--episodes N",
+            f"number of episodes (default: {_EPISODES}); with --until-width or --target the most "
+            f"(default: {_MOST})",
+            read=positive,
+        ),
+        Option(
+            "--until-width WIDTH",
+            "play until the interval of every rate is so wide: 0.05",
+            read=float,
+        ),
+        Option(
+            "--target RATE",
+            "play until it is clear of every requirement whether it is satisfied in this share "
+            "of all episodes: 0.95",
+            read=float,
+        ),
+        Option(
+            "--alpha CHANCE",
+            "the greatest chance of a wrong answer to --target",
+            usual="0.05",
+            read=float,
+        ),
+        Option(
+            "--margin MARGIN",
+            "a rate so far below the target or more falls short of it; between the two either "
+            "answer is right",
+            usual="0.05",
+            read=float,
+        ),
+        Option(
+            "--interval",
+            "the 95% intervals of rates: exact holds the true rate in at least 95 of 100 "
+            "evaluations; wilson is narrower, and does in about 95, near 0 and 1 in far fewer",
+            default="exact",
+            choices=("exact", "wilson"),
+        ),
         "--seed",
-        type=whole,
-        default=0,
-        metavar="S",
-        help="seed of the first episode, one more for each further one (default: 0)",
+        "--max-steps",
+        Option(
+            "--stop",
+            "when to stop an episode: at the first violation, which leaves the other "
+            "requirements open, or once all verdicts are certain",
+            default="end",
+            choices=("end", "violation", "verdicts"),
+        ),
+        Option(
+            "--n-envs N",
+            "how many episodes run side by side in a process",
+            default=1,
+            read=positive,
+        ),
+        "-j",
+        "--timeout",
+        "--folder",
+        "--accept-changed",
+        *EPISODES,
+        "--require-triggered",
+        "--require-answered",
+        Option("--save FILE", "write all of it as JSON, which rtamt compare reads", read=Path),
+        Option(
+            "--report FILE",
+            "write it as a page of HTML, with the worst episodes as plots",
+            read=Path,
+        ),
+        trial="episode",
     )
-    add_max_steps(parser)
-    parser.add_argument(
-        "--stop",
-        choices=("end", "violation", "verdicts"),
-        default="end",
-        help="when to stop an episode: at the first violation, which leaves the other requirements "
-        "open, or once all verdicts are certain (default: end)",
-    )
-    parser.add_argument(
-        "--n-envs",
-        type=positive,
-        default=1,
-        metavar="N",
-        help="how many episodes run side by side in a process (default: 1)",
-    )
-    add_workers(parser)
-    add_folder(parser, "episode")
-    add_reading(parser, *EPISODES)
-    add_require_triggered(parser, "episode")
-    add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
-    add_output(parser, "--report", "write it as a page of HTML, with the worst episodes as plots")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -185,7 +168,7 @@ def run(options: argparse.Namespace) -> int:
         specs = {}
         if options.spec or not options.success:
             specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
-        reading = read_reading(options)
+        reading = read_evaluation_options(options)
         specs = success_requirements(options, specs, reading.period or read_period(env))
         signals = flag_signal(options, env, signals)
         with warnings.catch_warnings():

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import Answer, Equivalence, ExampleTrace, InputError, Specification
-from rtamt_gym.commands.arguments import add_reading, positive, read_reading
 from rtamt_gym.commands.exit_codes import exit_code
-from rtamt_gym.commands.specs import add_constant
+from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.tables import counted, number, table
 
 if TYPE_CHECKING:
@@ -50,42 +49,34 @@ def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> 
         horizon: The most samples of a trace where the command line does not say it.
         why: Why it is that many.
     """
-    parser.add_argument("specs", nargs="+", metavar="SPEC", help="a formula or a .stl file")
-    add_constant(parser)
-    parser.add_argument("--assume", metavar="FORMULA", help="what holds of every trace")
-    parser.add_argument(
-        "--rate",
-        action="append",
-        default=[],
-        metavar="'NAME in [LOW, HIGH]'",
-        help="how much a variable changes at least and at most in a second, in a sample without "
-        "--period; may be repeated",
+    add_options(
+        parser,
+        Option("SPEC", "a formula or a .stl file", nargs="+", dest="specs"),
+        "--constant",
+        Option("--assume FORMULA", "what holds of every trace"),
+        Option(
+            "--rate 'NAME in [LOW, HIGH]'",
+            "how much a variable changes at least and at most in a second, in a sample without "
+            "--period",
+            repeat=True,
+        ),
+        Option(
+            "--end",
+            "how the end of a trace is read, as by rtamt monitor",
+            default="cut",
+            choices=("complete", "cut", "open"),
+        ),
+        Option(
+            "--horizon N",
+            f"the most samples of a trace (default: {horizon}{why})",
+            default=horizon,
+            read=positive,
+        ),
+        Option("--timeout SECONDS", "for each question", default=10.0, usual="10", read=float),
+        Option("--save FOLDER", "write the traces as CSV for rtamt monitor", read=Path),
+        Option("--json", "print JSON instead of text"),
+        "--period",
     )
-    parser.add_argument(
-        "--end",
-        choices=("complete", "cut", "open"),
-        default="cut",
-        help="how the end of a trace is read, as by rtamt monitor (default: cut)",
-    )
-    parser.add_argument(
-        "--horizon",
-        type=positive,
-        default=horizon,
-        metavar="N",
-        help=f"the most samples of a trace (default: {horizon}{why})",
-    )
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        default=10.0,
-        metavar="SECONDS",
-        help="for each question (default: 10)",
-    )
-    parser.add_argument(
-        "--save", type=Path, metavar="FOLDER", help="write the traces as CSV for rtamt monitor"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
-    add_reading(parser, "period")
 
 
 def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
@@ -120,7 +111,7 @@ def read_period(
     Raises:
         InputError: If there is none, and a requirement has a unit in a bound.
     """
-    period = read_reading(options).seconds
+    period = read_evaluation_options(options).seconds
     for name, spec in itertools.chain(*(each.items() for each in requirements)):
         bounds = (node.interval for node in spec.formula.nodes())
         if period is None and any(bound is not None and bound.unit for bound in bounds):

@@ -9,7 +9,6 @@ from typing import Any
 
 import rtamt
 from rtamt import Example, ExampleTrace, RequirementExamples
-from rtamt_gym.commands.arguments import positive
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
@@ -21,6 +20,7 @@ from rtamt_gym.commands.example_traces import (
     write,
 )
 from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.results.codec import document
 from rtamt_gym.tables import number
 
@@ -35,12 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt examples requirements.stl --period 100ms --save traces"
     add_search(parser, horizon=1000, why=", as many traces are sought")
-    parser.add_argument(
-        "--count",
-        type=positive,
-        default=10,
-        metavar="N",
-        help="the most examples of a requirement (default: 10)",
+    add_options(
+        parser,
+        Option("--count N", "the most examples of a requirement", default=10, read=positive),
     )
 
 

@@ -6,10 +6,10 @@ import argparse
 import sys
 
 from rtamt import Verdict
-from rtamt_gym.commands.arguments import add_require_triggered
 from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
-from rtamt_gym.commands.traces import add_min_duration, read_arguments
+from rtamt_gym.commands.traces import read_arguments
+from rtamt_gym.options.command_line import add_options
 
 __all__ = ["add_arguments", "run"]
 
@@ -22,8 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt explain requirements.stl drive.csv --only near"
     add_traces(parser, "explain")
-    add_require_triggered(parser, "trace")
-    add_min_duration(parser)
+    add_options(
+        parser,
+        "--require-triggered",
+        "--require-answered",
+        "--min-duration",
+        trial="trace",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

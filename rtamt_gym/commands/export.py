@@ -8,8 +8,9 @@ from pathlib import Path
 import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.arguments import add_reading, check_outputs, read_reading
-from rtamt_gym.commands.specs import add_constant, chosen, read_constants, read_requirements
+from rtamt_gym.commands.arguments import check_outputs
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
+from rtamt_gym.options.command_line import Option, add_options, read_evaluation_options
 from rtamt_gym.tables import shorten
 
 __all__ = ["add_arguments", "run"]
@@ -22,40 +23,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the constants; outputs are robustness, lower, upper, verdict and the named formulas."
     )
     parser.epilog = "example: rtamt export spec.stl -o monitor.fmu --period 100ms"
-    parser.add_argument("spec", metavar="SPEC", help="the path of a .stl file, or a formula")
-    parser.add_argument(
-        "-o", dest="output", type=Path, required=True, metavar="FILE", help="the file to write"
+    add_options(
+        parser,
+        Option("SPEC", "the path of a .stl file, or a formula"),
+        Option("-o FILE", "the file to write", read=Path, required=True, dest="output"),
+        Option(
+            "--dense",
+            "monitor over dense time, with an event at every communication point, instead of "
+            "samples",
+        ),
+        Option("--fmi", "version of FMI", default=2, read=int, choices=(2, 3)),
+        Option(
+            "--stop-on-violation",
+            "end the simulation when a violation is certain, unless the tool sets the parameter "
+            "of this name",
+        ),
+        Option(
+            "--only NAME", "the requirement that is monitored, of a text with several", several=True
+        ),
+        "--constant",
+        "--period",
+        "--semantics",
+        "--align",
     )
-    parser.add_argument(
-        "--dense",
-        action="store_true",
-        help="monitor over dense time, with an event at every communication point, instead of "
-        "samples",
-    )
-    parser.add_argument(
-        "--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)"
-    )
-    parser.add_argument(
-        "--stop-on-violation",
-        action="store_true",
-        help="end the simulation when a violation is certain, unless the tool sets the parameter "
-        "of this name",
-    )
-    parser.add_argument(
-        "--only",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="the requirement that is monitored, of a text with several",
-    )
-    add_constant(parser)
-    add_reading(parser, "period", "semantics", "align")
 
 
 def run(options: argparse.Namespace) -> int:
     """Writes the file, and says what it holds; returns 0."""
     check_outputs(options.output, picture=None, inputs=[options.spec])
-    reading = read_reading(options)
+    reading = read_evaluation_options(options)
     if reading.dense == (reading.period is not None):
         raise InputError(
             "expected --period, the time between samples such as 100ms, or --dense; got "

@@ -11,19 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtamt_gym.commands.arguments import (
-    EPISODES,
-    add_folder,
-    add_output,
-    add_reading,
-    add_require_triggered,
-    add_workers,
-    check_outputs,
-    positive,
-    read_reading,
-    read_signals,
-    whole,
-)
+from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import (
     INTERRUPTED,
@@ -34,10 +22,18 @@ from rtamt_gym.commands.exit_codes import (
     unasked,
     undecided,
 )
-from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
-from rtamt_gym.commands.systems import add_policy, add_system, opened_system
-from rtamt_gym.commands.varied import add_varied, read_varied
+from rtamt_gym.commands.failures import hollow_failures
+from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
+from rtamt_gym.commands.systems import opened_system
+from rtamt_gym.commands.varied import read_varied
+from rtamt_gym.options.command_line import (
+    EPISODES,
+    Option,
+    add_options,
+    positive,
+    read_evaluation_options,
+    shared,
+)
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -61,70 +57,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "has found so far, and 130."
     )
     parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
-    add_system(parser)
-    parser.add_argument(
-        "requirements",
-        nargs="*",
-        default=[],
-        metavar="REQUIREMENT",
-        help="the name of one of the scenario's requirements, such as AT6a; a formula, name = "
-        "formula, or the path of a .stl file; the search ends at the first that is violated "
-        "(default: all of the scenario)",
-    )
-    parser.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="NAME=SELECTOR",
-        help="what a variable reads, as for rtamt run; variables of a scenario read what they name",
-    )
-    add_apart(parser)
-    add_varied(parser)
-    parser.add_argument(
-        "--budget",
-        type=positive,
-        default=300,
-        metavar="N",
-        help="the most simulations of the search (default: 300)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=whole,
-        default=0,
-        metavar="S",
-        help="seed of the search and of the first simulation, one more for each further one "
-        "(default: 0)",
-    )
-    parser.add_argument(
-        "--optimizer",
-        default="portfolio",
-        metavar="NAME",
-        help=f"what chooses the inputs (default: portfolio). {described()}",
-    )
-    parser.add_argument(
-        "--no-reduce",
-        action="store_true",
-        help="leave the input as it was found; else up to 200 more simulations make it simpler",
-    )
-    add_policy(parser)
-    parser.add_argument(
-        "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
-    )
-    add_workers(parser)
-    add_allowed_failures(parser, 0)
-    add_folder(parser, "simulation", ", also with a greater --budget")
-    add_reading(parser, *EPISODES)
-    add_require_triggered(parser, "simulation")
-    add_output(
+    add_options(
         parser,
-        "--save",
-        "write what was found as a file that rtamt replay runs; where nothing was violated, a file "
-        "that is there stays",
-    )
-    add_output(parser, "--plot", "draw the input and the run")
-    add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
-    parser.add_argument(
-        "--json", action="store_true", help="print the outcome as strict JSON instead of text"
+        "SYSTEM",
+        "--env-kwarg",
+        Option(
+            "REQUIREMENT",
+            "the name of one of the scenario's requirements, such as AT6a; a formula, name = "
+            "formula, or the path of a .stl file; the search ends at the first that is violated",
+            usual="all of the scenario",
+            nargs="*",
+            dest="requirements",
+        ),
+        "--signal",
+        "--apart",
+        "--vary",
+        "--set",
+        Option(
+            "--budget N",
+            "the most simulations of the search; a greater one goes on in the same --folder",
+            default=300,
+            read=positive,
+        ),
+        shared(
+            "--seed",
+            about="seed of the search and of the first simulation, one more for each further one",
+        ),
+        Option(
+            "--optimizer NAME",
+            f"what chooses the inputs (default: portfolio). {described()}",
+            default="portfolio",
+        ),
+        Option(
+            "--no-reduce",
+            "leave the input as it was found; else up to 200 more simulations make it simpler",
+        ),
+        "--policy",
+        "--duration",
+        "-j",
+        "--timeout",
+        shared("--allow-failures", default=0),
+        "--folder",
+        "--accept-changed",
+        *EPISODES,
+        "--require-triggered",
+        "--require-answered",
+        Option(
+            "--save FILE",
+            "write what was found as a file that rtamt replay runs; where nothing was violated, "
+            "a file that is there stays",
+            read=Path,
+        ),
+        Option("--plot FILE", "draw the input and the run", read=Path),
+        Option(
+            "--record FILE", "write all simulations as a Parquet file, a row for each", read=Path
+        ),
+        Option("--json", "print the outcome as strict JSON instead of text"),
+        trial="simulation",
     )
 
 
@@ -162,7 +151,7 @@ def run(options: argparse.Namespace) -> int:
                     folder=options.folder,
                     accept_changed=options.accept_changed,
                     progress=True,
-                    **read_reading(options).options(),
+                    **read_evaluation_options(options).options(),
                 )
             except KeyboardInterrupt as pressed:
                 found = _so_far(pressed)

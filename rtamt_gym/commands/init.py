@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 from rtamt.errors import shown
+from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.starters import STARTERS, write_starter
 
 __all__ = ["add_arguments", "run"]
@@ -17,19 +18,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Writes a starter: a specification, a test and a job of CI that runs both. Each is what a "
         "tutorial of the documentation begins with. Files that are there are not overwritten."
     )
-    parser.add_argument(
-        "name",
-        choices=STARTERS,
-        metavar="NAME",
-        help="; ".join(f"{name}: {starter.about}" for name, starter in STARTERS.items()),
-    )
-    parser.add_argument(
-        "folder",
-        nargs="?",
-        type=Path,
-        default=Path(),
-        metavar="FOLDER",
-        help="where the files are written (default: here)",
+    add_options(
+        parser,
+        Option(
+            "NAME",
+            "; ".join(f"{name}: {starter.about}" for name, starter in STARTERS.items()),
+            choices=STARTERS,
+        ),
+        Option(
+            "FOLDER",
+            "where the files are written",
+            default=Path(),
+            usual="here",
+            read=Path,
+            nargs="?",
+        ),
     )
     parser.epilog = "example: rtamt init recordings gate"
 

@@ -18,7 +18,7 @@ from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.exit_codes import Hollow, Required
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.plausibility import outside_ranges

@@ -11,15 +11,10 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import read_reading
 from rtamt_gym.commands.exit_codes import Hollow, tell
-from rtamt_gym.commands.traces import (
-    TracesAsked,
-    read_arguments,
-    read_trace_of,
-    refuse_unknown,
-)
+from rtamt_gym.commands.traces import TracesAsked, read_arguments, read_trace_of, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
+from rtamt_gym.options.command_line import Option, add_options, read_evaluation_options
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
 
@@ -41,23 +36,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "rtamt mine [options] SPEC --range NAME=LOW:HIGH TRACE\n"
         "       rtamt mine [options] SPEC --range NAME=LOW:HIGH -- TRACE..."
     )
-    parser.add_argument(
-        "--range",
-        action="append",
-        required=True,
-        metavar="NAME=LOW:HIGH",
-        help="the parameter, with its least and its greatest value, v=0:200; others have values, "
-        "--constant w=3",
-    )
-    parser.add_argument(
-        "--tolerance",
-        metavar="STEP",
-        help="the distance of two values that are told apart, 0 for all floats; not for a bound "
-        "of an interval, which is a multiple of the period (default: the power of ten at or below "
-        "a 100000th of the range)",
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="write the outcome to standard output as strict JSON"
+    add_options(
+        parser,
+        Option(
+            "--range NAME=LOW:HIGH",
+            "the parameter, with its least and its greatest value, v=0:200; others have values, "
+            "--constant w=3",
+            several=True,
+            required=True,
+        ),
+        Option(
+            "--tolerance STEP",
+            "the distance of two values that are told apart, 0 for all floats; not for a bound "
+            "of an interval, which is a multiple of the period",
+            usual="the power of ten at or below a 100000th of the range",
+        ),
+        Option("--json", "write the outcome to standard output as strict JSON"),
     )
 
 
@@ -69,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
 
     name, low, high = _read_range(options.range)
     tolerance = _read_tolerance(options.tolerance)
-    if read_reading(options).dense:
+    if read_evaluation_options(options).dense:
         raise InputError("rtamt mine judges samples; expected no --dense")
     refuse_unknown(options, "rtamt mine", "compares the robustness of traces")
     count = options.specs.index(SEPARATOR) if SEPARATOR in options.specs else len(options.specs)

@@ -14,21 +14,16 @@ from rtamt import InputError, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_output, add_require_triggered, check_outputs, positive
+from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked
 from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
 from rtamt_gym.commands.specs import files_of, identified_texts
-from rtamt_gym.commands.stages import add_stage, with_stages
-from rtamt_gym.commands.traces import (
-    TracesAsked,
-    add_min_duration,
-    add_strict_ranges,
-    read_arguments,
-    refuse_unknown,
-)
+from rtamt_gym.commands.stages import STAGE, with_stages
+from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
+from rtamt_gym.options.command_line import Option, add_options, positive
 
 if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
@@ -51,61 +46,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt monitor requirements.stl -- runs/*.csv --junit outcomes.xml"
     add_traces(parser, "monitor")
-    parser.add_argument(
-        "-j",
-        dest="workers",
-        type=positive,
-        default=1,
-        metavar="N",
-        help="the number of processes that judge traces (default: 1)",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="write the outcomes to standard output as strict JSON, in place of the report",
-    )
-    add_stage(parser)
-    add_require_triggered(parser, "trace")
-    add_min_duration(parser)
-    add_strict_ranges(parser)
-    parser.add_argument(
-        "--min-traces",
-        type=positive,
-        metavar="N",
-        help="exit 2 if there are fewer than N traces",
-    )
-    parser.add_argument(
-        "--expect",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="exit 2 if no requirement with this name is judged; may be repeated",
-    )
-    add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
-    parser.add_argument(
-        "--undecided",
-        choices=("skip", "fail"),
-        help="how --junit reports an undecided requirement: skipped, or as a failure; the exit "
-        "code stays the same (default: skip)",
-    )
-    add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
-    add_output(
+    add_options(
         parser,
-        "--out",
-        "write the robustness of every formula of one trace to a file, "
-        "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
-    )
-    add_output(
-        parser,
-        "--write-mcap",
-        "write a copy of one bag with the robustness and the verdicts as topics, for Foxglove and "
-        "PlotJuggler",
-    )
-    add_output(parser, "--plot", "draw the signals and the robustness of one trace")
-    parser.add_argument(
-        "--all",
-        action="store_true",
-        help="draw all requirements, where --plot draws the worst of many",
+        Option(
+            "-j N",
+            "the number of processes that judge traces",
+            default=1,
+            read=positive,
+            dest="workers",
+        ),
+        Option(
+            "--json", "write the outcomes to standard output as strict JSON, in place of the report"
+        ),
+        STAGE,
+        "--require-triggered",
+        "--require-answered",
+        "--min-duration",
+        Option(
+            "--strict-ranges",
+            "exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]', "
+            "and nothing is violated",
+            usual="a note reports it",
+        ),
+        Option("--min-traces N", "exit 2 if there are fewer than N traces", read=positive),
+        Option("--expect NAME", "exit 2 if no requirement with this name is judged", repeat=True),
+        Option("--junit FILE", "write the outcomes as JUnit XML, for CI systems", read=Path),
+        Option(
+            "--undecided",
+            "how --junit reports an undecided requirement: skipped, or as a failure; the exit "
+            "code stays the same",
+            usual="skip",
+            choices=("skip", "fail"),
+        ),
+        Option(
+            "--markdown FILE", "write the outcomes as Markdown, for the summary of a job", read=Path
+        ),
+        Option(
+            "--out FILE",
+            "write the robustness of every formula of one trace to a file, "
+            "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
+            read=Path,
+        ),
+        Option(
+            "--write-mcap FILE",
+            "write a copy of one bag with the robustness and the verdicts as topics, for Foxglove "
+            "and PlotJuggler",
+            read=Path,
+        ),
+        Option("--plot FILE", "draw the signals and the robustness of one trace", read=Path),
+        Option("--all", "draw all requirements, where --plot draws the worst of many"),
+        trial="trace",
     )
     add_mutants(parser.add_argument_group("mutants"))
 

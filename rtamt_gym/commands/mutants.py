@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import rtamt
 from rtamt import InputError, Mutant, RtamtError, Verdict
-from rtamt_gym.commands.arguments import positive
 from rtamt_gym.commands.example_traces import write_samples
 from rtamt_gym.commands.exit_codes import Hollow
+from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.tables import shorten
 
@@ -37,37 +37,35 @@ _DECIDED: Final = {Verdict.SATISFIED, Verdict.VIOLATED}
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
     """Adds ``--mutants`` and what belongs to it."""
-    group.add_argument(
-        "--mutants",
-        action="store_true",
-        help="make mutants of each requirement, which is the requirement with one change, and say "
-        "which of them the traces notice; verdicts have no part in the exit code then",
-    )
-    group.add_argument(
-        "--max-mutants",
-        type=positive,
-        metavar="N",
-        help=f"the most mutants of each requirement (default: {_MOST})",
-    )
-    group.add_argument(
-        "--mutation",
-        action="append",
-        choices=tuple(rtamt.MUTATIONS),
-        metavar="KIND",
-        help=f"make mutants of this kind alone, {', '.join(rtamt.MUTATIONS)}; may be repeated",
-    )
-    group.add_argument(
-        "--min-noticed",
-        type=_share,
-        metavar="SHARE",
-        help="exit 3 if less than this share of a requirement's mutants is noticed, such as 80%%",
-    )
-    group.add_argument(
-        "--write-apart",
-        type=Path,
-        metavar="FOLDER",
-        help="write a trace for each mutant that is missed which would notice it, as CSV; needs "
-        "the extra check",
+    add_options(
+        group,
+        Option(
+            "--mutants",
+            "make mutants of each requirement, which is the requirement with one change, and say "
+            "which of them the traces notice; verdicts have no part in the exit code then",
+        ),
+        Option(
+            "--max-mutants N",
+            f"the most mutants of each requirement (default: {_MOST})",
+            read=positive,
+        ),
+        Option(
+            "--mutation KIND",
+            f"make mutants of this kind alone, {', '.join(rtamt.MUTATIONS)}",
+            choices=tuple(rtamt.MUTATIONS),
+            repeat=True,
+        ),
+        Option(
+            "--min-noticed SHARE",
+            "exit 3 if less than this share of a requirement's mutants is noticed, such as 80%",
+            read=_share,
+        ),
+        Option(
+            "--write-apart FOLDER",
+            "write a trace for each mutant that is missed which would notice it, as CSV; needs "
+            "the extra check",
+            read=Path,
+        ),
     )
 
 
@@ -88,7 +86,7 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
     """
     if not options.mutants:
         for option in ("--max-mutants", "--mutation", "--min-noticed", "--write-apart"):
-            if getattr(options, option.strip("-").replace("-", "_")) is not None:
+            if getattr(options, option.strip("-").replace("-", "_")) not in (None, []):
                 raise InputError(f"{option} says something of mutants; give --mutants with it")
         return
     for option in ("--junit", "--markdown"):
@@ -118,7 +116,7 @@ class MutantWatch:
     def __init__(self, options: argparse.Namespace, asked: TracesAsked) -> None:
         self._asked = asked
         self._most: int = options.max_mutants or _MOST
-        self._kinds: Sequence[str] | None = options.mutation
+        self._kinds: Sequence[str] | None = options.mutation or None
         self._period: Fraction | None = None
         self._made: dict[str, list[Mutant]] = {}
         self._left_out: dict[str, int] = {}

@@ -5,17 +5,14 @@ from __future__ import annotations
 import argparse
 import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt.errors import shown, shown_lines
-from rtamt_gym.commands.arguments import (
-    add_accept_changed,
-    add_output,
-    add_require_triggered,
-    check_outputs,
-)
+from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
+from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
@@ -32,16 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "run. Exits 0 if it has the verdict that the file expects, 1 if it has another."
     )
     parser.epilog = "example: rtamt replay case.json --explain --plot run.png"
-    parser.add_argument("case", metavar="CASE", help="the path of the file, case.json")
-    parser.add_argument(
-        "--explain",
-        action="store_true",
-        help="print which formulas and samples decided the robustness",
+    add_options(
+        parser,
+        Option("CASE", "the path of the file, case.json"),
+        Option("--explain", "print which formulas and samples decided the robustness"),
+        shared("--accept-changed", about=f"run the case {ALTHOUGH_CHANGED}"),
+        "--require-triggered",
+        "--require-answered",
+        Option("--plot FILE", "draw the input and the run", read=Path),
+        Option("--save FILE", "write the run as a Parquet file, a row for each sample", read=Path),
+        trial="run",
     )
-    add_accept_changed(parser, "run the case")
-    add_require_triggered(parser, "run")
-    add_output(parser, "--plot", "draw the input and the run")
-    add_output(parser, "--save", "write the run as a Parquet file, a row for each sample")
 
 
 def run(options: argparse.Namespace) -> int:

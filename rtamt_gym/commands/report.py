@@ -14,6 +14,7 @@ from rtamt.errors import shown
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
+from rtamt_gym.options.command_line import Option, add_options
 
 __all__ = ["add_arguments", "run"]
 
@@ -28,43 +29,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "cannot be played again, so that the page shows no run of it."
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
-    parser.add_argument(
-        "results",
-        nargs="+",
-        metavar="RESULT",
-        help="the path of a file, or of a folder; NAME=PATH gives it a name on the page",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="PAGE",
-        help="the name of the page, which ends in .html",
-    )
-    parser.add_argument(
-        "--examples",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="draw examples beside their requirements: what rtamt examples --json wrote; may be "
-        "repeated",
-    )
-    parser.add_argument("--title", metavar="TEXT", help="the title of the page")
-    parser.add_argument(
-        "--play",
-        action="store_true",
-        help="play saved cases again, which imports and runs what they name: modules, policies, "
-        "FMUs; it is said first what that is",
-    )
-    parser.add_argument(
-        "--traces",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="read recorded traces below this folder too; may be repeated (default: below the "
-        "present folder and the folder of the result alone)",
+    add_options(
+        parser,
+        Option(
+            "RESULT",
+            "the path of a file, or of a folder; NAME=PATH gives it a name on the page",
+            nargs="+",
+            dest="results",
+        ),
+        Option(
+            "-o PAGE",
+            "the name of the page, which ends in .html",
+            read=Path,
+            required=True,
+            alias="--output",
+        ),
+        Option(
+            "--examples FILE",
+            "draw examples beside their requirements: what rtamt examples --json wrote",
+            repeat=True,
+        ),
+        Option("--title TEXT", "the title of the page"),
+        Option(
+            "--play",
+            "play saved cases again, which imports and runs what they name: modules, policies, "
+            "FMUs; it is said first what that is",
+        ),
+        Option(
+            "--traces DIR",
+            "read recorded traces below this folder too",
+            usual="below the present folder and the folder of the result alone",
+            read=Path,
+            repeat=True,
+        ),
     )
 
 

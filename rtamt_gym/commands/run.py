@@ -5,28 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable
 from contextlib import closing
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from rtamt import SpecificationError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.arguments import (
-    add_environment,
-    add_max_steps,
-    add_output,
-    add_reading,
-    add_require_triggered,
-    add_spec,
-    check_outputs,
-    positive,
-    read_options,
-    read_reading,
-    read_signals,
-    whole,
-)
+from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json
 
 if TYPE_CHECKING:
@@ -46,48 +35,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
         "--signal 'angle=obs[2]' --episodes 3"
     )
-    add_environment(parser)
-    add_spec(parser)
-    parser.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="NAME=SELECTOR",
-        help="what a variable reads (rtamt envs ENV_ID lists what there is): obs[2], action[0], "
-        "reward, info['speed'], qpos[1]; what a reset does not give needs a value for it: "
-        "u=action[0],0; may be repeated",
-    )
-    parser.add_argument(
-        "--episodes", type=positive, default=1, metavar="N", help="number of episodes (default: 1)"
-    )
-    parser.add_argument(
-        "--on-violation",
-        choices=("terminate", "truncate", "report"),
-        default="terminate",
-        help="what happens to an episode once a violation is certain (default: terminate)",
-    )
-    add_reading(parser, "at_termination", "at_truncation")
-    parser.add_argument(
-        "--policy",
-        default="random",
-        metavar="POLICY",
-        help="how to act: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
-        "Stable-Baselines3, which acts deterministically; its file holds pickled objects, so trust "
-        "it), or module:function, from observation to action (default: random)",
-    )
-    parser.add_argument(
+    add_options(
+        parser,
+        "ENV_ID",
+        "--env-kwarg",
+        "--spec",
+        Option(
+            "--signal NAME=SELECTOR",
+            "what a variable reads (rtamt envs ENV_ID lists what there is): obs[2], action[0], "
+            "reward, info['speed'], qpos[1]; what a reset does not give needs a value for it: "
+            "u=action[0],0",
+            repeat=True,
+        ),
+        Option("--episodes N", "number of episodes", default=1, read=positive),
+        Option(
+            "--on-violation",
+            "what happens to an episode once a violation is certain",
+            default="terminate",
+            choices=("terminate", "truncate", "report"),
+        ),
+        "--at-termination",
+        "--at-truncation",
+        Option(
+            "--policy POLICY",
+            "how to act: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
+            "Stable-Baselines3, which acts deterministically; its file holds pickled objects, so "
+            "trust it), or module:function, from observation to action",
+            default="random",
+        ),
         "--seed",
-        type=whole,
-        default=0,
-        metavar="S",
-        help="seed of the first episode, one more for each further one (default: 0)",
+        "--max-steps",
+        "--substeps",
+        "--period",
+        "--view",
+        "--semantics",
+        "--align",
+        "--require-triggered",
+        "--require-answered",
+        Option("--plot FILE", "draw the first violated episode", read=Path),
+        Option(
+            "--json FILE",
+            'write the outcomes as strict JSON, with "inf" and "-inf" for infinities',
+            read=Path,
+        ),
+        trial="episode",
     )
-    add_max_steps(parser)
-    add_reading(parser, "substeps", "period", "view", "semantics", "align")
-    add_require_triggered(parser, "episode")
-    add_output(parser, "--plot", "draw the first violated episode")
-    infinities = 'with "inf" and "-inf" for infinities'
-    add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -100,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.systems.policies import policy_of
     from rtamt_gym.systems.registry import make
 
-    signals, reading = read_signals(options.signal), read_reading(options)
+    signals, reading = read_signals(options.signal), read_evaluation_options(options)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,19 +12,6 @@ from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
-
-__all__ = [
-    "add_apart",
-    "add_constant",
-    "chosen",
-    "files_of",
-    "identified_texts",
-    "read_constants",
-    "read_requirements",
-    "requirements_of",
-    "told_apart",
-    "variables_of",
-]
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
@@ -159,28 +145,6 @@ def told_apart(
     ((name, spec),), (other,) = specs.items(), others.values()
     both = spec.standalone().iff(other.standalone())
     return {f"{name}_apart": spec.with_result(both)}
-
-
-def add_apart(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--apart``."""
-    parser.add_argument(
-        "--apart",
-        metavar="OTHER",
-        help="judge 'REQUIREMENT iff OTHER' in place of the requirement, which is violated where "
-        "one of the two holds and the other does not: OTHER is a mutant, for instance, that "
-        "'rtamt monitor --mutants' has not noticed",
-    )
-
-
-def add_constant(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--constant``, which `read_constants` reads."""
-    parser.add_argument(
-        "--constant",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the value of a constant, in place of that in the text; may be repeated",
-    )
 
 
 def read_constants(arguments: Sequence[str]) -> dict[str, str]:

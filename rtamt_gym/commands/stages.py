@@ -11,25 +11,21 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.options.command_line import Option
 
 if TYPE_CHECKING:
     from rtamt_gym.commands.traces import TracesAsked
 
-__all__ = ["add_stage", "with_stages"]
 
-
-def add_stage(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--stage``, which `with_stages` reads."""
-    parser.add_argument(
-        "--stage",
-        dest="stages",
-        action="append",
-        default=argparse.SUPPRESS,
-        metavar="[NAME:] FORMULA",
-        help="a stage of the requirement for its progress, in order; of several requirements with "
-        "the name: --stage 'task: near > 0' --stage 'task: lifted > 0' (default: the stages of a "
-        "requirement that is in order)",
-    )
+STAGE = Option(
+    "--stage [NAME:] FORMULA",
+    "a stage of the requirement for its progress, in order; of several requirements with "
+    "the name: --stage 'task: near > 0' --stage 'task: lifted > 0'",
+    default=argparse.SUPPRESS,
+    usual="the stages of a requirement that is in order",
+    repeat=True,
+    dest="stages",
+)
 
 
 def with_stages(asked: TracesAsked) -> TracesAsked:

@@ -13,15 +13,14 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.exit_codes import Hollow
-from rtamt_gym.judging.reading import seconds_of
+from rtamt_gym.options.command_line import Option
+from rtamt_gym.options.evaluation import seconds_of
 from rtamt_gym.success import readings
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     from rtamt_gym.results.table import Results
     from rtamt_gym.signals.signals import SignalLike
-
-__all__ = ["add_success", "check_success", "flag_signal", "not_kept", "success_requirements"]
 
 _FLAG: Final = "success"
 """The variable that reads the flag; what its readings are called begins with it."""
@@ -36,25 +35,23 @@ _NAMED: Final = 5
 """How many episodes are named."""
 
 
-def add_success(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--success``, ``--success-key`` and ``--hold``."""
-    parser.add_argument(
+SUCCESS = (
+    Option(
         "--success",
-        action="store_true",
-        help="judge the environment's own flag of success too: true at any step, at the last, held "
-        "for a time, and kept for that time until the end",
-    )
-    parser.add_argument(
-        "--success-key",
-        metavar="KEY",
-        help="the key of info that is the flag (default: success or is_success, which is there)",
-    )
-    parser.add_argument(
-        "--hold",
-        metavar="TIME",
-        help="how long held and kept ask for, such as 2s (default: 500ms, or the next multiple of "
-        "a step)",
-    )
+        "judge the environment's own flag of success too: true at any step, at the last, "
+        "held for a time, and kept for that time until the end",
+    ),
+    Option(
+        "--success-key KEY",
+        "the key of info that is the flag",
+        usual="success or is_success, which is there",
+    ),
+    Option(
+        "--hold TIME",
+        "how long held and kept ask for, such as 2s",
+        usual="500ms, or the next multiple of a step",
+    ),
+)
 
 
 def check_success(options: argparse.Namespace) -> None:

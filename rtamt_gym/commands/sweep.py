@@ -6,29 +6,26 @@ import argparse
 import textwrap
 import warnings
 from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.arguments import (
-    EPISODES,
-    add_folder,
-    add_output,
-    add_reading,
-    add_require_triggered,
-    add_workers,
-    check_outputs,
-    read_reading,
-    read_signals,
-    whole,
-)
+from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked, undecided
-from rtamt_gym.commands.failures import add_allowed_failures, hollow_failures
-from rtamt_gym.commands.specs import add_apart, files_of, requirements_of, told_apart
-from rtamt_gym.commands.systems import add_policy, add_system, opened_system
-from rtamt_gym.commands.varied import add_varied, read_varied
+from rtamt_gym.commands.failures import hollow_failures
+from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
+from rtamt_gym.commands.systems import opened_system
+from rtamt_gym.commands.varied import read_varied
+from rtamt_gym.options.command_line import (
+    EPISODES,
+    Option,
+    add_options,
+    read_evaluation_options,
+    shared,
+)
 from rtamt_gym.play.summaries import record_json
 from rtamt_gym.tables import counted, shorten
 
@@ -52,73 +49,72 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
     )
-    add_system(parser)
-    parser.add_argument(
-        "--requirement",
-        action="append",
-        default=[],
-        metavar="SPEC",
-        help="the name of one of the scenario's requirements, such as AT6a; a formula, name = "
-        "formula, or the path of a .stl file; may be repeated (default: all of the scenario)",
-    )
-    parser.add_argument(
+    add_options(
+        parser,
+        "SYSTEM",
+        "--env-kwarg",
+        Option(
+            "--requirement SPEC",
+            "the name of one of the scenario's requirements, such as AT6a; a formula, name = "
+            "formula, or the path of a .stl file",
+            usual="all of the scenario",
+            repeat=True,
+        ),
         "--signal",
-        action="append",
-        default=[],
-        metavar="NAME=SELECTOR",
-        help="what a variable reads, as for rtamt run; variables of a scenario read what they name",
+        "--apart",
+        "--vary",
+        "--set",
+        Option(
+            "--samples N",
+            "how many points; of a grid, the values of each column: 4, or by name "
+            "frequency=4,amplitude=3; of morris, trajectories; of saltelli, a power of two",
+            required=True,
+        ),
+        Option(
+            "--sampler",
+            "how points are chosen; morris and saltelli print what moves the robustness",
+            default="sobol",
+            choices=_SAMPLERS,
+        ),
+        shared(
+            "--seed",
+            about="seed of the points and of the first simulation, one more for each further one",
+        ),
+        "--policy",
+        *EPISODES,
+        "--duration",
+        Option(
+            "--stop",
+            "when to stop a simulation",
+            default="end",
+            choices=("end", "violation", "decided"),
+        ),
+        "-j",
+        "--timeout",
+        shared("--allow-failures", usual="any number"),
+        "--folder",
+        "--accept-changed",
+        "--require-triggered",
+        "--require-answered",
+        Option(
+            "--require-satisfied",
+            "exit 1 if a requirement is violated and no simulation satisfies it, and 3 if all "
+            "leave it undecided",
+        ),
+        Option(
+            "--save FILE",
+            "write the record as a Parquet file, a row for each simulation",
+            read=Path,
+        ),
+        Option("--json FILE", "write the record as strict JSON", read=Path),
+        Option(
+            "--heat-map FILE", "draw the robustness over two columns, see --x and --y", read=Path
+        ),
+        Option("--scatter FILE", "draw the robustness over each column", read=Path),
+        Option("--x NAME", "the column to the right in the heat map"),
+        Option("--y NAME", "the column upwards in the heat map"),
+        trial="simulation",
     )
-    add_apart(parser)
-    add_varied(parser)
-    parser.add_argument(
-        "--samples",
-        required=True,
-        metavar="N",
-        help="how many points; of a grid, the values of each column: 4, or by name "
-        "frequency=4,amplitude=3; of morris, trajectories; of saltelli, a power of two",
-    )
-    parser.add_argument(
-        "--sampler",
-        choices=_SAMPLERS,
-        default="sobol",
-        help="how points are chosen; morris and saltelli print what moves the robustness "
-        "(default: sobol)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=whole,
-        default=0,
-        metavar="S",
-        help="seed of the points and of the first simulation, one more for each further one "
-        "(default: 0)",
-    )
-    add_policy(parser)
-    add_reading(parser, *EPISODES)
-    parser.add_argument(
-        "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
-    )
-    parser.add_argument(
-        "--stop",
-        choices=("end", "violation", "decided"),
-        default="end",
-        help="when to stop a simulation (default: end)",
-    )
-    add_workers(parser)
-    add_allowed_failures(parser, None)
-    add_folder(parser, "simulation")
-    add_require_triggered(parser, "simulation")
-    parser.add_argument(
-        "--require-satisfied",
-        action="store_true",
-        help="exit 1 if a requirement is violated and no simulation satisfies it, and 3 if all "
-        "leave it undecided",
-    )
-    add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
-    add_output(parser, "--json", "write the record as strict JSON")
-    add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
-    add_output(parser, "--scatter", "draw the robustness over each column")
-    parser.add_argument("--x", metavar="NAME", help="the column to the right in the heat map")
-    parser.add_argument("--y", metavar="NAME", help="the column upwards in the heat map")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -151,7 +147,7 @@ def run(options: argparse.Namespace) -> int:
                 signals=signals or None,
                 policy=opened.policy,
                 duration=options.duration,
-                **read_reading(options).options(),
+                **read_evaluation_options(options).options(),
                 stop=options.stop,
                 n_jobs=options.n_jobs,
                 timeout=options.timeout,

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.commands.arguments import add_environment, read_options
+from rtamt_gym.commands.arguments import read_options
 
 if TYPE_CHECKING:
     from rtamt_gym.inputs.ranges import Parameter, Signal
-
-__all__ = ["SearchedSystem", "add_policy", "add_system", "opened_system"]
 
 
 @dataclass(frozen=True)
@@ -42,26 +40,6 @@ class SearchedSystem:
     def inputs(self) -> Sequence[Signal | Parameter]:
         """What is varied if nothing else is said."""
         return getattr(self.scenario, "inputs", ())
-
-
-def add_system(parser: argparse.ArgumentParser) -> None:
-    """Adds the system, which `opened_system` makes, and ``--env-kwarg``."""
-    add_environment(
-        parser,
-        "SYSTEM",
-        "the id of an environment, such as rtamt/ChasingCars-v0, CartPole-v1 or module:Name-v0; "
-        "module:function, or the path of a .fmu file, which need --vary",
-    )
-
-
-def add_policy(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--policy``."""
-    parser.add_argument(
-        "--policy",
-        metavar="POLICY",
-        help="how to act where no signal does: zero, baseline, sb3:FILE.zip or module:function "
-        "(default: the scenario's own)",
-    )
 
 
 @contextmanager

@@ -18,13 +18,13 @@ from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_reading, read_reading, whole
-from rtamt_gym.commands.specs import (
-    add_constant,
-    chosen,
-    read_constants,
-    read_requirements,
-    variables_of,
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
+from rtamt_gym.options.command_line import (
+    Option,
+    add_options,
+    read_evaluation_options,
+    shared,
+    whole,
 )
 from rtamt_gym.recorded.columns import (
     UNITS,
@@ -40,14 +40,12 @@ from rtamt_gym.recorded.same_time import SameTime
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.judging.reading import Reading
+    from rtamt_gym.options.evaluation import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = [
     "TracesAsked",
     "add_arguments",
-    "add_min_duration",
-    "add_strict_ranges",
     "read_arguments",
     "read_trace_of",
     "refuse_unknown",
@@ -101,176 +99,139 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         f"rtamt {command} [options] SPEC... TRACE\n"
         f"       rtamt {command} [options] SPEC... -- TRACE..."
     )
-    parser.add_argument(
-        "specs",
-        nargs="+",
-        metavar="SPEC",
-        help=specs,
-    )
     *others, last = extensions()
-    parser.add_argument(
-        "trace",
-        metavar="TRACE",
-        help=f"the path of a {', '.join(others)} or {last} file or of the folder of a bag, or - "
-        "for CSV on stdin; behind -- several, folders and patterns too",
-    )
-    parser.add_argument(
-        "--only",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="judge this requirement alone; may be repeated",
-    )
-    add_constant(parser)
-    add_reading(
+    add_options(
         parser,
-        *("end", "period", "view", "semantics", "align", "dense"),
-        period="the distance of two times; without a column of times, bounds count samples; a bag "
-        "is sampled at it, and a message holds until the next",
+        Option("SPEC", specs, nargs="+", dest="specs"),
+        Option(
+            "TRACE",
+            f"the path of a {', '.join(others)} or {last} file or of the folder of a bag, or - "
+            "for CSV on stdin; behind -- several, folders and patterns too",
+        ),
+        "--only",
+        "--constant",
+        "--end",
+        shared(
+            "--period",
+            about="time between samples, in seconds or with a unit, such as 100ms",
+            usual="the distance of two times; without a column of times, bounds count samples; a "
+            "bag is sampled at it, and a message holds until the next",
+        ),
+        *("--view", "--semantics", "--align", "--dense"),
     )
     _add_columns(parser.add_argument_group("columns"))
 
 
 def _add_columns(group: argparse._ArgumentGroup) -> None:
     """Adds the arguments of `read_columns`."""
-    group.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="VARIABLE=COLUMN",
-        help="the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; in "
-        "a bag its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of a "
-        "message, cmd=/robot1/cmd_vel; may be repeated",
-    )
-    group.add_argument(
-        "--time",
-        metavar="COLUMN",
-        help="the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
-        "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); of a bag log, when messages were "
-        "recorded, or header, what their stamps say (default: log)",
-    )
-    group.add_argument(
-        "--time-unit",
-        metavar="UNIT",
-        help=f"the unit of the times: {', '.join(UNITS)} (default: that in the name or the type of "
-        "the column, else s)",
-    )
-    group.add_argument(
-        "--date-order",
-        choices=get_args(DateOrder),
-        help="whether dates such as 03/04/2024 have the day or the month first (default: such a "
-        "date is refused where it matters)",
-    )
-    group.add_argument(
-        "--where",
-        action="append",
-        default=[],
-        metavar="COLUMN=VALUE",
-        help="read only the rows of a table with this text in the column, such as vehicle_id=3; "
-        "may be repeated for other columns",
-    )
-    group.add_argument(
-        "--one-trace",
-        action="store_true",
-        help="judge all rows of a table as one trace, though they look like several objects or "
-        "episodes (default: such a table is refused)",
-    )
-    group.add_argument(
-        "--separator",
-        metavar="CHARACTER",
-        help="what stands between the cells of a text, such as ';' or tab (default: what its "
-        "line of names has)",
-    )
-    group.add_argument(
-        "--skip",
-        type=whole,
-        default=0,
-        metavar="N",
-        help="leave out N lines of a text before the line of names (default: lines that can only "
-        "be comments or metadata)",
-    )
-    group.add_argument(
-        "--decimal",
-        metavar="MARK",
-        help="the decimal mark of a text, . or , (default: the mark for which its cells are "
-        "evidence; a file that can be read in two ways is refused)",
-    )
-    group.add_argument(
-        "--missing",
-        choices=get_args(Missing),
-        default="raise",
-        help="what an empty cell, or nan in a bag, does: it is an error, it has the value before, "
-        "its row is left out, or nothing is known of it there, as rtamt monitor alone can judge, "
-        "with the bounds and the verdict that this leaves (default: raise)",
-    )
-    group.add_argument(
-        "--jitter",
-        metavar="PART",
-        help="samples within this part of the period, such as 5%%, count as on the grid; a trace "
-        "with others is resampled, and a value holds until the next (default: such a trace is "
-        "refused)",
-    )
-    group.add_argument(
-        "--stale",
-        type=float,
-        metavar="SECONDS",
-        help="refuse a bag of which a topic is without a message for longer than this (default: "
-        "its last value holds, and a long silence is said)",
-    )
-    group.add_argument(
-        "--same-time",
-        choices=get_args(SameTime),
-        help="which record counts where several records of a variable at one instant differ "
-        "(default: they are an error; in bags and ULog files the last counts)",
-    )
-    group.add_argument(
-        "--max-gap",
-        metavar="TIME",
-        help="how long a value holds until the next record of its column, or with --dense and in "
-        "bags until the end of the recording, such as 10s, 500ms or 2h: where two are farther "
-        "apart, nothing is known between them (default: any time, and a gap of more than 10 usual "
-        "steps is said)",
-    )
-    group.add_argument(
-        "--default",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="take the declared default of this variable where a trace has no column of it, though "
-        "one is called nearly so, and under --no-defaults; may be repeated",
-    )
-    group.add_argument(
-        "--no-defaults",
-        action="store_true",
-        help="refuse a trace in which a variable would have its declared default (default: it has "
-        "it, and a note says so)",
-    )
-    group.add_argument(
-        "--start",
-        choices=get_args(Start),
-        default="unknown",
-        help="how the time counts in which some variables of a requirement have no value yet, with "
-        "--dense and in bags: unknown reports the worse of the verdicts without that time and with "
-        "unknown values in it; known leaves it out (default: unknown)",
-    )
-
-
-def add_min_duration(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--min-duration``."""
-    parser.add_argument(
-        "--min-duration",
-        metavar="TIME",
-        help="exit 3 if a trace is shorter, such as 10s or 2h, and nothing is violated",
-    )
-
-
-def add_strict_ranges(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--strict-ranges``."""
-    parser.add_argument(
-        "--strict-ranges",
-        action="store_true",
-        help="exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]', "
-        "and nothing is violated (default: a note reports it)",
+    add_options(
+        group,
+        Option(
+            "--signal VARIABLE=COLUMN",
+            "the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; in "
+            "a bag its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of "
+            "a message, cmd=/robot1/cmd_vel",
+            repeat=True,
+        ),
+        Option(
+            "--time COLUMN",
+            "the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
+            "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); of a bag log, when messages "
+            "were recorded, or header, what their stamps say",
+            usual="log",
+        ),
+        Option(
+            "--time-unit UNIT",
+            f"the unit of the times: {', '.join(UNITS)} (default: that in the name or the type of "
+            "the column, else s)",
+        ),
+        Option(
+            "--date-order",
+            "whether dates such as 03/04/2024 have the day or the month first",
+            usual="such a date is refused where it matters",
+            choices=get_args(DateOrder),
+        ),
+        Option(
+            "--where COLUMN=VALUE",
+            "read only the rows of a table with this text in the column, such as vehicle_id=3",
+            repeat=True,
+        ),
+        Option(
+            "--one-trace",
+            "judge all rows of a table as one trace, though they look like several objects or "
+            "episodes",
+            usual="such a table is refused",
+        ),
+        Option(
+            "--separator CHARACTER",
+            "what stands between the cells of a text, such as ';' or tab",
+            usual="what its line of names has",
+        ),
+        Option(
+            "--skip N",
+            "leave out N lines of a text before the line of names",
+            default=0,
+            usual="lines that can only be comments or metadata",
+            read=whole,
+        ),
+        Option(
+            "--decimal MARK",
+            "the decimal mark of a text, . or ,",
+            usual="the mark for which its cells are evidence; a file that can be read in two ways "
+            "is refused",
+        ),
+        Option(
+            "--missing",
+            "what an empty cell, or nan in a bag, does: it is an error, it has the value before, "
+            "its row is left out, or nothing is known of it there, as rtamt monitor alone can "
+            "judge, with the bounds and the verdict that this leaves",
+            default="raise",
+            choices=get_args(Missing),
+        ),
+        Option(
+            "--jitter PART",
+            "samples within this part of the period, such as 5%, count as on the grid; a trace "
+            "with others is resampled, and a value holds until the next",
+            usual="such a trace is refused",
+        ),
+        Option(
+            "--stale SECONDS",
+            "refuse a bag of which a topic is without a message for longer than this",
+            usual="its last value holds, and a long silence is said",
+            read=float,
+        ),
+        Option(
+            "--same-time",
+            "which record counts where several records of a variable at one instant differ",
+            usual="they are an error; in bags and ULog files the last counts",
+            choices=get_args(SameTime),
+        ),
+        Option(
+            "--max-gap TIME",
+            "how long a value holds until the next record of its column, or with --dense and in "
+            "bags until the end of the recording, such as 10s, 500ms or 2h: where two are "
+            "farther apart, nothing is known between them",
+            usual="any time, and a gap of more than 10 usual steps is said",
+        ),
+        Option(
+            "--default NAME",
+            "take the declared default of this variable where a trace has no column of it, "
+            "though one is called nearly so, and under --no-defaults",
+            repeat=True,
+        ),
+        Option(
+            "--no-defaults",
+            "refuse a trace in which a variable would have its declared default",
+            usual="it has it, and a note says so",
+        ),
+        Option(
+            "--start",
+            "how the time counts in which some variables of a requirement have no value yet, "
+            "with --dense and in bags: unknown reports the worse of the verdicts without that "
+            "time and with unknown values in it; known leaves it out",
+            default="unknown",
+            choices=get_args(Start),
+        ),
     )
 
 
@@ -291,7 +252,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     constants = read_constants(options.constant)
     every = read_requirements(texts, constants)
     requirements = chosen(every, options.only)
-    reading = read_reading(options)
+    reading = read_evaluation_options(options)
     for spec in requirements.values():
         viewed(spec, reading.view)
     if reading.period is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,30 +13,7 @@ from rtamt_gym.checks.numbers import read_floats
 if TYPE_CHECKING:
     from rtamt_gym.inputs.ranges import Parameter, Signal
 
-__all__ = ["add_varied", "read_varied"]
-
 _EXAMPLE = "mass=1:2, gear=1|2|3 or throttle=0:100,points=7"
-
-
-def add_varied(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--vary`` and ``--set``."""
-    parser.add_argument(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="NAME=LOW:HIGH",
-        help="what is varied: a parameter, mass=1:2 or mass=1:2,log or gear=1|2|3; a signal over "
-        "time, throttle=0:100,points=7 or throttle=0:100,points=7,linear (or hold, pchip); or the "
-        "name alone of an input or a parameter of the scenario, which has a range; may be repeated "
-        "(default: the inputs of the scenario)",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=NUMBER",
-        help="a parameter that has one value in all simulations; may be repeated",
-    )
 
 
 def read_varied(

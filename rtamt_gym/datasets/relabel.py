@@ -16,9 +16,9 @@ from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import Reading, RecordedReading
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs
 from rtamt_gym.judging.unknown import with_unknown_start
+from rtamt_gym.options.evaluation import EvaluationKeywords, Reading, names_for
 from rtamt_gym.shaping import Mode, ShapingNumbers
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.periods import read_period, warn_of_unverified_period, why_no_period
@@ -40,11 +40,15 @@ SAMPLES, BYTES = 1 << 18, 1 << 28
 """So many samples, or bytes of observations and actions, are held at once."""
 
 
-class RelabelOptions(RecordedReading, ShapingNumbers, total=False):
+class RelabelOptions(EvaluationKeywords, ShapingNumbers, total=False):
     """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
 
     details: bool
     cost: Cost | None
+
+
+OPTIONS = (*names_for("recorded"), *ShapingNumbers.__annotations__, "details", "cost")
+"""The names of the options."""
 
 
 @overload
@@ -196,12 +200,11 @@ def relabel(
 
 def check_options(mode: Mode | None, keep: object, options: Mapping[str, object]) -> None:
     """Refuses what cannot be asked of recorded episodes."""
-    known = RelabelOptions.__annotations__
     for name in options:
-        if name not in known:
+        if name not in OPTIONS:
             raise InputTypeError(
-                f"relabel() has no option {name!r}; the options are {listing(known)}"
-                f"{nearest(name, known)}"
+                f"relabel() has no option {name!r}; the options are {listing(OPTIONS)}"
+                f"{nearest(name, OPTIONS)}"
             )
         if mode is None and name in ShapingOptions.__annotations__:
             raise InputError(

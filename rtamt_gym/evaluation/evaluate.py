@@ -28,7 +28,12 @@ from rtamt_gym.evaluation.repeating import (
 )
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.judging.ends import warn_of_open_end
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading, seconds_of
+from rtamt_gym.options.evaluation import (
+    EvaluationKeywords,
+    checked_options,
+    documents_options,
+    seconds_of,
+)
 from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.episodes import Episodes
 from rtamt_gym.play.record import Record
@@ -51,7 +56,7 @@ if TYPE_CHECKING:  # joblib is optional
 __all__ = ["check_repeats", "evaluate_policy"]
 
 
-@lists_reading(EpisodeReading)
+@documents_options("episodes")
 def evaluate_policy(
     policy: Any,  # noqa: ANN401 - a model of a package that is optional
     env: Any,  # noqa: ANN401
@@ -77,7 +82,7 @@ def evaluate_policy(
     keep: int = 1,
     name: str | None = None,
     progress: bool = False,
-    **reading: Unpack[EpisodeReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> Evaluation:
     r"""Plays episodes of a policy and counts how many satisfy each requirement.
 
@@ -198,7 +203,7 @@ def evaluate_policy(
         >>> result.replay(seed)
         <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
     """
-    judged = checked_reading(reading, evaluate_policy, EpisodeReading)
+    judged = checked_options(reading, evaluate_policy, "episodes")
     check_count(Argument("episodes"), episodes)
     check_count(Argument("n_envs"), n_envs)
     check_choice("interval", interval, get_args(IntervalKind))

@@ -16,7 +16,7 @@ from rtamt import ClockEvent, Monitor, OperatorClock, OperatorClocks, VectorMoni
 from rtamt_gym.judging.costs import options_of_parts
 from rtamt_gym.judging.obligations import Instants, Obligation, bare, obligations_of
 from rtamt_gym.judging.picking import pick, picked
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Obligations", "Owed", "SingleObligations"]

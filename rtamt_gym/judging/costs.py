@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_gym.judging.interface import EXACT
-from rtamt_gym.judging.reading import Reading, SampleReading
 from rtamt_gym.libraries import library_of
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
@@ -333,7 +333,7 @@ def options_of_parts(
     specs: Mapping[str, rtamt.Specification],
     parts: Sequence[rtamt.Specification],
     reading: Reading,
-) -> list[SampleReading]:
+) -> list[dict[str, Any]]:
     """The keyword arguments of the monitors of parts of specifications."""
     # Beside the specifications, so that a part takes from their inputs and outputs what it knows.
     numbered = {str(number): part for number, part in enumerate(parts)}

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Sequence
-from typing import Literal
 
 from rtamt_gym.checks.callers import caller_level
 
 __all__ = [
-    "AtTermination",
     "CutWindowWarning",
     "OpenEndWarning",
     "UnseenEndWarning",
     "assumed",
     "warn_of_open_end",
 ]
-
-AtTermination = Literal["complete", "cut", "failure"]
-"""How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
 
 
 class OpenEndWarning(UserWarning):

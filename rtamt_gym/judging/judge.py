@@ -9,7 +9,7 @@ from typing import NamedTuple
 import rtamt
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.questions import Questions
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.signals.signals import SignalLike
 
 __all__ = ["Judge", "Judging"]

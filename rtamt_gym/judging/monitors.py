@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ import rtamt
 from rtamt import InputError, RtamtError
 from rtamt.errors import Argument
 from rtamt_gym.judging.first_sample import first_sample_error
-from rtamt_gym.judging.reading import Reading, SampleReading
+from rtamt_gym.options.evaluation import Reading
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.signals.columns import Floats, Lanes
@@ -40,7 +40,7 @@ class InstantMonitor:
         spec: rtamt.Specification,
         *,
         history: bool = False,
-        **options: Unpack[SampleReading],
+        **options: Any,  # noqa: ANN401 - of `rtamt.EpisodeMonitor`
     ) -> None:
         self._instant = rtamt.Monitor(spec, **options)
         self._sofar = rtamt.EpisodeMonitor(spec, **options)
@@ -79,7 +79,7 @@ class VectorInstantMonitor:
         self,
         spec: rtamt.Specification,
         num: int,
-        **options: Unpack[SampleReading],
+        **options: Any,  # noqa: ANN401 - of `rtamt.EpisodeMonitor`
     ) -> None:
         self._instant = rtamt.VectorMonitor(spec, num, **options)
         self._sofar = rtamt.VectorEpisodeMonitor(spec, num, **options)

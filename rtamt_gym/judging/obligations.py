@@ -41,7 +41,7 @@ from typing import Any, cast
 
 import rtamt
 from rtamt import ClockKind, Formula
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["Instants", "Obligation", "bare", "obligations_of"]
 

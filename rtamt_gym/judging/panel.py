@@ -15,16 +15,15 @@ from rtamt import End, EpisodeMonitor, InputError, JointFeed, Verdict, holds
 from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import SingleObligations
 from rtamt_gym.judging.costs import Cost, CostMeter
-from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.feeding import Assessment, Feed, Take, joint_read, one_by_one
 from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judging.interface import described
 from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, together
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
+from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
 from rtamt_gym.signals.slots import MovingRead

@@ -7,8 +7,7 @@ from typing import Any
 
 import rtamt
 from rtamt import Asked, End, Evidence, Implications, Verdict
-from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import AtTermination, Reading
 
 __all__ = ["Questions"]
 

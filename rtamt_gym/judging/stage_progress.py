@@ -33,8 +33,8 @@ from rtamt_gym.judging.infos import Lanewise
 from rtamt_gym.judging.monitors import machine_state
 from rtamt_gym.judging.obligations import bare
 from rtamt_gym.judging.picking import pick, picked
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stages import stages_of
+from rtamt_gym.options.evaluation import Reading
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.signals.columns import Floats, Lanes

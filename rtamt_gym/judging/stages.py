@@ -12,7 +12,7 @@ from rtamt.errors import Argument
 from rtamt.patterns import in_order, named_stages, prefixes, stages
 from rtamt_gym.checks.arguments import check_known
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["Stages", "are_instant", "stages_of"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from rtamt import InputError
 from rtamt.errors import Argument
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.signals.signals import unknown_at_reset
 
 __all__ = ["with_unknown_start"]

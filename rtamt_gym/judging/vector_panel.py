@@ -17,13 +17,12 @@ from rtamt import End, VectorEpisodeMonitor, VerdictBook, holds
 from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
-from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import VERDICTS, SpecRows, outcome, spec_state
 from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import VectorStageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
+from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.judging.reading import SampleReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, load_specs
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import ParsedSignal, SignalLike, parse_signals
@@ -23,14 +23,14 @@ __all__ = ["evaluate_rollouts"]
 Floats = NDArray[np.float64]
 
 
-@lists_reading(SampleReading)
+@documents_options("samples")
 def evaluate_rollouts(
     model: mujoco.MjModel,
     specs: SpecsLike,
     signals: Mapping[str, SignalLike],
     states: ArrayLike,
     sensordata: ArrayLike | None = None,
-    **reading: Unpack[SampleReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> dict[str, Floats]:
     """Robustness of many rollouts at every sample, offline.
 
@@ -71,7 +71,7 @@ def evaluate_rollouts(
         >>> found["spec"].shape, found["spec"][:, 0].round(2).tolist()
         ((3, 200), [-0.39, 0.0, 0.01])
     """
-    read = checked_reading(reading, evaluate_rollouts, SampleReading)
+    read = checked_options(reading, evaluate_rollouts, "samples")
     loaded = load_specs(specs)
     if read.period is None:
         read = read.having(period=float(model.opt.timestep))

@@ -17,11 +17,11 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import InstantReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import StepClock
 from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
@@ -35,7 +35,7 @@ OnStepViolation = Literal["stop", "report"]
 """What a certain violation does to a run."""
 
 
-@lists_reading(InstantReading)
+@documents_options("instants")
 class StepMonitor(PanelValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
@@ -106,15 +106,15 @@ class StepMonitor(PanelValues):
         signals: Mapping[str, StepSignal],
         *,
         forward: bool = False,
-        **reading: Unpack[InstantReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
-        read = checked_reading(reading, type(self), InstantReading)
+        read = checked_options(reading, type(self), "instants")
         check_pair(model, data)
         self.model, self.data = model, data
         self.specs = load_specs(specs)
         self._reads_period = read.period is None
         period = float(model.opt.timestep) if read.period is None else read.period
-        self.reading = read.having(period=period).whole(InstantReading)
+        self.reading = read.having(period=period).whole("instants")
         variables = dict.fromkeys(name for spec in self.specs.values() for name in spec.variables)
         self._signals = parse_signals(signals, variables, MUJOCO, extra=True)
         self._count = len(variables)

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from rtamt_gym import drawing
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.play.run_record import Course, RunRecord
 from rtamt_gym.results.outcome import verdict_text
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rtamt
 from rtamt import Explanation, InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.explanations import chosen, titled
-from rtamt_gym.judging.reading import PredicateReading
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.play.run_record import Floats, RunRecord
 
@@ -87,7 +86,7 @@ class Run(RunRecord):
             InputError: If a specification reads a signal that the run does not have; if ``specs``
                 is None and the run has not recorded its episode from sample 0 on.
         """
-        interfaces: dict[str, PredicateReading] = {}
+        interfaces: dict[str, dict[str, Any]] = {}
         if specs is None:
             self._check_whole("replay(specs)")
             interfaces = {name: course.interface for name, course in self.courses.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdic
 from rtamt_gym import markup
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import robustness_text
-from rtamt_gym.judging.reading import PredicateReading, View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.results.outcome import Outcome, verdict_text
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.tables import sample_text
@@ -118,7 +118,7 @@ class Course(_ComparesArrays):
         return parse(self.formula, unit=self.unit)
 
     @property
-    def interface(self) -> PredicateReading:
+    def interface(self) -> dict[str, Any]:
         """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 

@@ -24,16 +24,16 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.reading import (
+from rtamt_gym.judging.specs import SpecLike, load_specs
+from rtamt_gym.options.evaluation import (
+    AtTermination,
+    EvaluationKeywords,
     Reading,
-    RunReading,
-    checked_reading,
-    lists_reading,
+    checked_options,
+    documents_options,
     seconds_of,
 )
-from rtamt_gym.judging.specs import SpecLike, load_specs
 from rtamt_gym.play.loop import SimulatedTrace
 from rtamt_gym.play.native import NativeLanes, lanes_of
 from rtamt_gym.play.recorder import failed
@@ -54,7 +54,7 @@ CaseLike = Mapping[str, float | Waveform]
 """What one simulation is given: a number or a waveform for each name."""
 
 
-@lists_reading(RunReading)
+@documents_options("runs")
 class Runner:
     """Runs cases of one system under requirements, each to a `Trial`.
 
@@ -121,10 +121,10 @@ class Runner:
         duration: float | None = None,
         stop: Stop = "end",
         batch: int = 100,
-        **reading: Unpack[RunReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
         check_choice("stop", stop, get_args(Stop))
-        given = checked_reading(reading, type(self), RunReading)
+        given = checked_options(reading, type(self), "runs")
         check_count(Argument("batch"), batch)
         if duration is not None and duration != math.inf:
             duration = check_number("duration", duration)

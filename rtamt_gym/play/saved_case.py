@@ -18,7 +18,7 @@ from rtamt import InputError, Specification, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.reading import ROWS, RunReading
+from rtamt_gym.options.evaluation import names_for
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.simulate import simulate
@@ -38,9 +38,7 @@ from rtamt_gym.systems.references import (
     system_texts,
 )
 
-_READING: Final = tuple(
-    name for name in ROWS if name in RunReading.__annotations__ and name != "period"
-)
+_READING: Final = tuple(name for name in names_for("runs") if name != "period")
 
 _KEYS: Final = (
     *(

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Unpack
 
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.simulation import Simulator
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.snapshots import Snapshot
 
 
-@lists_reading(RunReading)
+@documents_options("runs")
 def simulate(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     specs: SpecsLike | None = None,
@@ -33,7 +33,7 @@ def simulate(
     stop: Stop = "violation",
     above: Mapping[str, float] | None = None,
     label: str = "",
-    **reading: Unpack[RunReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
@@ -137,7 +137,7 @@ def simulate(
         >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
-    given = checked_reading(reading, simulate, RunReading)
+    given = checked_options(reading, simulate, "runs")
     specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
     with no_exit("the system"):
         simulator = Simulator(

@@ -19,14 +19,14 @@ from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTermination, assumed, warn_of_open_end
+from rtamt_gym.judging.ends import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import PanelResult
 from rtamt_gym.judging.questions import Questions
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.play.recorder import Recorder, Tally, carry
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop

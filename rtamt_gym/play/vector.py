@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.ends import AtTermination
-from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, seconds_of
 from rtamt_gym.judging.specs import autoreset_mode, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
+from rtamt_gym.options.evaluation import AtTermination, Reading, checked_options, seconds_of
 from rtamt_gym.play.loop import Lane, SimulatedTrace, Task
 from rtamt_gym.play.recorder import failed
 from rtamt_gym.play.run import Run
@@ -85,7 +84,7 @@ class VectorEpisodes(Runner):
         self._inside: Vector = self._env if self.monitor is None else self.monitor.env
         stop, duration = options.pop("stop", "end"), options.pop("duration", None)
         signals = options.pop("signals", None)
-        given = checked_reading(options, type(self), EpisodeReading)
+        given = checked_options(options, type(self), "episodes")
         requirements, self.signals, reading = with_own_monitor(
             self.monitor, requirements, signals, given
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.bag_reader import open_bag
 from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
 from rtamt_gym.recorded.columns import Columns

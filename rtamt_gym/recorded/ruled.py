@@ -12,7 +12,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded

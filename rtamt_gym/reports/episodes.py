@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import Explanation, RtamtError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.reading import PredicateReading
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.summaries import case_lines
 from rtamt_gym.reports.model import Decision, ShownEpisode
@@ -45,7 +44,7 @@ class PlayedEpisode:
 
     label: str
     spec: Specification
-    interface: PredicateReading
+    interface: Mapping[str, Any]
     signals: Mapping[str, Floats]
     times: Floats
     period: Fraction | None

@@ -18,7 +18,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import Reading, refuse_other
+from rtamt_gym.options.evaluation import Reading, refuse_other
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -42,8 +42,8 @@ class Environment(System):
         reported: Its own ``is_success`` in the info that ended the episode; None without one.
         refuses_nan: Whether it refuses signals that are nan, as the monitors do not.
         timed: Whether bounds of specifications hang on its period.
-        below: As for `rtamt_gym.judging.reading.Reading`.
-        rescaled: As for `rtamt_gym.judging.reading.Reading`.
+        below: As for `rtamt_gym.options.evaluation.Reading`.
+        rescaled: As for `rtamt_gym.options.evaluation.Reading`.
     """
 
     observation: Any = None

@@ -18,8 +18,8 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.infos import step_info
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, recordable
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
@@ -157,7 +157,7 @@ class StlMonitor(
 
     _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_comparing"})
 
-    @lists_reading(RunReading)
+    @documents_options("runs")
     def __init__(
         self,
         env: gym.Env[ObsType, ActType],
@@ -173,7 +173,7 @@ class StlMonitor(
         history: bool = False,
         observe: Observe | None = None,
         clip: float = 1.0,
-        **reading: Unpack[RunReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -224,7 +224,7 @@ class StlMonitor(
                 variable, or a selector does not fit the environment; if ``substeps`` does not; if
                 the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no variable
         """
-        read = checked_reading(reading, type(self), RunReading)
+        read = checked_options(reading, type(self), "runs")
         options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
@@ -238,7 +238,7 @@ class StlMonitor(
             "signals": signals,
             "history": history,
             **options,
-            **read.whole(RunReading).options(),
+            **read.whole("runs").options(),
         }
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         gym.Wrapper.__init__(self, single_env(env))

@@ -17,15 +17,15 @@ from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.callers import caller_level, wrappers_around
 from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, UnseenEndWarning, warn_of_open_end
+from rtamt_gym.judging.ends import UnseenEndWarning, warn_of_open_end
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import EpisodeReading, Reading, RunReading
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, Reading
 from rtamt_gym.signals.periods import (
     ask_another,
     warn_of_unverified_period,
@@ -87,7 +87,7 @@ class OwnOptions(TypedDict):
     constants: Mapping[str, ConstantValue] | None
 
 
-class MonitorOptions(EpisodeReading, total=False):
+class MonitorOptions(EvaluationKeywords, total=False):
     """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
 
     on_violation: Violations
@@ -183,8 +183,8 @@ class Monitoring(Observing):
         seen = () if reading.substeps else self._signals  # where no observation is read
         rescaler = rescaling(env, seen, below=reading.below, rescaled=reading.rescaled)
         self._beneath = None if rescaler is None else tapped(rescaler)
-        self._judging = Judging(loaded, signals, reading.having(period=period).whole(RunReading))
-        self._of_monitors = of_monitors.having(period=period).whole(RunReading)
+        self._judging = Judging(loaded, signals, reading.having(period=period).whole("runs"))
+        self._of_monitors = of_monitors.having(period=period).whole("runs")
         return self._judging._replace(reading=self._of_monitors)
 
     @property

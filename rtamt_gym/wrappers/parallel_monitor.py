@@ -13,8 +13,8 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
@@ -117,7 +117,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
     _UNPICKLED = frozenset({"_feed", "_feed_reset", "_comparing"})
     env: Any
 
-    @lists_reading(EpisodeReading)
+    @documents_options("episodes")
     def __init__(
         self,
         env: Any,  # noqa: ANN401 - of PettingZoo's form
@@ -131,7 +131,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         buffer_length: int = 100,
         constants: Mapping[str, ConstantValue] | None = None,
         history: bool = False,
-        **reading: Unpack[EpisodeReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -161,7 +161,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             InputError: As :class:`StlMonitor` does; and if a selector names no agent
             InputTypeError: If the environment has not the form of PettingZoo's parallel API
         """
-        read = checked_reading(reading, type(self), EpisodeReading)
+        read = checked_options(reading, type(self), "episodes")
         options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,

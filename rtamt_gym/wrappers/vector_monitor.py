@@ -18,11 +18,11 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import assumed
 from rtamt_gym.judging.episodes import EpisodeRecords, record
 from rtamt_gym.judging.infos import last_info, step_info
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import SpecsLike, autoreset_mode, checked_mask, recordable
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_infos import final_infos, final_observations, key_mask, put, put_last
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
@@ -211,7 +211,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
     _panel: VectorPanel
     _knows_flags = False
 
-    @lists_reading(EpisodeReading)
+    @documents_options("episodes")
     def __init__(
         self,
         env: Batch,
@@ -226,7 +226,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         constants: Mapping[str, ConstantValue] | None = None,
         observe: Observe | None = None,
         clip: float = 1.0,
-        **reading: Unpack[EpisodeReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -242,7 +242,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
             InputError: As :class:`StlMonitor` does; and if the environment cannot do what
                 ``on_violation`` or ``on_satisfaction`` asks
         """
-        read = checked_reading(reading, type(self), EpisodeReading)
+        read = checked_options(reading, type(self), "episodes")
         options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
@@ -252,7 +252,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
             constants=constants,
         )
         given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
-        given |= read.whole(EpisodeReading).options()
+        given |= read.whole("episodes").options()
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         env = as_vector_env(env)
         VectorWrapper.__init__(self, env)

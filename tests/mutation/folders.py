@@ -257,6 +257,7 @@ FOLDERS: Final = {
         _room("rtamt_gym", "inputs", _CAMPAIGNS, _RUNS),
         _room("rtamt_gym", "learners"),
         _room("rtamt_gym", "mujoco"),
+        _room("rtamt_gym", "options", "tests/rtamt_gym/commands"),
         _room(
             "rtamt_gym", "play", _CAMPAIGNS, "tests/rtamt_gym/systems", "tests/rtamt_gym/evaluation"
         ),

@@ -31,6 +31,7 @@ FLOORS = {
     ),
     "rtamt_gym": (
         ("checks", "starters", "libraries"),
+        ("options",),
         ("shaping", "success", "tables", "drawing", "markup", "inputs"),
         ("signals", "results"),
         ("judging", "benchmarks"),

@@ -21,7 +21,12 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading, lists_reading
+from rtamt_gym.options.evaluation import (
+    EvaluationKeywords,
+    Reading,
+    checked_options,
+    documents_options,
+)
 from rtamt_gym.play.folder import Folder
 from rtamt_gym.play.record import Record, check_columns
 from rtamt_gym.play.record_files import written_space
@@ -58,7 +63,7 @@ class IrreproducibleWarning(UserWarning):
     """A simulation that violated a requirement did not do so again."""
 
 
-@lists_reading(EpisodeReading)
+@documents_options("episodes")
 def falsify(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     requirements: Requirements | None = None,
@@ -80,7 +85,7 @@ def falsify(
     folder: str | os.PathLike[str] | None = None,
     accept_changed: bool = False,
     progress: bool = False,
-    **reading: Unpack[EpisodeReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> Falsification:
     """Searches for an input with which a system violates a requirement.
 
@@ -213,7 +218,7 @@ def falsify(
     chosen = find_optimizer(optimizer)
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
     budget, seed = check_count(Argument("budget"), budget), _checked_seed(seed)
-    judged = checked_reading(reading, falsify, EpisodeReading)
+    judged = checked_options(reading, falsify, "episodes")
 
     def make(
         specs: Requirements | None,

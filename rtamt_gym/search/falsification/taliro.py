@@ -18,7 +18,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.search.sweeps.sweep import space_of
@@ -48,7 +48,7 @@ __all__ = ["TaliroProblem", "TaliroSystem"]
 State = dict[str, float]
 
 
-@lists_reading(EpisodeReading)
+@documents_options("episodes")
 class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has no types here
     """A system of ours and its requirements, as a model and a specification of psy-taliro.
 
@@ -101,7 +101,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
         signals: Mapping[str, SignalLike] | None = None,
         policy: Policy | None = None,
         duration: float | None = None,
-        **reading: Unpack[EpisodeReading],
+        **reading: Unpack[EvaluationKeywords],
     ) -> None:
         self._runner = Runner(
             system,
@@ -110,7 +110,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
             policy=policy,
             duration=duration,
             batch=1,
-            **checked_reading(reading, type(self), EpisodeReading).options(),
+            **checked_options(reading, type(self), "episodes").options(),
         )
         self.space = space_of(self._runner, space, "TaliroProblem")
         self.static_inputs = dict.fromkeys(self.space.columns, (0.0, 1.0))

@@ -12,7 +12,7 @@ import rtamt
 from rtamt import End, Explanation, InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judging.reading import SampleReading, checked_reading, lists_reading
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.outcome import Outcome
@@ -179,7 +179,7 @@ def _wrapped(text: str) -> list[str]:
     )
 
 
-@lists_reading(SampleReading)
+@documents_options("samples")
 def mine(
     requirement: str | rtamt.Specification,
     traces: Traces,
@@ -189,7 +189,7 @@ def mine(
     tolerance: float | None = None,
     end: End | None = None,
     progress: bool = True,
-    **reading: Unpack[SampleReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> Mined:
     """Finds the tightest value of a parameter for which a requirement holds on all traces.
 
@@ -240,7 +240,7 @@ def mine(
         <Mined t = 1, the least: eventually[0:?t](speed > 20) on 2 traces>
     """
     check_choice("end", end, (None, *get_args(End)))
-    judged = checked_reading(reading, mine, SampleReading)
+    judged = checked_options(reading, mine, "samples")
     if end is not None:
         judged = judged.having(end=end)
     wanted = template(requirement, ranges, constants)

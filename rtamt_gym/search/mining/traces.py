@@ -17,7 +17,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.reading import Reading, SampleReading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.readers import is_bag
@@ -80,7 +80,7 @@ class Samples:
         """Seconds between samples, or None."""
         return self.reading.seconds
 
-    def _options(self, spec: rtamt.Specification) -> SampleReading:
+    def _options(self, spec: rtamt.Specification) -> dict[str, Any]:
         return self.reading.of_monitors({"": spec})[""]
 
 

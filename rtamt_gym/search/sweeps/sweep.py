@@ -18,7 +18,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
-from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.record import Record, check_columns
 from rtamt_gym.play.record_files import read_space, written_space
@@ -220,7 +220,7 @@ class Sweep:
         return lines
 
 
-@lists_reading(EpisodeReading)
+@documents_options("episodes")
 def sweep(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     requirements: Requirements | None = None,
@@ -241,7 +241,7 @@ def sweep(
     folder: str | os.PathLike[str] | None = None,
     accept_changed: bool = False,
     progress: bool = True,
-    **reading: Unpack[EpisodeReading],
+    **reading: Unpack[EvaluationKeywords],
 ) -> Sweep:
     r"""Runs a system on many points of a space; keeps what every requirement becomes on each.
 
@@ -328,7 +328,7 @@ def sweep(
         >>> done.replay(row)
         <Run of tank: terminated at 19 s, 20 samples>
     """
-    seed, judged = _checked_seed(seed), checked_reading(reading, sweep, EpisodeReading)
+    seed, judged = _checked_seed(seed), checked_options(reading, sweep, "episodes")
     runner = Runner(
         system,
         requirements,

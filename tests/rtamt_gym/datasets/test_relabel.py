@@ -18,7 +18,7 @@ from rtamt import End, InputError
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination
+from rtamt_gym.options.evaluation import AtTermination
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.rewarding import ShapingOptions
@@ -254,7 +254,15 @@ def test_the_episodes_given_are_not_changed() -> None:
 
 def test_every_option_of_the_wrappers_that_is_about_records_is_one_here() -> None:
     """A new option of a wrapper is an option here, or is left out on purpose."""
-    others = {"on_violation", "on_satisfaction", "buffer_length", "mode", "below", "rescaled"}
+    others = {
+        "on_violation",
+        "on_satisfaction",
+        "buffer_length",
+        "mode",
+        "below",
+        "rescaled",
+        "substeps",
+    }
     others |= {"constants"}  # they change between episodes; a template gives each its specification
-    wrappers = {**MonitorOptions.__annotations__, **ShapingOptions.__annotations__}
-    assert set(module.RelabelOptions.__annotations__) == set(wrappers) - others
+    wrappers = {*MonitorOptions.__annotations__, *ShapingOptions.__annotations__}
+    assert set(module.OPTIONS) == wrappers - others

@@ -146,8 +146,8 @@ def test_options_that_are_not_about_records_are_refused() -> None:
         with pytest.raises(InputTypeError) as error:
             relabel([episode()], "always(x > 0)", X, mode="add", **{name: 1})  # type: ignore[call-overload]
         assert str(error.value) == (
-            f"relabel() has no option {name!r}; the options are 'semantics', 'inputs', "
-            "'outputs', 'period', 'nan', 'align', 'view', 'at_termination', 'at_truncation', "
+            f"relabel() has no option {name!r}; the options are 'period', 'view', 'nan', "
+            "'align', 'semantics', 'inputs', 'outputs', 'at_termination', 'at_truncation', "
             "'stages', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities', "
             f"'bonus', 'penalty', 'details', 'cost'{nearest}"
         )

@@ -23,8 +23,8 @@ from rtamt_gym import (
 )
 from rtamt_gym.__main__ import main
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import View
 from rtamt_gym.judging.specs import load_specs
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.shaping import Priority
 
 TEXT = """\

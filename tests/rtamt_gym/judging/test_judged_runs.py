@@ -16,7 +16,7 @@ import rtamt_gym
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import Reading
+from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.play import simulation as simulations
 
 SPACE = [Parameter("gain", 0, 1)]

@@ -23,10 +23,10 @@ from rtamt import (
 )
 from rtamt.patterns import in_order, stages
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.stage_progress import progress_of, progress_of_events
 from rtamt_gym.judging.stages import stages_of
 from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.options.evaluation import Reading
 
 READS = rtamt.parse("always(a + b + c > 1e9)").formula
 """Does not matter to a disjunction, and reads every variable."""

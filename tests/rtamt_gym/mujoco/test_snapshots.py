@@ -10,7 +10,7 @@ from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Snapshot, StepMonitor
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 
 def monitored(integrator: str, view: View = "episode", *, forward: bool = False) -> StepMonitor:

@@ -19,7 +19,7 @@ from strategies import VARIABLES, formulas
 
 import rtamt
 from rtamt_gym import StepMonitor
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 

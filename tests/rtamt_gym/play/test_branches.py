@@ -12,7 +12,7 @@ from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym import Run, Snapshot, StepMonitor, simulate
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 SIGNALS: dict[str, Any] = {
     **BOXES_SIGNALS,

@@ -16,7 +16,7 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 from rtamt import Formula, InputError, InputTypeError, StateError, Verdict
 from rtamt_gym import Run, StepMonitor, simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 LOW = "always(x < 3)"
 BALL = """<mujoco model="ball"><worldbody><body pos="0 0 1"><freejoint/><geom size=".1"/></body>

@@ -15,7 +15,7 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import Formula, InputError, Verdict
 from rtamt_gym import Run, Runner, simulate
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.summaries import run_table
 

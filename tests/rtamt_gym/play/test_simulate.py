@@ -18,7 +18,7 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
 from rtamt_gym import Run, StepMonitor, StlMonitor, simulate
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.systems.system import SystemEnd
 

@@ -18,7 +18,7 @@ import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 INVARIANT = "always(x > 1)"
 HOLD = "eventually(always[0:2](x > 2))"

@@ -17,7 +17,7 @@ import rtamt
 from rtamt import InputError, StateError
 from rtamt_gym import Reading, StlMonitor, StlReward, simulate
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 STEPS = 12
 

@@ -16,7 +16,7 @@ from vector_environments import difference
 import rtamt
 from rtamt import SemanticsName
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.shaping import Mode
 
 SEMANTICS = get_args(SemanticsName)

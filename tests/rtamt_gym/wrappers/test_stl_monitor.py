@@ -13,8 +13,8 @@ from replay import INF, Replay, X, run
 import rtamt
 from rtamt_gym import StlMonitor
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import View
 from rtamt_gym.judging.specs import SpecLike
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.wrappers.monitoring import OnViolation
 
 

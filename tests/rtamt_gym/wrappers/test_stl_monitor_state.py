@@ -17,7 +17,7 @@ from replay import Replay, X, run
 
 from rtamt.errors import InputError, StateError
 from rtamt_gym import Step, StlMonitor
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])

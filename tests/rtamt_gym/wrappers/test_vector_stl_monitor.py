@@ -18,7 +18,7 @@ from vector_environments import MODES, Envs, Make, difference, native, sync, tra
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.wrappers.monitoring import OnViolation
 
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)

@@ -14,7 +14,7 @@ from vector_environments import difference
 import rtamt
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.reading import View
+from rtamt_gym.options.evaluation import View
 from rtamt_gym.shaping import hierarchical, least
 
 

@@ -1,11 +1,11 @@
-"""How samples are judged is said once, and what was given is told from what was not."""
+"""`Reading`, the evaluation options: each is described once, and explicit defaults count."""
 
 import argparse
 import inspect
 from collections.abc import Callable
-from dataclasses import Field, field
+from dataclasses import field
 from fractions import Fraction
-from typing import Any, TypedDict
+from typing import Any
 
 import gymnasium as gym
 import pytest
@@ -26,24 +26,21 @@ from rtamt_gym import (
     simulate,
     sweep,
 )
-from rtamt_gym.commands.arguments import add_reading
-from rtamt_gym.judging.reading import (
+from rtamt_gym.options.command_line import add_options
+from rtamt_gym.options.evaluation import (
     ROWS,
-    EpisodeReading,
-    InstantReading,
-    PredicateReading,
-    RunReading,
-    SampleReading,
-    checked_reading,
-    lists_reading,
+    Calls,
+    EvaluationKeywords,
+    checked_options,
+    documents_options,
+    names_for,
 )
 
-KINDS: dict[type, tuple[Callable[..., Any], ...]] = {
-    RunReading: (simulate, StlMonitor, Runner),
-    EpisodeReading: (sweep, falsify, evaluate_policy, VectorStlMonitor, ParallelStlMonitor),
-    InstantReading: (StepMonitor,),
-    SampleReading: (mine, evaluate_rollouts),
-    PredicateReading: (),
+CALLS: dict[Calls, tuple[Callable[..., Any], ...]] = {
+    "runs": (simulate, StlMonitor, Runner),
+    "episodes": (sweep, falsify, evaluate_policy, VectorStlMonitor, ParallelStlMonitor),
+    "instants": (StepMonitor,),
+    "samples": (mine, evaluate_rollouts),
 }
 
 OTHERS: dict[str, tuple[Any, Any]] = {
@@ -70,35 +67,27 @@ def monitored(options: dict[str, Any]) -> StlMonitor[Any, Any]:
     return StlMonitor(env, "always(x < 1)", {"x": "obs[0]"}, **options)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_kinds_of_readings_have_the_types_of_the_options(kind: type) -> None:
-    types = Reading.__annotations__
-    assert {n: t.__forward_arg__ for n, t in kind.__annotations__.items()} == {
-        name: types[name] for name in kind.__annotations__
+def test_keyword_types_match_rows() -> None:
+    types = {
+        name: kind.__forward_arg__ for name, kind in EvaluationKeywords.__annotations__.items()
     }
+    assert types == {name: ROWS[name].type for name in names_for("runs")}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_keyword_is_listed_with_its_default_and_its_meaning(kind: type) -> None:
-    plain = Reading()
-    for function in KINDS[kind]:
-        listed = inspect.signature(function).parameters
-        init = vars(function).get("__init__") if isinstance(function, type) else None
-        described = f"{function.__doc__}{init.__doc__ if init else ''}"
-        for name in kind.__annotations__:
-            assert listed[name].default == getattr(plain, name), (function, name)
-            assert listed[name].kind is inspect.Parameter.KEYWORD_ONLY
-            assert f"{name}" in described or function is VectorStlMonitor
-        assert "reading" not in listed
-
-
-def test_help_says_what_each_option_means() -> None:
-    told = " ".join((simulate.__doc__ or "").split())
-    assert "**reading" not in told
-    assert 'nan: ``"raise"`` refuses a signal that is nan' in told
-    assert "at_truncation: How a time limit is read" in told
-    assert "substeps: Whether to take a sample after every step" in told
-    assert 'nan: ``"raise"`` refuses' in " ".join((Reading.__doc__ or "").split())
+@pytest.mark.parametrize(
+    ("calls", "function"),
+    [(calls, function) for calls, functions in CALLS.items() for function in functions],
+)
+def test_signatures_and_docstrings_list_options(calls: Calls, function: Callable[..., Any]) -> None:
+    parameters = inspect.signature(function).parameters
+    init = vars(function).get("__init__") if isinstance(function, type) else None
+    docstring = f"{function.__doc__}{init.__doc__ if init else ''}"
+    for name in names_for(calls):
+        assert parameters[name].default == ROWS[name].default
+        assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY
+        entry = " ".join(f"{name}: {ROWS[name].metadata['about']}".split())
+        assert entry in " ".join(docstring.split()) or function is VectorStlMonitor
+    assert "reading" not in parameters
 
 
 @pytest.mark.parametrize("function", [simulate, sweep, falsify, evaluate_policy, Runner])
@@ -126,7 +115,7 @@ def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
 ) -> None:
     for own in OTHERS[option]:
         over: dict[str, Any] = {option: value}
-        has = Reading(**{option: own}).whole(RunReading)
+        has = Reading(**{option: own}).whole("runs")
         if Reading(**over) == has or value is None:  # which is what a monitor says
             assert Reading(**over).over(has, "a", "b") == has
         else:
@@ -195,10 +184,10 @@ def test_what_a_monitor_has_may_be_said_again() -> None:
     assert plain.view == "step"
 
 
-def test_a_row_is_shown_and_checked_wherever_options_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = replace_row(ROWS["view"], name="gap", default="small", choices=("small", "large"))
+def test_one_row_defines_an_option(monkeypatch: pytest.MonkeyPatch) -> None:
+    row: Any = field(default="small", metadata={**ROWS["view"].metadata, "about": "The gap."})
+    row.name, row.type = "gap", "str"
     monkeypatch.setitem(ROWS, "gap", row)
-    kind: Any = TypedDict("kind", {"gap": str}, total=False)
 
     def judged(x: float, **reading: str) -> None:
         """Judges.
@@ -208,21 +197,13 @@ def test_a_row_is_shown_and_checked_wherever_options_are(monkeypatch: pytest.Mon
             **reading: How.
         """
 
-    shown = lists_reading(kind)(judged)
-    assert str(inspect.signature(shown)) == "(x: float, *, gap: str = 'small') -> None"
-    assert 'gap: ``"episode"``: a formula is about' in (shown.__doc__ or "")
+    documented = documents_options("instants")(judged)
+    assert str(inspect.signature(documented)).endswith(", gap: 'str' = 'small') -> None")
+    assert "gap: The gap." in (documented.__doc__ or "")
     parser = argparse.ArgumentParser()
-    add_reading(parser, "gap")
-    assert parser.parse_args(["--gap", "large"]).gap == "large"
+    add_options(parser, "--gap")
+    assert parser.parse_args(["--gap", "step"]).gap == "step"
     assert "gap" not in parser.parse_args([])
-    assert "(default: small)" in parser.format_help()
+    assert "the gap (default: small)" in parser.format_help()
     with pytest.raises(TypeError, match="unexpected keyword argument 'gpa'; did you mean 'gap'"):
-        checked_reading({"gpa": "large"}, shown, kind)
-
-
-def replace_row(row: Field[Any], name: str, default: str, choices: tuple[str, ...]) -> Field[Any]:
-    """A row like another, with a name, a default and choices of its own."""
-    made: Any = field(default=default, metadata={**row.metadata, "choices": choices})
-    made.name, made.type = name, str
-    found: Field[Any] = made
-    return found
+        checked_options({"gpa": "large"}, documented, "instants")

@@ -1,0 +1,279 @@
+"""Options of the command line: a row for each.
+
+A command lists its options in `add_options`: by the flags of the rows here, which several commands
+share, and as rows of its own. The evaluation options come from `rtamt_gym.options.evaluation`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import Field, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from rtamt_gym.options.evaluation import ROWS, Reading
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of a command, or an argument without a flag.
+
+    Attributes:
+        name: The flag and its value, as the help shows them: ``"--seed S"``. An option without a
+            value is a switch; a name without a flag, ``"SPEC"``, is an argument.
+        about: The sentence of the help; ``{trial}`` stands for the word of the command.
+        default: The default.
+        usual: The default in words, where the help does not show the value.
+        read: The function that reads the text.
+        choices: All values, if they are few.
+        repeat: Whether the option may be repeated; its value is a list then.
+        several: Whether the value is a list, of which the command reports all but the first.
+        nargs: As for `argparse`.
+        required: Whether a command line needs it.
+        dest: The attribute that holds the value, if it is not the name.
+        alias: A second flag.
+    """
+
+    name: str
+    about: str
+    default: Any = None
+    usual: str = ""
+    read: Callable[[str], Any] | None = None
+    choices: Iterable[Any] = ()
+    repeat: bool = False
+    several: bool = False
+    nargs: str | None = None
+    required: bool = False
+    dest: str = ""
+    alias: str = ""
+
+    def add_to(self, parser: argparse._ActionsContainer, trial: str) -> None:
+        """Add the option to a parser or to a group."""
+        flag, _, value = self.name.partition(" ")
+        flags = [each for each in (flag, self.alias) if each]
+        keywords: dict[str, Any] = {"help": self._help(trial), "default": self.default}
+        if not flag.startswith("-"):
+            flags, value = [self.dest or flag.lower()], flag
+        elif self.dest:
+            keywords["dest"] = self.dest
+        if not value and not self.choices:
+            keywords["action"] = "store_true"
+            keywords["default"] = False if self.default is None else self.default
+        else:
+            keywords |= {"metavar": value or None, "type": self.read}
+            keywords |= {"choices": tuple(self.choices)} if self.choices else {}
+            keywords |= {"nargs": self.nargs} if self.nargs else {}
+            keywords |= {"required": True} if self.required else {}
+        if self.repeat or self.several:
+            keywords["action"] = "append"
+            keywords["default"] = [] if self.default is None else self.default
+        parser.add_argument(*flags, **keywords)
+
+    def _help(self, trial: str) -> str:
+        text = self.about.replace("{trial}", trial).replace("%", "%%")
+        usual = self.usual or str(self.default)
+        shown = self.usual or not (self.default in {None, argparse.SUPPRESS} or "(default" in text)
+        repeated = "; may be repeated" if self.repeat else ""
+        return f"{text}{repeated}" + (f" (default: {usual})" if shown else "")
+
+
+def whole(text: str) -> int:
+    """Read a whole number."""
+    if not (text.isascii() and text.isdecimal()):
+        raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
+    return int(text)
+
+
+def positive(text: str) -> int:
+    """Read a whole number greater than 0."""
+    if not (text.isascii() and text.isdecimal()) or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"expected a whole number greater than 0, got {text!r}")
+    return int(text)
+
+
+def trials(text: str) -> int | Literal["all"]:
+    """Read the value of ``--require-triggered``."""
+    if text == "all":
+        return "all"
+    if not (text.isascii() and text.isdecimal()) or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"expected all or a whole number from 1 on, got {text!r}")
+    return int(text)
+
+
+_CHANGED = "the model, its source, its policy, rtamt or the simulator has changed"
+
+ALTHOUGH_CHANGED = f"although {_CHANGED} since; the output states it"
+
+_SHARED = (
+    Option("ENV_ID", "such as CartPole-v1 or module:Name-v0"),
+    Option(
+        "SYSTEM",
+        "the id of an environment, such as rtamt/ChasingCars-v0, CartPole-v1 or module:Name-v0; "
+        "module:function, or the path of a .fmu file, which need --vary",
+        dest="env_id",
+    ),
+    Option(
+        "--env-kwarg KEY=VALUE",
+        "an argument of the environment, its value in JSON or else text: frame_skip=2, "
+        "xml_file=./hopper.xml, 'config={\"duration\": 20}'",
+        repeat=True,
+    ),
+    Option(
+        "--spec SPEC",
+        "a formula, name = formula, the path of a .stl file, name=path, or the name of a "
+        "requirement of the scenario",
+        repeat=True,
+        usual="all of the scenario",
+    ),
+    Option(
+        "--signal NAME=SELECTOR",
+        "what a variable reads, as for rtamt run; variables of a scenario read what they name",
+        repeat=True,
+    ),
+    Option("--only NAME", "judge this requirement alone", repeat=True),
+    Option(
+        "--constant NAME=VALUE",
+        "the value of a constant, in place of the value in the text",
+        repeat=True,
+    ),
+    Option(
+        "--policy POLICY",
+        "how to act where no signal does: zero, baseline, sb3:FILE.zip or module:function",
+        usual="the scenario's own",
+    ),
+    Option("--seed S", "seed of the first {trial}, one more for each further one", 0, read=whole),
+    Option(
+        "--max-steps N",
+        "time limit of an episode in steps",
+        usual="the environment's own",
+        read=positive,
+    ),
+    Option("--duration SECONDS", "simulated time", usual="to the end", read=float),
+    Option(
+        "-j N",
+        "run simulations in N processes of their own: one that crashes loses itself alone",
+        read=positive,
+        dest="n_jobs",
+    ),
+    Option(
+        "--timeout SECONDS",
+        "end a simulation that takes longer, even if it hangs; it runs in another process",
+        read=float,
+    ),
+    Option(
+        "--folder FOLDER",
+        "keep finished {trial}s there; after an interruption the same command goes on, unless "
+        f"{_CHANGED}",
+        read=Path,
+    ),
+    Option(
+        "--accept-changed",
+        f"use the {{trial}}s in --folder {ALTHOUGH_CHANGED}",
+    ),
+    Option(
+        "--allow-failures N",
+        "how many simulations may fail, of which nothing is known; exit 3 if more do",
+        read=whole,
+    ),
+    Option(
+        "--require-triggered N",
+        "exit 3 if a requirement with an implication is triggered in fewer than N {trial}s and "
+        "nothing is violated; N stands behind =, as in --require-triggered=5, and may be all "
+        "(default without =N: 1)",
+        read=trials,
+        alias="--require-asked",
+    ),
+    Option(
+        "--require-answered",
+        "exit 3 too if the verdict on such a requirement hangs on an answer in no {trial}: each "
+        "that puts it to the test satisfies it without one, or leaves it open",
+    ),
+    Option(
+        "--min-duration TIME",
+        "exit 3 if a trace is shorter, such as 10s or 2h, and nothing is violated",
+    ),
+    Option(
+        "--apart OTHER",
+        "judge 'REQUIREMENT iff OTHER' in place of the requirement, which is violated where one of "
+        "the two holds and the other does not: OTHER is a mutant, for instance, that 'rtamt "
+        "monitor --mutants' has not noticed",
+    ),
+    Option(
+        "--vary NAME=LOW:HIGH",
+        "what is varied: a parameter, mass=1:2 or mass=1:2,log or gear=1|2|3; a signal over time, "
+        "throttle=0:100,points=7 or throttle=0:100,points=7,linear (or hold, pchip); or the name "
+        "alone of an input or a parameter of the scenario, which has a range",
+        usual="the inputs of the scenario",
+        repeat=True,
+    ),
+    Option(
+        "--set NAME=NUMBER",
+        "a parameter that has one value in all simulations",
+        repeat=True,
+    ),
+)
+
+
+def _evaluation(row: Field[Any]) -> Option:
+    """Return the row of an evaluation option; a command line without the option sets nothing."""
+    about = re.sub(r'`+"?|"?`+', "", row.metadata["about"]).rstrip(".")
+    choices = [choice for choice in row.metadata["choices"] if choice is not None]
+    flag, value = f"--{row.name.replace('_', '-')}", row.metadata["metavar"]
+    return Option(
+        f"{flag} {value}".strip(),
+        about[0].lower() + about[1:],
+        argparse.SUPPRESS,
+        "" if row.type == "bool" or row.default is None else str(row.default),
+        choices=choices,
+    )
+
+
+EPISODES = (
+    *("--period", "--view", "--semantics", "--align", "--at-termination", "--at-truncation"),
+    *("--below", "--rescaled"),
+)
+"""The evaluation options of commands that play episodes."""
+
+
+def shared(flag: str, **changes: Any) -> Option:  # noqa: ANN401 - fields of `Option`
+    """Return the row with this flag, with changes where a command differs."""
+    name = flag.removeprefix("--").replace("-", "_")
+    if flag.startswith("--") and name in ROWS and name != "stages":
+        return replace(_evaluation(ROWS[name]), **changes)
+    return replace(_BY_FLAG[flag], **changes)
+
+
+_BY_FLAG = {option.name.partition(" ")[0]: option for option in _SHARED}
+
+
+def add_options(
+    parser: argparse._ActionsContainer, *options: str | Option, trial: str = "trial"
+) -> None:
+    """Add options to a parser, or to a group of one.
+
+    Args:
+        parser: The parser of a command.
+        *options: Flags of shared rows, and rows, in the order of the help.
+        trial: The word of the command for one run, such as ``"episode"``.
+    """
+    for option in options:
+        (shared(option) if isinstance(option, str) else option).add_to(parser, trial)
+
+
+def read_evaluation_options(arguments: argparse.Namespace) -> Reading:
+    """Return the evaluation options of a command line."""
+    return Reading(**{name: value for name, value in vars(arguments).items() if name in ROWS})
+
+
+TRIGGERED = ("--require-triggered", "--require-asked")
+
+
+def with_default_count(words: Iterable[str]) -> list[str]:
+    """Return the command line with ``=1`` after each bare ``--require-triggered``.
+
+    The option takes a value only in the form ``--require-triggered=N``: the word after the bare
+    option is an argument of its own, such as a specification.
+    """
+    return [f"{word}=1" if word in TRIGGERED else word for word in words]
