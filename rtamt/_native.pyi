@@ -119,6 +119,7 @@ class EpisodeMachine:
         streams: Sequence[int],
         variables: tuple[str, ...],
         reader: SampleReader,
+        neutral: Sequence[int] = (),
     ) -> None: ...
     @property
     def samples(self) -> int: ...
@@ -299,6 +300,7 @@ class EpisodeBank:
         variables: tuple[str, ...],
         num: int,
         reader: LaneReader,
+        neutral: Sequence[int] = (),
     ) -> None: ...
     @property
     def samples(self) -> NDArray[np.int64]: ...

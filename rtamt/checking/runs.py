@@ -44,7 +44,7 @@ def truth_of_runs(
         times: The samples at which values may change, in order, from 0 on; the last run has no
             end.
     """
-    read = positive(program).reading(-0.0)
+    read = positive(program).with_zero(-0.0)
     until = read_until(read)
     known: dict[int, _Runs] = {}
 

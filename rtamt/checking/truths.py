@@ -77,7 +77,7 @@ def truth(
     Raises:
         TimeoutError: If it is too late.
     """
-    read = positive(program).reading(0.0 if world.best else -0.0)
+    read = positive(program).with_zero(0.0 if world.best else -0.0)
     return _Encoding(graph, samples, read, count, loop, deadline).at_begin(world)
 
 

@@ -29,7 +29,7 @@ from rtamt.program.encoding import (
 from rtamt.program.instructions import Const
 from rtamt.program.lowering import refuse_rates
 from rtamt.program.memory import limit_discrete, limit_episode
-from rtamt.program.placement import place, positive
+from rtamt.program.placement import place, variants_of
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
@@ -92,8 +92,8 @@ def sampled_programs(
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
     monitor = _monitor(running)
     registers, sources = _judged(program, late)
-    readings = _readings(program)
-    episodes = [*readings, *(_readings(replace(program, result=r))[-1] for r in registers)]
+    readings = variants_of(program)
+    episodes = [*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)]
     for each in episodes:
         limit_episode(each)
     if monitor is not None:
@@ -140,14 +140,6 @@ def _said(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
     }
 
 
-def _readings(program: Program) -> list[Program]:
-    """The program of an episode; two if it has neutral predicates, with -0.0 and with 0.0."""
-    if not program.neutral:
-        return [program]
-    plain = positive(program)
-    return [plain.reading(-0.0), plain.reading(0.0)]
-
-
 def _monitor(program: Program) -> Program | None:
     """The program of the named formulas that have a latency; None without named formulas.
 
@@ -175,7 +167,7 @@ def dense_programs(
     )
     registers, sources = _judged(regions.program, late)
     results = [regions, *(regions.of(register) for register in registers)]
-    readings = [_readings(each.program) for each in results]
+    readings = [variants_of(each.program) for each in results]
     # The simulator's time is in seconds, whatever the unit of the specification is.
     clock = clock_of(whole.resolution)
     written = DenseFile(

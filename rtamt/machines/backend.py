@@ -22,7 +22,7 @@ from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns
 from rtamt.machines.discrete import PythonDiscreteMachine
-from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
+from rtamt.machines.episode.variants import PythonEpisodeVariants
 from rtamt.machines.protocols import (
     ClockBank,
     DenseEpisodeMachine,
@@ -36,7 +36,6 @@ from rtamt.machines.protocols import (
     EpisodeRun,
 )
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
-from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.program import Program
@@ -91,12 +90,12 @@ class Factories:
 BACKENDS: Final[dict[BackendName, Factories]] = {
     "python": Factories(
         PythonDiscreteMachine,
-        machine_with_neutrals(PythonUncertainEpisode),
+        PythonEpisodeVariants,
         PythonDenseMachine,
         PythonDenseEpisodeMachine,
         PythonDenseSigns,
         PythonDiscreteBank,
-        bank_with_neutrals(PythonEpisodeBank),
+        PythonEpisodeBank,
         PythonClockBank,
         Clock,
         term_columns,
@@ -119,12 +118,12 @@ except ModuleNotFoundError as absent:  # a module that is there but does not loa
 else:
     BACKENDS["native"] = Factories(
         native.discrete_machine,
-        machine_with_neutrals(native.episode_machine),
+        native.episode_machine,
         native.dense_machine,
         native.dense_episode_machine,
         native.dense_signs,
         native.discrete_bank,
-        bank_with_neutrals(native.episode_bank),
+        native.episode_bank,
         native.clock_bank,
         native.NativeClock,
         native.term_columns,

@@ -12,14 +12,14 @@ from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
+from rtamt.machines.episode.variants import PythonEpisodeVariants
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdicts_of
 from rtamt.machines.state import StateFields
-from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.program import Program
 
-_Machine = PythonDiscreteMachine | PythonUncertainEpisode
-_M = TypeVar("_M", PythonDiscreteMachine, PythonUncertainEpisode)
+_Machine = PythonDiscreteMachine | PythonEpisodeVariants
+_M = TypeVar("_M", PythonDiscreteMachine, PythonEpisodeVariants)
 
 
 class _PythonBank(StateFields, Generic[_M]):
@@ -91,12 +91,12 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
         return self._each("result")
 
 
-class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
+class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
     """Machines that bound the robustness of an episode, in lockstep."""
 
     def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
         super().__init__(
-            (PythonUncertainEpisode(program, reader.lane(i)) for i in range(num)), reader
+            (PythonEpisodeVariants(program, reader.lane(i)) for i in range(num)), reader
         )
         self._variables = program.inputs
 

@@ -221,7 +221,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
         best: Whether neutral predicates are 0.0, as in the upper bound; in the lower, -0.0.
     """
     zero = 0.0 if best else -0.0
-    exact, program = (positive(p).reading(zero) for p in (program, program.clamped(n)))
+    exact, program = (positive(p).with_zero(zero) for p in (program, program.clamped(n)))
     behind = range(program.terms, len(program.instructions))
     read = {a for r in behind for a in program.formula(r).args} | {program.result}
     # The constants stay where they are: they keep their value at unseen samples.

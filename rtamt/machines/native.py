@@ -21,7 +21,7 @@ from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns, everywhere
-from rtamt.machines.dense.rows import RegionRows, declared_of, dense_of, readings_of
+from rtamt.machines.dense.rows import RegionRows, declared_of, dense_of
 from rtamt.machines.protocols import DenseSigns, End, EpisodeBank, EpisodeRun
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
@@ -37,7 +37,7 @@ from rtamt.program.encoding import (
     encoded_regions,
     encoded_terms,
 )
-from rtamt.program.placement import Placement, place
+from rtamt.program.placement import Placement, neutral_registers, place, variants_of
 from rtamt.program.program import Program
 
 read_only = _native.read_only
@@ -53,7 +53,7 @@ def discrete_machine(
 
 
 def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMachine:
-    return _native.EpisodeMachine(*encoded_episode(program), reader)
+    return _native.EpisodeMachine(*encoded_episode(program), reader, neutral_registers(program))
 
 
 def episode_run(
@@ -146,7 +146,7 @@ def dense_episode_machine(
     if reader.unknown:  # the machine in C++ takes numbers
         return dense_episode_on_regions(program, reader)
     readings = [
-        (encoded_terms(each), encoded_regions(place(each))) for each in readings_of(program.program)
+        (encoded_terms(each), encoded_regions(place(each))) for each in variants_of(program.program)
     ]
     variables, clock = program.program.variables, clock_of(dense_of(program).tick)
     declared = declared_of(program.program).before
@@ -169,7 +169,7 @@ def dense_signs(
 def _encoded_signs(
     program: RegionProgram,
 ) -> tuple[tuple[DiscreteRow, ...], tuple[EncodedRegionRow, ...], int, tuple[float, int, int]]:
-    (known,) = readings_of(program.program)
+    (known,) = variants_of(program.program)
     rows, clock = encoded_regions(everywhere(known)).rows, clock_of(dense_of(program).tick)
     return encoded_terms(known), rows, known.result, clock
 
@@ -179,7 +179,7 @@ def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.Dis
 
 
 def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
-    return _native.EpisodeBank(*encoded_episode(program), num, reader)
+    return _native.EpisodeBank(*encoded_episode(program), num, reader, neutral_registers(program))
 
 
 def clock_bank(clocks: Sequence[OperatorClock], parts: int, num: int) -> _native.ClockBank:

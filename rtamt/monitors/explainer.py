@@ -38,7 +38,6 @@ from rtamt.machines.dense.rows import (
     TraceValues,
     Waiting,
     dense_of,
-    readings_of,
     terms_of,
     together,
 )
@@ -76,6 +75,7 @@ from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram, regions_of_all
 from rtamt.program.instructions import Map, operands
 from rtamt.program.interface import Interface, PredicateValue
+from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, alignment, samples
 
@@ -598,7 +598,7 @@ class _RegionRun:
             return RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
         part = self._program.restricted(register, {})
         places = 2 * (self._values.ticks - self._begin)
-        tables = terms_of(readings_of(part), self._terms, self._reader, self._values)
+        tables = terms_of(variants_of(part), self._terms, self._reader, self._values)
         rows = [RegionRows(places, table) for table in tables]
         _, runs = recorded(part, rows, self._last, "complete")
         return RobustnessSignal(runs.last, runs.starts)

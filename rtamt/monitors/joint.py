@@ -57,8 +57,8 @@ def joint_feed(
         number: The class of the numbers that are returned: ``float`` or ``numpy.float64``.
 
     Returns:
-        What feeds them; None where a monitor runs in Python, keeps a history, or has predicates
-        that count 0 under an interface-aware semantics: then feed one after the other.
+        What feeds them; None where a monitor runs in Python or keeps a history: then feed one after
+        the other.
 
     Example:
         >>> import rtamt

@@ -148,8 +148,8 @@ def _episode_needs(program: Program) -> int:
 
 
 def _machines(program: Program, *, unknown: bool) -> int:
-    """How many machines bound an episode: pairs for neutral predicates and for unknown samples."""
-    return (2 if program.neutral else 1) * (2 if unknown else 1)
+    """Return the number of machines of an episode; see `rtamt.machines.episode.variants`."""
+    return 1 + program.neutral + unknown
 
 
 def _where(lanes: int) -> str:

@@ -165,3 +165,23 @@ class _Writer:
         self.is_term.append(term)
         self.origins.append(origin)
         return len(self.instructions) - 1
+
+
+@functools.lru_cache(maxsize=512)
+def variants_of(program: Program) -> tuple[Program, ...]:
+    """Return the program without negations; with neutral predicates, with -0.0 and with 0.0.
+
+    A negated neutral predicate is as neutral, and its worst value is -0.0 too.
+    """
+    known = positive(program)
+    return (known.with_zero(-0.0), known.with_zero(0.0)) if program.neutral else (known,)
+
+
+@functools.lru_cache(maxsize=512)
+def neutral_registers(program: Program) -> tuple[int, ...]:
+    """Return the registers of neutral predicates in the programs of `variants_of`."""
+    return tuple(
+        register
+        for register, term in enumerate(positive(program).instructions)
+        if isinstance(term, Const) and term.neutral
+    )

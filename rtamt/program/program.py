@@ -300,8 +300,8 @@ class Program:
         """Whether a predicate is neutral, so that a robustness of 0 may have no verdict."""
         return any(isinstance(i, Const) and i.neutral for i in self.instructions)
 
-    def reading(self, zero: float) -> Program:
-        """The program in which every neutral constant is this zero, which has a sign."""
+    def with_zero(self, zero: float) -> Program:
+        """Return the program in which every neutral constant is this zero, which has a sign."""
         instructions = tuple(
             Const(zero) if isinstance(i, Const) and i.neutral else i for i in self.instructions
         )

@@ -32,7 +32,6 @@ from rtamt.machines.dense.rows import (
     TraceValues,
     Waiting,
     declared_of,
-    readings_of,
     terms_of,
     together,
 )
@@ -45,7 +44,7 @@ from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.instructions import Const, Map, Window
-from rtamt.program.placement import Placement, place
+from rtamt.program.placement import Placement, place, variants_of
 
 
 class Regions(StateFields):
@@ -182,7 +181,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
 
     From the first value on that is not known, twins of the last registers go on from their state:
     they take the greatest values of all terms, and the others the least, as
-    `rtamt.machines.uncertain` does over samples.
+    `rtamt.machines.episode.variants` does over samples.
 
     Args:
         regions: The program.
@@ -228,7 +227,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         self._program = regions
         self._make = make
         self._find, self._ranges = find, ranges
-        self._programs = readings_of(regions.program)
+        self._programs = variants_of(regions.program)
         self._readings = [make(place(program)) for program in self._programs]
         self._declared = declared_of(regions.program)
         self._waiting = [Waiting(value) for value in self._declared.before]

@@ -13,14 +13,14 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.machines.dense.episode import Regions
 from rtamt.machines.dense.regions import CUT, LOWER, NOW, UPPER, WORLDS
-from rtamt.machines.dense.rows import FindBoth, RegionRows, readings_of, rows_between
+from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
 from rtamt.machines.terms import term_columns, term_ranges
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.implications import Counted, InstantRuns
 from rtamt.program.instructions import Const, Window
-from rtamt.program.placement import Placement
+from rtamt.program.placement import Placement, variants_of
 from rtamt.program.program import Program
 
 
@@ -54,7 +54,7 @@ def recorded(
     worlds: Sequence[int] = (NOW,) if low == NOW else WORLDS
     if low != NOW and end == "cut":
         (low, high), worlds = CUT, (*WORLDS, *CUT)
-    programs = readings_of(program)
+    programs = variants_of(program)
     ends = [(programs[0], rows[0], low)]
     if len(rows) > 1 or low != high:
         ends.append((programs[-1], rows[-1], high))
@@ -104,7 +104,7 @@ class DenseOutlook:
         self.last = last
         self._worlds = CUT if cut else (LOWER, UPPER)
         self._readings = []
-        programs = readings_of(program)
+        programs = variants_of(program)
         greatest = programs[-1:] * (len(rows) - len(programs))
         for each, its in zip((*programs, *greatest), rows, strict=True):
             self.program = each

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +20,7 @@ from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindRanges, FindTerms
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
-from rtamt.program.placement import positive
+from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 
 
@@ -202,13 +201,6 @@ class RegionRows(NamedTuple):
         return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
 
 
-@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
-def readings_of(program: Program) -> tuple[Program, ...]:
-    """The program without negations; if it has neutral predicates, with -0.0 and with 0.0."""
-    known = positive(program)
-    return (known.reading(-0.0), known.reading(0.0)) if program.neutral else (known,)
-
-
 def dense_of(regions: RegionProgram) -> DenseProgram:
     """The program for a reader of its events."""
     return DenseProgram(regions.program, regions.resolution)
@@ -226,7 +218,7 @@ def rows_of(
         terms: Evaluates terms.
 
     Returns:
-        The terms are those of each of `readings_of`, the least ones, and the greatest ones of the
+        The terms are those of each of `variants_of`, the least ones, and the greatest ones of the
         last of them if not all values are known.
     """
     columns, dated = reader.counted(given, [-math.inf] * len(given), None)
@@ -257,7 +249,7 @@ def rows_between(
         ticks = np.concatenate([[begin], ticks])
         at_ticks = [values_at(ticks, waiting.upto(last)) for waiting in events]
     values = TraceValues(ticks, at_ticks, dated)
-    found = terms_of(readings_of(regions.program), terms, reader, values)
+    found = terms_of(variants_of(regions.program), terms, reader, values)
     return [RegionRows(2 * (values.ticks - begin), each) for each in found]
 
 

@@ -23,6 +23,10 @@ public:
     // observed register is the result; the others are those whose values run returns.
     DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
             const std::vector<Observed>& observed);
+    // Runs terms alone.
+    DiscreteMachine(const std::vector<DiscreteRow>& terms, std::size_t variables)
+        : DiscreteMachine(terms, terms.size(), variables,
+                          {{terms.empty() ? 0 : terms.size() - 1, 0}}) {}
     DiscreteMachine(const DiscreteMachine&) = delete;
     DiscreteMachine& operator=(const DiscreteMachine&) = delete;
 

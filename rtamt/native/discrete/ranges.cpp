@@ -20,7 +20,7 @@ Range found(Opcode opcode, const Range& x, const Range& y) {
 }  // namespace
 
 TermRanges::TermRanges(const std::vector<DiscreteRow>& terms, std::size_t variables)
-    : program_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
+    : program_(terms, variables),
       ranges_(terms.size()) {
     for (const std::uint32_t slot : program_.constants_) {
         const double value = program_.initial_[slot];

@@ -49,31 +49,30 @@ std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<FormulaRow>&
 
 class EpisodeMachine::Builder {
 public:
-    Builder(EpisodeMachine& machine, const std::vector<DiscreteRow>& terms,
-            const std::vector<FormulaRow>& formulas)
+    Builder(EpisodeMachine& machine, const Program& program)
         : machine_(machine),
-          terms_(terms),
-          formulas_(formulas),
-          initial_(terms.size() + formulas.size()),
+          program_(program),
+          terms_(program.terms),
+          initial_(terms_.size() + program.formulas.size()),
           streams_(initial_.size()) {}
 
-    void build(const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams) {
-        for (const std::size_t r : streams)
+    void build() {
+        for (const std::size_t r : program_.streams)
             machine_.workspace_.unknowns.count += r >= terms_.size() && unsettled(formula(r));
         if (machine_.workspace_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
-        for (const std::size_t r : streams) {
+        for (const std::size_t r : program_.streams) {
             machine_.streams_.push_back(r < terms_.size() ? leaf(r) : stream(formula(r)));
             streams_.at(r) = machine_.streams_.back().get();
         }
-        for (const std::size_t r : initial) {
+        for (const std::size_t r : program_.initial) {
             machine_.initial_.push_back(r < terms_.size() ? term(r) : initial_value(formula(r)));
             initial_.at(r) = machine_.initial_.back().get();
         }
-        if (initial.empty()) refuse("expected a result, got none");
+        if (program_.initial.empty()) refuse("expected a result, got none");
     }
 
 private:
-    const FormulaRow& formula(std::size_t r) const { return formulas_.at(r - terms_.size()); }
+    const FormulaRow& formula(std::size_t r) const { return program_.formula(r); }
     static bool unsettled(const FormulaRow& f) { return f.kind == "WINDOW" && !f.hi; }
     static bool maps(const FormulaRow& f) {
         if (f.kind != "MAP" && f.kind != "WINDOW") refuse("unknown kind '" + f.kind + "'");
@@ -124,19 +123,16 @@ private:
     }
 
     EpisodeMachine& machine_;
+    const Program& program_;
     const std::vector<DiscreteRow>& terms_;
-    const std::vector<FormulaRow>& formulas_;
     std::vector<InitialValue*> initial_;
     std::vector<Stream*> streams_;
 };
 
-EpisodeMachine::EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                               const std::vector<FormulaRow>& formulas,
-                               const std::vector<std::size_t>& initial,
-                               const std::vector<std::size_t>& streams)
-    : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
-      fingerprint_(fingerprint_of(terms_.fingerprint(), formulas)) {
-    Builder(*this, terms, formulas).build(initial, streams);
+EpisodeMachine::EpisodeMachine(const Program& program)
+    : terms_(program.terms, program.variables),
+      fingerprint_(fingerprint_of(terms_.fingerprint(), program.formulas)) {
+    Builder(*this, program).build();
     for (const auto& value : initial_) value->demand();
     propagate_demands();
     for (const auto& stream : streams_) stream->prepare();

@@ -40,17 +40,22 @@ struct FormulaRow {
     }
 };
 
+struct Program {
+    std::vector<DiscreteRow> terms;  // in the order of their registers
+    std::size_t variables;
+    std::vector<FormulaRow> formulas;   // the registers after the terms
+    std::vector<std::size_t> initial;   // registers read at time 0 alone; the last is the result
+    std::vector<std::size_t> streams;   // registers read at all times
+
+    const FormulaRow& formula(std::size_t r) const { return formulas.at(r - terms.size()); }
+};
+
 }  // namespace episode
 
 class EpisodeMachine {
 public:
-    // Takes the rows of the terms in the order of their registers; the formulas behind them; the
-    // registers that are read at time 0 alone, of which the last is the result; those that are read
-    // at all times. Rows are checked as far as memory needs it.
-    EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                   const std::vector<episode::FormulaRow>& formulas,
-                   const std::vector<std::size_t>& initial,
-                   const std::vector<std::size_t>& streams);
+    // Checks the rows of the program as far as memory needs it.
+    explicit EpisodeMachine(const episode::Program& program);
     EpisodeMachine(const EpisodeMachine&) = delete;
     EpisodeMachine& operator=(const EpisodeMachine&) = delete;
     ~EpisodeMachine();

@@ -47,8 +47,8 @@ public:
                 m.observed.empty() ? std::vector<Observed>{{0, 0}} : m.observed);
         }
         for (const EpisodeProgram& e : program.episodes)
-            episodes_.push_back(std::make_unique<EpisodeMachine>(
-                e.terms.with(numbers), variables, e.formulas, e.initial, e.streams));
+            episodes_.push_back(std::make_unique<EpisodeMachine>(episode::Program{
+                e.terms.with(numbers), variables, e.formulas, e.initial, e.streams}));
         worst_ = episodes_.front().get();
         best_ = episodes_[program.readings - 1].get();
     }

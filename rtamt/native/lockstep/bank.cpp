@@ -154,15 +154,12 @@ void DiscreteBank::fields(Snapshot& s) {
         for (const auto& memory : formula.memories) memory->fields(s);
 }
 
-EpisodeBank::EpisodeBank(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                         const std::vector<episode::FormulaRow>& formulas,
-                         const std::vector<std::size_t>& initial,
-                         const std::vector<std::size_t>& streams, std::size_t num)
-    : Bank(terms, terms.size(), variables, {0, 0}, num), values_(num) {
+EpisodeBank::EpisodeBank(const episode::Program& program, std::size_t num)
+    : Bank(program.terms, program.terms.size(), program.variables, {0, 0}, num), values_(num) {
     if (num == 0) throw std::invalid_argument("expected a lane, got none");
-    const EpisodeMachine checked(terms, variables, formulas, initial, streams);
+    const EpisodeMachine checked(program);
     fingerprint_ = fingerprint_of(checked.fingerprint(), num);
-    episodes_ = lockstep::episodes_of(terms, variables, formulas, initial, streams, values_);
+    episodes_ = lockstep::episodes_of(program, values_);
 }
 
 std::size_t EpisodeBank::take(const Table& table, const std::uint8_t* mask) {

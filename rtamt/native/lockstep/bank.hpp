@@ -81,10 +81,7 @@ private:
 // Episode machines in lockstep.
 class EpisodeBank : public Bank {
 public:
-    EpisodeBank(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                const std::vector<episode::FormulaRow>& formulas,
-                const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams,
-                std::size_t num);
+    EpisodeBank(const episode::Program& program, std::size_t num);
 
     const std::int64_t* samples() const { return values_.samples.data(); }
     const std::uint8_t* finished() const { return values_.finished.data(); }

@@ -24,22 +24,21 @@ struct Range {
 
 class Builder {
 public:
-    Builder(const std::vector<DiscreteRow>& terms, const std::vector<FormulaRow>& formulas,
-            std::size_t num)
-        : terms_(terms),
-          formulas_(formulas),
+    Builder(const episode::Program& program, std::size_t num)
+        : program_(program),
+          terms_(program.terms),
           num_(num),
-          columns(terms.size(), num),
+          columns(terms_.size(), num),
           minus_(columns.constant(-kInfinity)),
           plus_(columns.constant(kInfinity)),
-          ranges_(terms.size() + formulas.size()),
+          ranges_(terms_.size() + program.formulas.size()),
           tails_(ranges_.size()) {}
 
     // Whether all registers can be columns; then they are made.
-    bool build(const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams) {
-        for (const std::size_t r : streams) read(r);
+    bool build() {
+        for (const std::size_t r : program_.streams) read(r);
         std::vector<InitialColumns*> made(ranges_.size());
-        for (const std::size_t r : initial) {
+        for (const std::size_t r : program_.initial) {
             std::unique_ptr<InitialColumns> value = initial_value(r, made);
             if (value == nullptr) return false;
             made[r] = value.get();
@@ -49,7 +48,7 @@ public:
     }
 
 private:
-    const FormulaRow& formula(std::size_t r) const { return formulas_[r - terms_.size()]; }
+    const FormulaRow& formula(std::size_t r) const { return program_.formula(r); }
     static bool maps(const FormulaRow& f) { return f.kind == "MAP"; }
     static bool single(const FormulaRow& f) { return f.name == "min" || f.name == "max"; }
     static double choice(bool is_min, double x, double y) {
@@ -151,8 +150,8 @@ private:
         return true;
     }
 
+    const episode::Program& program_;
     const std::vector<DiscreteRow>& terms_;
-    const std::vector<FormulaRow>& formulas_;
     std::size_t num_;
 
 public:
@@ -262,13 +261,10 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Episodes> column_episodes(const std::vector<DiscreteRow>& terms,
-                                          const std::vector<episode::FormulaRow>& formulas,
-                                          const std::vector<std::size_t>& initial,
-                                          const std::vector<std::size_t>& streams,
+std::unique_ptr<Episodes> column_episodes(const episode::Program& program,
                                           EpisodeValues& values) {
-    Builder builder(terms, formulas, values.samples.size());
-    if (!builder.build(initial, streams)) return nullptr;
+    Builder builder(program, values.samples.size());
+    if (!builder.build()) return nullptr;
     return std::make_unique<ColumnEpisodes>(std::move(builder.columns),
                                             std::move(builder.initial_columns), values);
 }

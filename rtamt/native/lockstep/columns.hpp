@@ -7,10 +7,7 @@
 namespace rtamt::lockstep {
 
 // As episodes_of; null if the program has another form.
-std::unique_ptr<Episodes> column_episodes(const std::vector<DiscreteRow>& terms,
-                                          const std::vector<episode::FormulaRow>& formulas,
-                                          const std::vector<std::size_t>& initial,
-                                          const std::vector<std::size_t>& streams,
+std::unique_ptr<Episodes> column_episodes(const episode::Program& program,
                                           EpisodeValues& values);
 
 }  // namespace rtamt::lockstep

@@ -10,14 +10,10 @@ namespace {
 // A machine for each lane.
 class MachineEpisodes final : public Episodes {
 public:
-    MachineEpisodes(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                    const std::vector<episode::FormulaRow>& formulas,
-                    const std::vector<std::size_t>& initial,
-                    const std::vector<std::size_t>& streams, EpisodeValues& values)
-        : values_(values), sample_(variables) {
+    MachineEpisodes(const episode::Program& program, EpisodeValues& values)
+        : values_(values), sample_(program.variables) {
         for (std::size_t lane = 0; lane < values.samples.size(); ++lane) {
-            machines_.push_back(
-                std::make_unique<EpisodeMachine>(terms, variables, formulas, initial, streams));
+            machines_.push_back(std::make_unique<EpisodeMachine>(program));
             publish(lane);
         }
     }
@@ -67,13 +63,9 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Episodes> episodes_of(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                                      const std::vector<episode::FormulaRow>& formulas,
-                                      const std::vector<std::size_t>& initial,
-                                      const std::vector<std::size_t>& streams,
-                                      EpisodeValues& values) {
-    if (auto columns = column_episodes(terms, formulas, initial, streams, values)) return columns;
-    return std::make_unique<MachineEpisodes>(terms, variables, formulas, initial, streams, values);
+std::unique_ptr<Episodes> episodes_of(const episode::Program& program, EpisodeValues& values) {
+    if (auto columns = column_episodes(program, values)) return columns;
+    return std::make_unique<MachineEpisodes>(program, values);
 }
 
 }  // namespace rtamt::lockstep

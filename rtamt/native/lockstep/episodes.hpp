@@ -42,10 +42,6 @@ public:
 };
 
 // Makes the episodes of a program; the values are theirs to write.
-std::unique_ptr<Episodes> episodes_of(const std::vector<DiscreteRow>& terms, std::size_t variables,
-                                      const std::vector<episode::FormulaRow>& formulas,
-                                      const std::vector<std::size_t>& initial,
-                                      const std::vector<std::size_t>& streams,
-                                      EpisodeValues& values);
+std::unique_ptr<Episodes> episodes_of(const episode::Program& program, EpisodeValues& values);
 
 }  // namespace rtamt::lockstep

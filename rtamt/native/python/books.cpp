@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/widest.hpp"
-#include "lockstep/uncertain.hpp"
+#include "lockstep/variants.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -16,7 +16,7 @@
 namespace rtamt {
 namespace {
 
-using EpisodeObject = Object<UncertainBank>;
+using EpisodeObject = Object<BankVariants>;
 using Banks = std::vector<EpisodeObject*>;
 
 // The banks of a tuple, one or more, all of as many lanes.
@@ -74,7 +74,7 @@ nb::object least(const nb::tuple& objects, const std::string& name, nb::handle f
         failed.is_none() ? nullptr : elements_of<std::uint8_t>(failed, banks.size() * num);
     nb::object array = new_doubles(num, out);
     for (std::size_t k = 0; k < banks.size(); ++k) {
-        const UncertainBank& bank = banks[k]->machine;
+        const BankVariants& bank = banks[k]->machine;
         const double* values = name == "robustness" ? bank.results()
                                : name == "lower"    ? bank.lower()
                                                     : bank.upper();
@@ -114,7 +114,7 @@ std::size_t feed(const nb::tuple& objects, const nb::tuple& columns, nb::handle 
     if (all.data == nullptr) return 0;
     std::vector<std::size_t> picked;
     for (std::size_t k = 0; k < banks.size(); ++k) {
-        UncertainBank& bank = banks[k]->machine;
+        BankVariants& bank = banks[k]->machine;
         picked.clear();
         for (nb::handle column : nb::cast<nb::tuple>(columns[k]))
             picked.push_back(nb::cast<std::size_t>(column));
@@ -156,7 +156,7 @@ RTAMT_LOOP void find_new(const std::int64_t* settled_at, const double* lower, co
     *found = any >> 63 != 0;
 }
 
-int verdict_in(const UncertainBank& bank, std::size_t lane, bool failed) {
+int verdict_in(const BankVariants& bank, std::size_t lane, bool failed) {
     return failed ? -1 : verdict_of(bank.lower()[lane], bank.upper()[lane]);
 }
 
@@ -172,7 +172,7 @@ void note(const nb::tuple& objects, nb::handle mask, nb::handle settled_at, nb::
     auto* at = elements_of<std::int64_t>(violated_at, num);
     const std::uint8_t* chosen = mask_of(mask, num);
     for (std::size_t k = 0; k < banks.size(); ++k) {
-        const UncertainBank& bank = banks[k]->machine;
+        const BankVariants& bank = banks[k]->machine;
         const double* lower = bank.lower();
         const double* upper = bank.upper();
         std::int64_t* row = decided + k * num;
@@ -268,7 +268,7 @@ nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed
     std::fill(success, success + chosen.count, std::uint8_t{1});
     std::fill(open, open + chosen.count, std::uint8_t{0});
     for (std::size_t k = 0; k < specs; ++k) {
-        const UncertainBank& bank = banks[k]->machine;
+        const BankVariants& bank = banks[k]->machine;
         for (std::size_t i = 0; i < chosen.count; ++i) {
             const std::size_t lane = chosen[i];
             const bool is = bank.samples()[lane] > 0;

@@ -12,13 +12,14 @@ namespace {
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                const nb::sequence& initial, const nb::sequence& streams,
-               const nb::tuple& variables, nb::object reader) {
+               const nb::tuple& variables, nb::object reader, const nb::sequence& neutral) {
     const nb::object policy = nb::getattr(reader, "nan", nb::none());
     const bool nan_is_unknown = policy.equal(nb::str("unknown"));
     Arguments names(variables);
     new (self) EpisodeObject{
-        {{UncertainEpisode(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
-                         registers_of(initial), registers_of(streams)),
+        {{EpisodeVariants({discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+                           registers_of(initial), registers_of(streams)},
+                          registers_of(neutral)),
           std::move(reader)},
          std::move(names)},
         {},
@@ -28,7 +29,7 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
 // Takes in samples until one is refused. Gives the first that decided the verdict, None if none did.
 nb::object run(EpisodeObject& object, const nb::sequence& columns, std::size_t n) {
     require_open(object);
-    UncertainEpisode& machine = object.machine;
+    EpisodeVariants& machine = object.machine;
     const Arrays arrays(machine.variables(), 0, columns, n);
     require_open(object);
     const std::int64_t first = machine.samples();
@@ -64,7 +65,7 @@ void show_in(EpisodeObject& object, nb::handle monitor, const nb::sequence& slot
 }
 
 // The number that a function of the machine gives.
-template <double (UncertainEpisode::*number)() const>
+template <auto number>
 double get(const EpisodeObject& object) {
     return (object.machine.*number)();
 }
@@ -83,15 +84,17 @@ void bind_episode(nb::module_& m) {
         "    initial: Registers that are read at time 0 alone, the result last.\n"
         "    streams: Registers that are read at all times.\n"
         "    variables: Names of the inputs.\n"
-        "    reader: Reads the rare forms of arguments, and raises all errors.",
+        "    reader: Reads the rare forms of arguments, and raises all errors.\n"
+        "    neutral: Terms that are neutral predicates.",
         methods)
         .def("__init__", construct, nb::arg("terms"), nb::arg("formulas"), nb::arg("initial"),
-             nb::arg("streams"), nb::arg("variables"), nb::arg("reader"))
-        .def_prop_ro("robustness", get<&UncertainEpisode::result>,
+             nb::arg("streams"), nb::arg("variables"), nb::arg("reader"),
+             nb::arg("neutral") = nb::tuple())
+        .def_prop_ro("robustness", get<&EpisodeVariants::result>,
                      "The robustness if the episode ended now.")
-        .def_prop_ro("lower", get<&UncertainEpisode::lower>,
+        .def_prop_ro("lower", get<&EpisodeVariants::lower>,
                      "The least robustness over all continuations.")
-        .def_prop_ro("upper", get<&UncertainEpisode::upper>,
+        .def_prop_ro("upper", get<&EpisodeVariants::upper>,
                      "The greatest robustness over all continuations.")
         .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
                      "Whether the episode has ended.")

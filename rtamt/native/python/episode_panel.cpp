@@ -137,7 +137,7 @@ struct Numbers {
 Numbers least(const EpisodePanel& panel) {
     Numbers found;
     for (const Part& part : panel.parts) {
-        const UncertainEpisode& machine = part.object->machine;
+        const EpisodeVariants& machine = part.object->machine;
         found.robustness = alone::lesser(found.robustness, machine.result());
         found.lower = alone::lesser(found.lower, machine.lower());
         found.upper = alone::lesser(found.upper, machine.upper());

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "lockstep/uncertain.hpp"
+#include "lockstep/variants.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -14,7 +14,7 @@
 namespace rtamt {
 namespace {
 
-using EpisodeObject = Object<UncertainBank>;
+using EpisodeObject = Object<BankVariants>;
 
 // The elements of an array, and what keeps them where they are.
 template <class Elements>
@@ -63,7 +63,7 @@ nb::object finished(const EpisodeObject& object) {
 
 nb::object unknown(const EpisodeObject& object) {
     static const NewArray array("bool");
-    const UncertainBank& bank = object.machine;
+    const BankVariants& bank = object.machine;
     const std::size_t num = bank.num();
     const std::size_t width = bank.variables();
     const nb::object found = array.make<bool>(num * width, [&](std::size_t i) {
@@ -142,7 +142,7 @@ void require_open(const EpisodeObject& object, const std::uint8_t* mask) {
 
 nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle mask,
                            nb::handle upper) {
-    UncertainBank& bank = object.machine;
+    BankVariants& bank = object.machine;
     const nb::object plain = table_of(object, values).array;
     nb::object above = nb::none();
     if (!upper.is_none()) above = table_of(object, upper).array;
@@ -173,7 +173,7 @@ void reset_lanes(Object<B>& object, nb::handle mask) {
 }
 
 nb::object finish(EpisodeObject& object, nb::handle mask, const std::string& end) {
-    UncertainBank& bank = object.machine;
+    BankVariants& bank = object.machine;
     const End reading = end_of(end);
     const auto chosen = mask_of(object, mask);
     require(
@@ -209,10 +209,12 @@ void construct_discrete(Object<DiscreteBank>* self, const nb::sequence& rows, st
 
 void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                        const nb::sequence& initial, const nb::sequence& streams,
-                       const nb::tuple& variables, std::size_t num, nb::object reader) {
+                       const nb::tuple& variables, std::size_t num, nb::object reader,
+                       const nb::sequence& neutral) {
     new (self) EpisodeObject{
-        UncertainBank(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
-                    registers_of(initial), registers_of(streams), num),
+        BankVariants({discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+                      registers_of(initial), registers_of(streams)},
+                     registers_of(neutral), num),
         std::move(reader)};
 }
 
@@ -237,25 +239,25 @@ void bind_banks(nb::module_& m) {
              nb::arg("mask").none() = nb::none(),
              "Take in a sample in each lane that the mask chooses; return the results of all.");
 
-    bank_class<UncertainBank>(
+    bank_class<BankVariants>(
         m, "EpisodeBank",
         "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBank says.\n\n"
         "Args:\n"
-        "    terms, formulas, initial, streams, variables: The same as for EpisodeMachine.\n"
+        "    terms, formulas, initial, streams, variables, neutral: As for EpisodeMachine.\n"
         "    num: The number of lanes.\n"
         "    reader: Reads the rare forms of arrays, and raises all errors.")
         .def("__init__", construct_episode, nb::arg("terms"), nb::arg("formulas"),
              nb::arg("initial"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
-             nb::arg("reader"))
+             nb::arg("reader"), nb::arg("neutral") = nb::tuple())
         .def("update", update_episodes, nb::arg("values").none(),
              nb::arg("mask").none() = nb::none(), nb::arg("upper").none() = nb::none(),
              "Take in a sample in each lane that the mask chooses, known or between the values and\n"
              "the upper ones; return the results of all.")
-        .def_prop_ro("robustness", of_lanes<&UncertainBank::results>,
+        .def_prop_ro("robustness", of_lanes<&BankVariants::results>,
                      "The robustness if the episodes ended now.")
-        .def_prop_ro("lower", of_lanes<&UncertainBank::lower>,
+        .def_prop_ro("lower", of_lanes<&BankVariants::lower>,
                      "The least robustness over all continuations.")
-        .def_prop_ro("upper", of_lanes<&UncertainBank::upper>,
+        .def_prop_ro("upper", of_lanes<&BankVariants::upper>,
                      "The greatest robustness over all continuations.")
         .def_prop_ro("verdict", verdicts,
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")

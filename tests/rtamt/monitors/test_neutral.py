@@ -155,6 +155,10 @@ def test_lanes_are_single_episodes_through_masks_ends_and_resets(backend: Backen
             agree()
 
 
+DAMAGED = {
+    "native": "expected a whole state, got a damaged one",
+    "python": "zip() argument 2 is shorter than argument 1",
+}
 FOREIGN = {
     "native": (
         "expected a state that a native machine with this program gave; those of other programs, "
@@ -169,13 +173,11 @@ def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
     monitor.update(req=3.0, gnt=0.0)
     before = offered(monitor)
     own: Any = monitor.__reduce__()[2]
-    with pytest.raises(ValueError, match=f"^{re.escape(FOREIGN[backend])}$"):
-        monitor.__setstate__((own[0], own[1][:1], own[2]))
-    assert offered(monitor) == before
     other: Any = EpisodeMonitor(SPEC, backend=backend).__reduce__()[2]
-    with pytest.raises(ValueError, match=r"^expected a state that a machine with predicates that"):
-        monitor.__setstate__(other)
-    assert offered(monitor) == before
+    for state, error in ((own[:-1], DAMAGED[backend]), (other, FOREIGN[backend])):
+        with pytest.raises(ValueError, match=f"^{re.escape(error)}"):
+            monitor.__setstate__(state)
+        assert offered(monitor) == before
 
 
 def test_what_is_not_known_is_that_of_the_last_sample(backend: Backend) -> None:
