@@ -1,37 +1,103 @@
-"""Recordings whose columns are arrays: formats of numbers, where no cell is text."""
+"""Recordings whose columns are arrays: archives of NumPy, files of MATLAB, and other formats."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes, times_of_texts
-from rtamt_gym.recorded.recording import Floats, RowNumbers, Rows, Wanted
-from rtamt_gym.recorded.selection import RowFilter, cell_texts
+from rtamt_gym.recorded.readers import refusing
+from rtamt_gym.recorded.recording import (
+    Floats,
+    Recording,
+    RowFilter,
+    RowNumbers,
+    Rows,
+    Wanted,
+    cell_texts,
+)
 from rtamt_gym.recorded.text_numbers import numbers_in_texts
 from rtamt_gym.recorded.times import join_times
 
-__all__ = ["ArrayRecording", "check_gaps", "columns_in", "times_of"]
+_ARCHIVE: Final = "an archive of numpy.savez, whose arrays are numbers"
 
 
-_TEXTS = "UT"
-"""The kinds of arrays of text."""
+@contextmanager
+def open_file(path: str, columns: Columns) -> Iterator[Recording]:
+    """Open an archive of `numpy.savez`, or a file of MATLAB if its name ends in ``.mat``.
+
+    Raises:
+        InputError: If it is another file, holds pickled objects, or is of version 7.3 of MATLAB.
+        OSError: If there is no such file.
+    """
+    load = _load_mat if path.lower().endswith(".mat") else _load_npz
+    yield ArrayRecording(path, dict(load(path)), decimal=columns.decimal)
 
 
-class ArrayRecording:
+def _load_npz(path: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    # Opened here, because NumPy leaves a file open that it cannot read.
+    with Path(path).open("rb") as file, refusing(path, _ARCHIVE):
+        archive = np.load(file, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise InputError(f"{shown(path)}: expected {_ARCHIVE}")
+        with archive:
+            yield from _columns_in({name: archive[name] for name in archive.files})
+
+
+def _load_mat(path: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    from scipy.io import loadmat
+
+    with Path(path).open("rb") as file, refusing(path, "a whole MATLAB file"):
+        try:
+            data: dict[str, Any] = loadmat(file, simplify_cells=True)
+        except NotImplementedError:
+            raise InputError(
+                f"{shown(path)}: expected a MATLAB file of version 7 or before, got 7.3; "
+                "save it with save(..., '-v7')"
+            ) from None
+        yield from _columns_in({n: value for n, value in data.items() if not n.startswith("__")})
+
+
+def _columns_in(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield vectors as columns, also of shape (1, n) or (n, 1), and fields with dotted names.
+
+    A single number is a column only if there are no vectors.
+    """
+    for name, value in data.items():
+        dotted = f"{prefix}{name}"
+        if isinstance(value, Mapping):
+            yield from _columns_in(value, f"{dotted}.")
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind == "O" and all(isinstance(cell, str) for cell in array.flat):
+            array = array.astype(str)
+        if array.dtype.names:
+            fields = {field: array[field] for field in array.dtype.names}
+            yield from _columns_in(fields, f"{dotted}.")
+        elif (
+            array.dtype.kind in "biufmMUT" and array.size and array.size == max(array.shape or (1,))
+        ):
+            yield dotted, array.reshape(-1)
+
+
+class ArrayRecording(Recording):
     """Named arrays of one length; nan counts as an empty cell.
 
     Args:
         source: Name of the file, for messages.
         arrays: The columns, whose lengths are compared where they are read.
-        invalid: The cells of columns that are nan though there is a record; the reader says so.
+        invalid: The cells of columns that are nan though there is a record; the reader reports it.
         decimal: The decimal mark of numbers that are text; None to recognise it.
+        empty: The empty cells of columns whose format tells them from nan, for messages.
     """
 
     def __init__(
@@ -40,21 +106,21 @@ class ArrayRecording:
         arrays: Mapping[str, NDArray[Any]],
         invalid: Mapping[str, NDArray[np.bool_]] | None = None,
         decimal: str | None = None,
+        empty: Mapping[str, NDArray[np.bool_]] | None = None,
     ) -> None:
         self.source = shown(source)
-        arrays = {shown(name): array for name, array in arrays.items()}
+        self._arrays = arrays = {shown(name): array for name, array in arrays.items()}
         self.names: Sequence[str] = list(arrays)
-        self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
-        self.texts = [n for n, array in arrays.items() if array.dtype.kind in _TEXTS]
-        """The columns of texts."""
-        self._arrays, self._decimal = arrays, decimal
+        self.dates = [name for name, array in arrays.items() if array.dtype.kind == "M"]
+        self.texts = [name for name, array in arrays.items() if array.dtype.kind in "UT"]
+        self._decimal, self._empty = decimal, empty or {}
         self._invalid = {shown(name): wrong for name, wrong in (invalid or {}).items()}
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns."""
+        """Read the wanted columns."""
         names = [*wanted.numbers, *wanted.texts, *([] if wanted.time is None else [wanted.time])]
         names += [*wanted.where, *([] if wanted.part is None else [wanted.part.column])]
-        chosen = RowFilter(wanted.where, self.names, self.source)
+        selection = RowFilter(wanted.where, self.names, self.source)
         columns = {name: self._arrays[name] for name in names}
         lengths = {len(column) for column in columns.values()}
         if len(lengths) > 1:
@@ -62,32 +128,40 @@ class ArrayRecording:
             raise InputError(f"{self.source}: expected columns of one length, got {each}")
         count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
         cells = {name: self._arrays[name] for name in wanted.cells}
-        invalid, where = self._invalid, RowNumbers(self.source)
-        chosen_rows: Sequence[int] | None = None
+        invalid, empty, where = self._invalid, self._empty, RowNumbers(self.source)
+        selected: NDArray[np.bool_] | None = None
         if wanted.where:
-            kept = chosen.mask({name: cell_texts(columns[name]) for name in wanted.where})
-            chosen.check()
-            columns = {name: column[kept] for name, column in columns.items()}
-            cells = {n: column[kept] for n, column in cells.items() if len(column) == count}
-            invalid = {name: wrong[kept] for name, wrong in invalid.items()}
-            (rows,) = np.nonzero(kept)
+            selected = selection.mask({name: cell_texts(columns[name]) for name in wanted.where})
+            selection.check()
+            columns = {name: column[selected] for name, column in columns.items()}
+            cells = {n: column[selected] for n, column in cells.items() if len(column) == count}
+            invalid = {name: wrong[selected] for name, wrong in invalid.items()}
+            empty = {name: none[selected] for name, none in empty.items()}
+            (rows,) = np.nonzero(selected)
             count, where = len(rows), RowNumbers(self.source, rows)
-            chosen_rows = rows.tolist()
-
-        written, times, notes = self._numbers_in_texts(wanted, names, where, chosen_rows)
-        numbers = {n: self._numbers(n, columns[n]) for n in wanted.numbers if n not in written}
-        for name, values in numbers.items():
-            if not (name in invalid and invalid[name].any()):  # that has its own error
-                check_gaps(values, wanted, name, where)
-        texts = {name: [str(text) for text in columns[name]] for name in wanted.texts}
+        written, times, notes = self._numbers_in_texts(wanted, names, where, selected)
+        numbers = dict(written)
+        for name in wanted.numbers:
+            if name not in written:
+                numbers[name] = self._numbers(name, columns[name])
+                if not (name in invalid and invalid[name].any()):  # that has its own error
+                    none = empty.get(name, np.zeros(count, bool))
+                    _check_gaps(name, numbers[name], none, wanted, where)
+        for name in wanted.texts:
+            if name in empty and empty[name].any():
+                row = int(empty[name].argmax())
+                raise InputError(f"{where(row)}, column '{name}': expected a name, got None")
         unit = ""
         if wanted.time is not None and times is None:
+            if wanted.time in empty and empty[wanted.time].any():
+                row = int(empty[wanted.time].argmax())
+                place = f"{where(row)}, column '{wanted.time}'"
+                raise InputError(f"{place}: expected a number, got none")
             part = None if wanted.part is None else columns[wanted.part.column]
-            times, unit = times_of(columns[wanted.time], wanted, self.source, where, part)
-        numbers = {name: (numbers | written)[name] for name in wanted.numbers}
+            times, unit = _times_of(columns[wanted.time], wanted, self.source, where, part)
         return Rows(
-            numbers,
-            texts,
+            {name: numbers[name] for name in wanted.numbers},
+            {name: [str(text) for text in columns[name]] for name in wanted.texts},
             count,
             where,
             self.source,
@@ -103,20 +177,17 @@ class ArrayRecording:
         wanted: Wanted,
         names: Sequence[str],
         where: Callable[[int], str],
-        rows: Sequence[int] | None,
-    ) -> tuple[dict[str, Floats], RawTimes | None, list[str]]:
-        """Return the numbers and times that are text; the evidence is in all columns of text."""
-        if all(self._arrays[name].dtype.kind not in _TEXTS for name in names):
+        selected: NDArray[np.bool_] | None,
+    ) -> tuple[Mapping[str, Floats], RawTimes | None, list[str]]:
+        """Return the numbers and times that are text; all columns of text are evidence."""
+        if not {*names} & {*self.texts}:
             return {}, None, []
         count = len(self._arrays[names[0]])
-        texts = {
-            name: [*map(str, array.tolist())]
-            for name, array in self._arrays.items()
-            if array.dtype.kind in _TEXTS and len(array) == count
-        }
+        arrays = {n: self._arrays[n] for n in self.texts if len(self._arrays[n]) == count}
+        texts = {name: [*map(str, array.tolist())] for name, array in arrays.items()}
         if wanted.part is not None:
             wanted = replace(wanted, time=None)  # dates and times of day, or parts of seconds
-        return numbers_in_texts(texts, wanted, self._decimal, self.source, where, rows)
+        return numbers_in_texts(texts, wanted, self._decimal, self.source, where, selected)
 
     def _numbers(self, name: str, values: NDArray[Any]) -> Floats:
         if values.dtype.kind not in "biuf":
@@ -126,42 +197,31 @@ class ArrayRecording:
         return np.ascontiguousarray(values, np.float64)
 
 
-def check_gaps(
-    values: Floats,
-    wanted: Wanted,
+def _check_gaps(
     name: str,
+    values: Floats,
+    empty: NDArray[np.bool_],
+    wanted: Wanted,
     where: Callable[[int], str],
-    none: Sequence[bool] = (),
 ) -> None:
-    """Checks that a column of numbers has no nan, unless its cells may be empty.
-
-    Args:
-        values: The column.
-        wanted: The columns to read.
-        name: The name of the column.
-        where: Says where a row stands.
-        none: Whether the cell of each row is empty, if one is, for messages.
-
-    Raises:
-        InputError: If it has one.
-    """
+    """Refuse nan in a column whose cells must not be empty."""
     absent = np.isnan(values)
     if name not in wanted.gaps and absent.any():
         row = int(absent.argmax())
-        got = "none" if len(none) and none[row] else "nan"
+        got = "none" if empty[row] else "nan"
         raise InputError(
             f"{where(row)}, column '{name}': expected a number, got {got}{wanted.empty}"
         )
 
 
-def times_of(
+def _times_of(
     values: NDArray[Any],
     wanted: Wanted,
     source: str,
     where: Callable[[int], str],
-    part: NDArray[Any] | None = None,
+    part: NDArray[Any] | None,
 ) -> tuple[RawTimes, str]:
-    """Return a column of times as it is, or the dates in its texts; and the unit if it is certain.
+    """Return a column of times as it is, or the dates in its texts, and the unit if it is certain.
 
     Args:
         values: The column.
@@ -169,14 +229,11 @@ def times_of(
         source: The name of the file, for messages.
         where: Returns the place of a row, for messages.
         part: The second column of times, or None.
-
-    Raises:
-        InputError: If they are not times.
     """
-    kind, what = values.dtype.kind, f"{source}, column '{wanted.time}'"
+    kind, column = values.dtype.kind, f"{source}, column '{wanted.time}'"
     if part is not None and wanted.part is not None and wanted.part.unit:
         if kind not in "iuf" or part.dtype.kind not in "iuf":
-            raise InputError(f"{what}: expected numbers, got {values.dtype}")
+            raise InputError(f"{column}: expected numbers, got {values.dtype}")
         return join_times(values, part, wanted.part.unit, where), "ns"
     if kind in "OSUT":
         texts = [str(text) for text in values.tolist()]
@@ -187,28 +244,31 @@ def times_of(
         if times is not None:
             return times, ""
     if kind not in "iufmM":
-        raise InputError(f"{what}: expected numbers or dates, got {values.dtype}")
+        raise InputError(f"{column}: expected numbers or dates, got {values.dtype}")
     return values.astype(np.int64) if kind in "iu" else values, ""
 
 
-def columns_in(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
-    """The columns among named values: vectors, also of shape (1, n) or (n, 1).
+def at_instants(
+    instants: NDArray[Any], channels: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[np.bool_]]]:
+    """Return channels with times of their own as columns over common instants.
 
-    A structure gives its fields with dotted names. A single number is no column, unless there are
-    no vectors.
+    Args:
+        instants: The times of all channels, which increase, shape (n,).
+        channels: The times and the values of each channel; nan marks a record without a number.
+
+    Returns:
+        The columns, nan where a channel has no record; and where it has one without a number.
     """
-    for name, value in data.items():
-        dotted = f"{prefix}{name}"
-        if isinstance(value, Mapping):
-            yield from columns_in(value, f"{dotted}.")
+    arrays: dict[str, NDArray[Any]] = {}
+    invalid = {}
+    for name, (times, values) in channels.items():
+        if values.dtype.kind not in "biuf":
+            arrays[name] = values
             continue
-        array = np.asarray(value)
-        if array.dtype.kind == "O" and all(isinstance(cell, str) for cell in array.flat):
-            array = array.astype(str)
-        if array.dtype.names:
-            fields = {field: array[field] for field in array.dtype.names}
-            yield from columns_in(fields, f"{dotted}.")
-        elif (
-            array.dtype.kind in "biufmMUT" and array.size and array.size == max(array.shape or (1,))
-        ):
-            yield dotted, array.reshape(-1)
+        places = np.searchsorted(instants, times, side="right") - 1
+        arrays[name] = np.full(len(instants), np.nan)
+        arrays[name][places] = values
+        invalid[name] = np.zeros(len(instants), bool)
+        invalid[name][places] = np.isnan(arrays[name][places])
+    return arrays, invalid

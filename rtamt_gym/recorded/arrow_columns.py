@@ -1,4 +1,4 @@
-"""Columns of Arrow as arrays of NumPy.
+"""Columns of Arrow as arrays of NumPy, and texts that pyarrow has split.
 
 The conversions of pyarrow import pandas wherever it is installed, which takes longer than to read
 a million rows; the protocol of DLPack imports nothing.
@@ -6,16 +6,20 @@ a million rows; the protocol of DLPack imports nothing.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
+from pyarrow import csv
 
-from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.cells import NOT_KNOWN, TRUTH, CellNumbers, TextCells
+from rtamt_gym.recorded.dates import DateOrder, RawTimes, read_dates
 from rtamt_gym.recorded.recording import Floats
-
-__all__ = ["cells_of", "floats_of", "is_number", "is_time", "raw_times_of"]
 
 _NUMBERS = (
     pa.types.is_integer,
@@ -27,17 +31,17 @@ _NUMBERS = (
 
 
 def is_number(kind: pa.DataType) -> bool:
-    """Whether a type is one of numbers, or of cells that are all empty."""
+    """Return whether a type holds numbers, or cells that are all empty."""
     return any(is_kind(kind) for is_kind in _NUMBERS)
 
 
 def is_time(kind: pa.DataType) -> bool:
-    """Whether a type is one of dates or of durations."""
+    """Return whether a type holds dates or durations."""
     return bool(pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_duration(kind))
 
 
 def floats_of(column: pa.ChunkedArray) -> Floats:
-    """The numbers of a column; nan where a cell is empty."""
+    """Return the numbers of a column; nan where a cell is empty."""
     if not pa.types.is_float64(column.type):
         column = column.cast(pa.float64(), safe=False)
     if column.null_count:
@@ -45,8 +49,8 @@ def floats_of(column: pa.ChunkedArray) -> Floats:
     return _array(column)
 
 
-def cells_of(column: pa.ChunkedArray) -> NDArray[Any]:
-    """The cells of a column as they are: numbers, with nan in an empty cell, dates, or texts."""
+def values_of(column: pa.ChunkedArray) -> NDArray[Any]:
+    """Return cells as they are: numbers with nan in an empty cell, dates, or texts."""
     kind = column.type
     if pa.types.is_boolean(kind) and not column.null_count:
         return np.array(column.to_pylist(), bool)
@@ -55,7 +59,8 @@ def cells_of(column: pa.ChunkedArray) -> NDArray[Any]:
         if times is not None:
             return times
     if pa.types.is_integer(kind) and not column.null_count:
-        return np.array(column.to_pylist())
+        integers = raw_times_of(column)
+        return np.array(column.to_pylist()) if integers is None else integers
     if is_number(kind):
         return floats_of(column)
     cells = ["" if cell is None else str(cell).strip() for cell in column.to_pylist()]
@@ -63,7 +68,7 @@ def cells_of(column: pa.ChunkedArray) -> NDArray[Any]:
 
 
 def raw_times_of(column: pa.ChunkedArray) -> RawTimes | None:
-    """The numbers, dates or durations of a column without empty cells.
+    """Return the numbers, dates or durations of a column without empty cells.
 
     None if 64 bits cannot count them, dates and durations in nanoseconds.
     """
@@ -82,7 +87,113 @@ def raw_times_of(column: pa.ChunkedArray) -> RawTimes | None:
 
 
 def _array(column: pa.ChunkedArray) -> NDArray[Any]:
-    whole = column.combine_chunks()
-    if not len(whole):
-        return np.zeros(0, np.int64 if pa.types.is_integer(whole.type) else np.float64)
-    return cast("NDArray[Any]", np.from_dlpack(whole))
+    array = column.combine_chunks()
+    if not len(array):
+        return np.zeros(0, np.int64 if pa.types.is_integer(array.type) else np.float64)
+    return cast("NDArray[Any]", np.from_dlpack(array))
+
+
+def split_text(
+    path: str, separator: str, width: int, above: int, places: Collection[int]
+) -> list[TextCells] | None:
+    """Return columns of a file of text as pyarrow splits it; None if it does not.
+
+    Args:
+        path: The file, which may be compressed.
+        separator: The character between cells.
+        width: The number of cells in each row.
+        above: The number of lines above the first row.
+        places: The columns, each by its place in a row.
+    """
+    names = list(map(str, range(width)))
+    try:
+        table = csv.read_csv(
+            path,
+            csv.ReadOptions(column_names=names, skip_rows=above),
+            csv.ParseOptions(delimiter=separator),
+            csv.ConvertOptions(
+                column_types=dict.fromkeys(names, pa.string()),
+                include_columns=list(map(str, places)),
+                strings_can_be_null=False,
+            ),
+        )
+    except (pa.ArrowException, OSError):
+        return None
+    return [ArrowCells(column) for column in table.columns]
+
+
+class ArrowCells(TextCells):
+    """The texts of a column of Arrow, which pyarrow converts where they are plain."""
+
+    def __init__(self, column: pa.ChunkedArray) -> None:
+        self._column = column
+
+    @cached_property
+    def _texts(self) -> Sequence[str]:  # type: ignore[override]
+        return cast("list[str]", self._column.to_pylist())
+
+    def __getitem__(self, place: Any) -> Any:  # noqa: ANN401 - as in `TextCells`
+        if "_texts" not in vars(self) and isinstance(place, slice):
+            begin, end, _ = place.indices(len(self))
+            return self._column.slice(begin, end - begin).to_pylist()
+        return self._texts[place]
+
+    def __len__(self) -> int:
+        return len(self._column)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._texts)
+
+    @cached_property
+    def _bytes(self) -> bytes:
+        data = (part.buffers()[2] for part in self._column.chunks)
+        return b"".join(memoryview(buffer) for buffer in data if buffer is not None)
+
+    def has(self, character: str) -> bool:
+        """Return whether a character of ASCII occurs in a cell."""
+        return character.encode() in self._bytes
+
+    def selected(self, rows: NDArray[np.bool_]) -> TextCells:
+        """Return the cells of some rows."""
+        return ArrowCells(self._column.take(pa.array(np.nonzero(rows)[0])))
+
+    def numbers(self, decimal: str, *, gaps: bool = False, nan: bool = False) -> CellNumbers | None:
+        """Return the numbers; None if a cell is not a number."""
+        with suppress(pa.ArrowInvalid):
+            values = self._plain_floats(self._column, decimal)
+            if values is not None and not np.isnan(values).any():
+                return CellNumbers(values)
+        cells = pc.utf8_lower(pc.utf8_trim_whitespace(self._column))
+        words = ["", *(NOT_KNOWN if nan else ())] if gaps else []
+        empty = pc.is_in(cells, value_set=pa.array(words, pa.string()))
+        plain = pc.if_else(empty, pa.scalar(None, pa.string()), cells)
+        for word, value in TRUTH.items():
+            plain = pc.if_else(pc.equal(cells, word), f"{value:g}", plain)
+        with suppress(pa.ArrowInvalid):
+            values = self._plain_floats(plain, decimal)
+            if values is not None and np.isnan(values).sum() == pc.sum(empty).as_py():
+                return CellNumbers(values)
+        return super().numbers(decimal, gaps=gaps, nan=nan)
+
+    def _plain_floats(self, cells: pa.ChunkedArray, decimal: str) -> Floats | None:
+        if decimal == ",":
+            if self.has("."):
+                return None
+            cells = pc.replace_substring(cells, ",", ".")
+        return floats_of(cells.cast(pa.float64()))
+
+    def integers(self) -> NDArray[np.int64] | None:
+        """Return the cells as integers of 64 bits; None if one is not."""
+        if self._bytes.translate(None, b"0123456789- "):
+            return None
+        with suppress(pa.ArrowInvalid):
+            return raw_times_of(pc.utf8_trim_whitespace(self._column).cast(pa.int64()))
+        return super().integers()
+
+    def dates(self, order: DateOrder | None = None) -> RawTimes | None:
+        """Return dates, times of day or durations; None if a cell is not such a time."""
+        if read_dates(self[:1], order) is not None:
+            for zone in (None, "UTC"):
+                with suppress(pa.ArrowInvalid):
+                    return raw_times_of(self._column.cast(pa.timestamp("ns", zone)))
+        return super().dates(order)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,25 +13,22 @@ import pyarrow.compute as pc
 import pyarrow.feather
 import pyarrow.json
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.recorded.arrays import check_gaps, times_of
-from rtamt_gym.recorded.arrow_columns import cells_of, floats_of, is_number, is_time, raw_times_of
+from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.arrow_columns import is_number, is_time, raw_times_of, values_of
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.foreign import refusing
-from rtamt_gym.recorded.recording import Floats, Recording, RowNumbers, Rows, Wanted
-from rtamt_gym.recorded.selection import RowFilter, cell_texts
-from rtamt_gym.recorded.text_numbers import numbers_in_texts
+from rtamt_gym.recorded.readers import refusing
+from rtamt_gym.recorded.recording import Recording, RowFilter, Rows, Wanted
 
-__all__ = ["ArrowRecording", "open_file"]
+_LONGEST_LIST = 1000
+"""The most elements of a list that are columns."""
 
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Opens a file of the format that its extension says.
+    """Open a file of the format that its extension names.
 
     Raises:
         InputError: If it is not in this format.
@@ -57,36 +53,23 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
                     with refusing(path, "a whole Parquet file"):
                         batch = next(file.iter_batches(1, columns=lists))
                     lengths = _lengths(_flat(pa.Table.from_batches([batch])))
-                yield ArrowRecording(
-                    fields, load, path, "s" if own else "", lengths, columns.decimal
-                )
+                unit = "s" if own else ""  # of a saved `Run`
+                yield ArrowRecording(fields, load, path, unit, lengths, columns.decimal)
+            return
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
                 # Arrow trusts what the file says of its own buffers, and would read beyond them.
                 table.validate(full=True)
-            yield of_table(table, path, columns.decimal)
         case _:
             with refusing(path, "one JSON object in each line"):
                 table = pa.json.read_json(path)
-            yield of_table(table, path, columns.decimal)
-
-
-def of_table(table: pa.Table, source: str, decimal: str | None = None) -> ArrowRecording:
-    """The columns of a table in memory."""
     flat = _flat(table)
-    return ArrowRecording(list(flat.schema), flat.select, source, "", _lengths(flat), decimal)
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    """Return whether a type is one of texts, also where they are stored by number."""
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+    yield ArrowRecording(list(flat.schema), flat.select, path, "", _lengths(flat), columns.decimal)
 
 
 def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
-    """The fields; a structure is replaced by its own fields, at any depth."""
+    """Return the fields; a structure is replaced by its own fields, at any depth."""
     flat = []
     for field in fields:
         flat += _fields(field.flatten()) if pa.types.is_struct(field.type) else [field]
@@ -99,25 +82,27 @@ def _flat(table: pa.Table) -> pa.Table:
     return table
 
 
-_LONGEST_LIST = 1000
-"""The most elements of a list that are columns."""
+def _is_text(kind: pa.DataType) -> bool:
+    """Return whether a type holds texts, also if they are stored by number."""
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
 def _is_list(kind: pa.DataType) -> bool:
-    """Whether the elements of a list are columns."""
+    """Return whether the elements of a list are columns."""
     lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     return bool((lists or pa.types.is_fixed_size_list(kind)) and is_number(kind.value_type))
 
 
 def _is_scalar(kind: pa.DataType) -> bool:
-    """Whether a cell is a number, a date or a text, and not a list or an image."""
-    texts = pa.types.is_string(kind) or pa.types.is_large_string(kind)
+    """Return whether a cell is a number, a date or a text, and not a list or an image."""
     other = pa.types.is_dictionary(kind) or pa.types.is_time(kind)
-    return bool(is_number(kind) or is_time(kind) or texts or other)
+    return bool(is_number(kind) or is_time(kind) or _is_text(kind) or other)
 
 
 def _lengths(table: pa.Table) -> dict[str, int]:
-    """The number of elements in the first cell of each column of lists of numbers."""
+    """Return the number of elements in the first cell of each column of lists of numbers."""
     lengths = {}
     for field in table.schema:
         if _is_list(field.type) and table.num_rows:
@@ -127,17 +112,17 @@ def _lengths(table: pa.Table) -> dict[str, int]:
     return lengths
 
 
-class ArrowRecording:
+class ArrowRecording(Recording):
     """The columns of a table; a field of a structure is a column with a dotted name.
 
     An element of a list of numbers is a column too, as in ``observation.state[0]``.
 
     Args:
         fields: The names and the types of the columns.
-        load: Gives the table of some of them.
+        load: Returns the table of some of them.
         source: Name of the file, for messages.
-        unit: The unit of the times, if the file says it: a saved `Run` has seconds.
-        lists: The number of elements of columns of lists.
+        unit: The unit of the times, if the file states it.
+        lengths: The number of elements of columns of lists.
         decimal: The decimal mark of numbers that are text; None to recognise it.
     """
 
@@ -146,150 +131,84 @@ class ArrowRecording:
         fields: Sequence[pa.Field],
         load: Callable[[list[str]], pa.Table],
         source: str,
-        unit: str = "",
-        lists: Mapping[str, int] | None = None,
-        decimal: str | None = None,
+        unit: str,
+        lengths: Mapping[str, int],
+        decimal: str | None,
     ) -> None:
-        self.source = shown(source)
-        lists = lists or {}
-        self._elements = {
-            shown(f"{name}[{i}]"): (name, i) for name, n in lists.items() for i in range(n)
-        }
-        self._lengths = lists
-        self._own = {shown(field.name): field.name for field in fields}
-        self.names: Sequence[str] = [
-            shown(name)
-            for field in fields
-            for name in (
-                [f"{field.name}[{i}]" for i in range(lists[field.name])]
-                if field.name in lists
-                else [field.name]
-            )
-        ]
-        self.dates: Sequence[str] = [
-            shown(field.name)
-            for field in fields
-            if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
-        ]
-        self.days = [shown(field.name) for field in fields if pa.types.is_date(field.type)]
-        """The columns of dates without a time of day."""
-        self._scalars = {shown(field.name) for field in fields if _is_scalar(field.type)}
+        self._path, self.source, self._lengths = source, shown(source), lengths
         self._load, self._unit, self._decimal = load, unit, decimal
-        self._texts_of = [field.name for field in fields if _is_text(field.type)]
-        self.texts = [*map(shown, self._texts_of)]
-        """The columns of texts."""
+        # The field of each column, its type, and the element of a list.
+        self._places: dict[str, tuple[str, pa.DataType, int | None]] = {}
+        names = []
+        for field in fields:
+            elements = range(lengths[field.name]) if field.name in lengths else [None]
+            for i in elements:
+                name = shown(field.name if i is None else f"{field.name}[{i}]")
+                kind = field.type if i is None else field.type.value_type
+                names.append(name)
+                self._places[name] = field.name, kind, i
+        kinds = [(name, self._places[name][1]) for name in names]
+        self.names: Sequence[str] = names
+        self.dates = [n for n, kind in kinds if pa.types.is_timestamp(kind) or _is_day(kind)]
+        self.days = [name for name, kind in kinds if _is_day(kind)]
+        self.texts = [name for name, kind in kinds if _is_text(kind)]
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns; nan counts as an empty cell."""
-        time, part = wanted.time, wanted.part
-        chosen = RowFilter(wanted.where, self.names, self.source)
-        plain = [n for n in wanted.cells if n in self._scalars or n in self._elements]
-        named = [*wanted.numbers, *wanted.texts, *plain, *wanted.where]
-        named += [*([] if time is None else [time]), *([] if part is None else [part.column])]
-        table = self._table(list(dict.fromkeys(named)) or list(self.names[:1]))
-        where = RowNumbers(self.source)
-        chosen_rows: Sequence[int] | None = None
-        if wanted.where:
-            kept = chosen.mask({n: cell_texts(cells_of(table[n])) for n in wanted.where})
-            chosen.check()
-            (rows,) = np.nonzero(kept)
-            table = table.take(pa.array(rows))
-            where, chosen_rows = RowNumbers(self.source, rows), rows.tolist()
-        written, times, notes = self._numbers_in_texts(wanted, table, where, chosen_rows)
-        numbers = {
-            name: self._numbers(table[name], name) for name in wanted.numbers if name not in written
+        """Read the wanted columns; nan counts as an empty cell."""
+        RowFilter(wanted.where, self.names, self.source)
+        cells = [name for name in wanted.cells if _is_scalar(self._places[name][1])]
+        times = [] if wanted.time is None else [wanted.time]
+        part = [] if wanted.part is None else [wanted.part.column]
+        names = [*wanted.numbers, *wanted.texts, *cells, *wanted.where, *times, *part]
+        names = [*dict.fromkeys(names)] or [*self.names[:1]]
+        if {*wanted.numbers, *times} & {*self.texts}:  # all texts are evidence of the decimal mark
+            names += [name for name in self.texts if name not in names]
+        table = self._table(names)
+        for name in wanted.numbers:
+            kind = table[name].type
+            if not (is_number(kind) or _is_text(kind)):
+                raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
+        for name in times if not part else ():
+            self._check_countable(name, table[name])
+        arrays = {name: values_of(column) for name, column in table.items()}
+        empty = {
+            name: np.array(column.is_null().to_pylist(), bool)
+            for name, column in table.items()
+            if column.null_count
         }
-        for name, values in numbers.items():
-            absent = table[name].is_null().to_pylist() if table[name].null_count else ()
-            check_gaps(values, wanted, name, where, absent)
-        texts = {name: self._texts(table[name], name, where) for name in wanted.texts}
-        unit = self._unit
-        if time is not None and times is None:
-            column = table[time]
-            if column.null_count:
-                row = column.is_valid().to_pylist().index(False)
-                raise InputError(f"{where(row)}, column '{time}': expected a number, got none")
-            second = None if part is None else cells_of(table[part.column])
-            times, joined = self._times(column, wanted, where, second)
-            unit = joined or unit
-        cells = {name: cells_of(table[name]) for name in plain}
-        numbers = {name: (numbers | written)[name] for name in wanted.numbers}
-        return Rows(
-            numbers, texts, table.num_rows, where, self.source, times, notes, unit, cells=cells
-        )
+        recording = ArrayRecording(self._path, arrays, None, self._decimal, empty)
+        rows = recording.read(replace(wanted, cells=cells))
+        return replace(rows, unit=rows.unit or self._unit)
 
-    def _table(self, names: Sequence[str]) -> pa.Table:
-        """Some columns by their shown names, elements of lists among them."""
-        own = [self._elements.get(name, (self._own.get(name, ""), 0))[0] for name in names]
-        table = _flat(self._load(list(dict.fromkeys(own))))
-        columns = {}
-        for name, each in zip(names, own, strict=True):
-            column = table[each]
-            if name in self._elements:
-                column = self._element(column, name)
-            columns[name] = column
-        return pa.table(columns)
+    def _check_countable(self, name: str, column: pa.ChunkedArray) -> None:
+        kind = column.type
+        if (is_number(kind) or is_time(kind)) and raw_times_of(column.drop_null()) is None:
+            counted = "64 bits of nanoseconds" if is_time(kind) else "64 bits with a sign"
+            raise InputError(
+                f"{self.source}, column '{name}': expected times that {counted} can count, got "
+                f"{kind} beyond them; write seconds since the begin"
+            )
+
+    def _table(self, names: Sequence[str]) -> dict[str, pa.ChunkedArray]:
+        """Return some columns by their shown names."""
+        fields = [self._places[name][0] for name in names]
+        table = _flat(self._load(list(dict.fromkeys(fields))))
+        return {name: self._element(table[f], name) for name, f in zip(names, fields, strict=True)}
 
     def _element(self, column: pa.ChunkedArray, name: str) -> pa.ChunkedArray:
-        own, index = self._elements[name]
+        field, _, index = self._places[name]
+        if index is None:
+            return column
         lengths = pc.list_value_length(column)
         short = pc.fill_null(pc.less_equal(lengths, index), fill_value=False)
         if pc.any(short).as_py():
             row = short.to_pylist().index(True)
             raise InputError(
-                f"{self.source}, row {row + 1}, column '{own}': expected a list of "
-                f"{self._lengths[own]}, as in the first row, got {lengths[row].as_py()}"
+                f"{self.source}, row {row + 1}, column '{field}': expected a list of "
+                f"{self._lengths[field]}, as in the first row, got {lengths[row].as_py()}"
             )
         return pc.list_element(column, index)
 
-    def _numbers_in_texts(
-        self,
-        wanted: Wanted,
-        table: pa.Table,
-        where: Callable[[int], str],
-        rows: Sequence[int] | None,
-    ) -> tuple[dict[str, Floats], RawTimes | None, list[str]]:
-        """Return the numbers and times that are text; the evidence is in all columns of text."""
-        read = [*wanted.numbers, *([] if wanted.time is None else [wanted.time])]
-        if not any(_is_text(table[name].type) for name in read):
-            return {}, None, []
-        if wanted.part is not None:
-            wanted = replace(wanted, time=None)  # dates and times of day, or parts of seconds
-        all_texts = _flat(self._load(self._texts_of))
-        columns = {
-            shown(name): [cell or "" for cell in all_texts[name].cast(pa.string()).to_pylist()]
-            for name in self._texts_of
-        }
-        return numbers_in_texts(columns, wanted, self._decimal, self.source, where, rows)
 
-    def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
-        if not is_number(column.type):
-            raise InputError(f"{self.source}, column '{name}': expected numbers, got {column.type}")
-        return floats_of(column)
-
-    def _times(
-        self,
-        column: pa.ChunkedArray,
-        wanted: Wanted,
-        place: Callable[[int], str],
-        second: NDArray[Any] | None,
-    ) -> tuple[RawTimes, str]:
-        kind, where = column.type, f"{self.source}, column '{wanted.time}'"
-        parts = wanted.part is not None and bool(wanted.part.unit)
-        if (is_number(kind) or is_time(kind)) and not parts:
-            times = raw_times_of(column)
-            if times is None:
-                counted = "64 bits of nanoseconds" if is_time(kind) else "64 bits with a sign"
-                msg = f"{where}: expected times that {counted} can count, got {kind} beyond them"
-                raise InputError(f"{msg}; write seconds since the begin")
-            return times, ""
-        return times_of(cells_of(column), wanted, self.source, place, second)
-
-    def _texts(
-        self, column: pa.ChunkedArray, name: str, where: Callable[[int], str]
-    ) -> Sequence[str]:
-        texts: list[str] = column.to_pylist()
-        for row, text in enumerate(texts):
-            if not isinstance(text, str):
-                raise InputError(f"{where(row)}, column '{name}': expected a name, got {text!r}")
-        return texts
+def _is_day(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_date(kind))

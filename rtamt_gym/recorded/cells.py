@@ -1,11 +1,13 @@
-"""Numbers and times in the cells of a text."""
+"""Numbers and times in the texts of cells, whichever splitter they come from."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
+from itertools import chain, compress
+from typing import Any, Final, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +15,7 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.dates import DateOrder, RawTimes, read_dates, times_of_texts
-from rtamt_gym.recorded.recording import Floats, Wanted
-
-__all__ = [
-    "GROUP_MARKS",
-    "NOT_KNOWN",
-    "TRUTH",
-    "NumberColumns",
-    "cells_in",
-    "floats_in",
-    "grouped_in",
-    "is_number",
-    "times_in",
-]
+from rtamt_gym.recorded.recording import Floats
 
 NOT_KNOWN: Final = frozenset(
     [
@@ -34,31 +24,99 @@ NOT_KNOWN: Final = frozenset(
         *("nan(ind)", "-nan(ind)", "nan(snan)", "-nan(snan)"),
     ]
 )
-"""The words, in lower case, that tools write where they have no number."""
+"""Words, in lower case, that tools write for a missing number."""
 
 TRUTH: Final = {"true": 1.0, "false": 0.0}
 """The numbers of truth values, which are written in any case."""
 
-GROUP_MARKS: Final = " '\u2019\u00a0\u2009\u202f"
-"""The marks between groups of three digits that are no decimal marks anywhere."""
+OTHER_MARK: Final = {".": ",", ",": "."}
+"""Both decimal marks, each with the other one."""
 
-_OTHER: Final = {".": ",", ",": "."}
+_GROUP_MARKS: Final = " '\u2019\u00a0\u2009\u202f"
+"""Marks between groups of three digits that are not decimal marks anywhere."""
 
 _PLAIN: Final = {
     mark: re.compile(
         rf"[+-]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?", re.ASCII
     )
-    for mark in _OTHER
+    for mark in OTHER_MARK
 }
 
 _GROUPED: Final = {
     mark: re.compile(
-        rf"[+-]?[1-9]\d{{0,2}}(?P<group>[{re.escape(other + GROUP_MARKS)}])\d{{3}}"
+        rf"[+-]?[1-9]\d{{0,2}}(?P<group>[{re.escape(other + _GROUP_MARKS)}])\d{{3}}"
         rf"(?:(?P=group)\d{{3}})*(?:{re.escape(mark)}\d*)?",
         re.ASCII,
     )
-    for mark, other in _OTHER.items()
+    for mark, other in OTHER_MARK.items()
 }
+
+_EXACT: Final = 2.0**53
+"""Integers below are exact as doubles."""
+
+
+class CellNumbers(NamedTuple):
+    """The numbers of a column, and the first cell whose digits stand in groups; else empty."""
+
+    values: Floats
+    grouped: str = ""
+
+
+class TextCells(Sequence[str]):
+    """The texts of a column, or of a block of its rows."""
+
+    def __init__(self, texts: Sequence[str]) -> None:
+        self._texts = texts
+
+    @overload
+    def __getitem__(self, place: int) -> str: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[str]: ...
+    def __getitem__(self, place: int | slice) -> str | Sequence[str]:
+        """Return a text, or some of them."""
+        return self._texts[place]
+
+    def __len__(self) -> int:
+        """Return the number of cells."""
+        return len(self._texts)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the texts."""
+        return iter(self._texts)
+
+    @cached_property
+    def _together(self) -> str:
+        return "".join(self._texts)
+
+    def has(self, character: str) -> bool:
+        """Return whether a character of ASCII occurs in a cell."""
+        return character in self._together
+
+    def selected(self, rows: NDArray[np.bool_]) -> TextCells:
+        """Return the cells of some rows."""
+        return TextCells([*compress(self, rows)])
+
+    @staticmethod
+    def joined(blocks: Sequence[TextCells]) -> TextCells:
+        """Return the cells of all blocks."""
+        return blocks[0] if len(blocks) == 1 else TextCells([*chain.from_iterable(blocks)])
+
+    def numbers(self, decimal: str, *, gaps: bool = False, nan: bool = False) -> CellNumbers | None:
+        """Return the numbers, as `floats_in` does; None if a cell is not a number."""
+        return _numbers_in(self._texts, decimal, gaps=gaps, nan=nan)
+
+    def integers(self) -> NDArray[np.int64] | None:
+        """Return the cells as integers of 64 bits; None if one is not."""
+        if set(self._together) <= set("0123456789- ") and all(map(str.strip, self)):
+            try:
+                return np.array(list(map(int, self)), np.int64)
+            except (ValueError, OverflowError):
+                pass
+        return None
+
+    def dates(self, order: DateOrder | None = None) -> RawTimes | None:
+        """Return dates, times of day or durations; None if a cell is not such a time."""
+        return times_of_texts(self._texts, None, order)
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -71,23 +129,10 @@ def is_number(cell: str, decimal: str) -> bool:
     return bool(_PLAIN[decimal].fullmatch(cell) or _GROUPED[decimal].fullmatch(cell))
 
 
-def grouped_in(cells: Sequence[str], decimal: str) -> str | None:
-    """Return the first cell whose digits stand in groups under a decimal mark, or None.
-
-    Example:
-        >>> grouped_in(["1", "12.000"], ","), grouped_in(["1", "12.000"], ".")
-        ('12.000', None)
-    """
-    together = "".join(cells)
-    if not any(mark in together for mark in _OTHER[decimal] + GROUP_MARKS):
-        return None
-    return next((c.strip() for c in cells if _GROUPED[decimal].fullmatch(c.strip())), None)
-
-
 def floats_in(
     cells: Sequence[str], decimal: str = ".", *, gaps: bool = False, nan: bool = False
 ) -> Floats | None:
-    """Return the numbers in cells, nan for an empty one; None if a cell is not a number.
+    """Return the numbers in cells, nan for an empty cell; None if a cell is not a number.
 
     Args:
         cells: The texts. ``True`` and ``False`` are 1 and 0, in any case.
@@ -104,152 +149,102 @@ def floats_in(
         >>> floats_in(["True", "1,250", "1 000.5"])
         array([1.0000e+00, 1.2500e+03, 1.0005e+03])
     """
-    together = "".join(cells)
+    numbers = _numbers_in(cells, decimal, gaps=gaps, nan=nan)
+    return None if numbers is None else numbers.values
+
+
+def _numbers_in(cells: Sequence[str], decimal: str, *, gaps: bool, nan: bool) -> CellNumbers | None:
     read = None
     if decimal == ".":
         read = read_floats(cells)
-    elif "." not in together:
+    elif "." not in "".join(cells):
         read = read_floats([cell.replace(",", ".") for cell in cells])
     if read is not None:
-        numbers = np.array(read)
-        return None if not (gaps and nan) and np.isnan(numbers).any() else numbers
-    single = [_number(cell.strip(), decimal, gaps=gaps, nan=nan) for cell in cells]
-    return None if None in single else np.array(single, np.float64)
+        values = np.array(read, np.float64)
+        return None if not (gaps and nan) and np.isnan(values).any() else CellNumbers(values)
+    values, grouped = np.empty(len(cells)), ""
+    for place, text in enumerate(cells):
+        cell = text.strip()
+        groups = _GROUPED[decimal].fullmatch(cell)
+        if groups is not None:
+            grouped = grouped or cell
+            cell = cell.replace(groups["group"], "")
+        number = _number(cell, decimal, gaps=gaps, nan=nan)
+        if number is None:
+            return None
+        values[place] = number
+    return CellNumbers(values, grouped)
 
 
 def _number(cell: str, decimal: str, *, gaps: bool, nan: bool) -> float | None:
-    if not cell or cell.lower() in NOT_KNOWN:
+    word = cell.lower()
+    if not cell or word in NOT_KNOWN:
         return math.nan if gaps and (nan or not cell) else None
-    if cell.lower() in TRUTH:
-        return TRUTH[cell.lower()]
-    grouped = _GROUPED[decimal].fullmatch(cell)
-    if grouped is not None:
-        cell = cell.replace(grouped["group"], "")
+    if word in TRUTH:
+        return TRUTH[word]
     if decimal == "," and "." in cell:
         return None
     read = read_floats([cell.replace(decimal, ".")])
     return None if read is None else read[0]
 
 
-class NumberColumns:
-    """The wanted columns of numbers, whose cells stay text until the decimal mark is known.
-
-    Args:
-        wanted: The wanted columns.
-    """
-
-    def __init__(self, wanted: Wanted) -> None:
-        self.grouped = ""
-        """The first cell whose digits stand in groups."""
-        self._wanted = wanted
-        self._held: list[tuple[int, dict[str, Sequence[str]]]] = []
-        self._parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in wanted.numbers}
-
-    @property
-    def arrays(self) -> dict[str, Floats]:
-        """The numbers of each column."""
-        return {name: np.concatenate(parts) for name, parts in self._parts.items()}
-
-    def add(self, cells: Mapping[str, Sequence[str]], row: int) -> None:
-        """Add the cells of further rows, the first of which has a number."""
-        self._held.append((row, {name: cells[name] for name in self._wanted.numbers}))
-
-    def convert(self, decimal: str) -> tuple[int, str, str, str] | None:
-        """Convert all cells to numbers.
-
-        Returns:
-            The first wrong cell: its row, its column, its text, and advice; None without one.
-        """
-        for row, cells in self._held:
-            for name, column in cells.items():
-                part = self._floats(column, name, decimal)
-                if part is None:
-                    return self._wrong(row, cells, decimal)
-                self._parts[name].append(part)
-                self.look_for_groups(column, decimal)
-        self._held.clear()
-        return None
-
-    def look_for_groups(self, cells: Sequence[str], decimal: str) -> None:
-        """Keep the first cell whose digits stand in groups."""
-        self.grouped = self.grouped or grouped_in(cells, decimal) or ""
-
-    def _floats(self, cells: Sequence[str], name: str, decimal: str) -> Floats | None:
-        gaps = name in self._wanted.gaps
-        return floats_in(cells, decimal, gaps=gaps, nan=self._wanted.nan)
-
-    def _wrong(
-        self, row: int, cells: Mapping[str, Sequence[str]], decimal: str
-    ) -> tuple[int, str, str, str]:
-        at, name, cell = next(
-            (at, name, cell)
-            for at, values in enumerate(zip(*cells.values(), strict=True), row)
-            for name, cell in zip(cells, values, strict=True)
-            if self._floats([cell], name, decimal) is None
-        )
-        text = cell.strip().lower()
-        return at, name, cell, self._wanted.empty if not text or text in NOT_KNOWN else ""
-
-
-def cells_in(cells: Sequence[str], decimal: str) -> NDArray[Any]:
-    """Return cells as they look: integers, doubles with nan in empty cells, or texts.
-
-    Args:
-        cells: The texts.
-        decimal: The decimal mark.
+def values_in(cells: TextCells, decimal: str) -> NDArray[Any]:
+    """Return integers, doubles with nan in empty cells, or texts, as the cells look.
 
     Example:
-        >>> cells_in(["1", "2"], "."), cells_in(["1,5", ""], ","), cells_in(["a", "1"], ".")
-        (array([1, 2]), array([1.5, nan]), array(['a', '1'], dtype='<U1'))
+        >>> [
+        ...     values_in(TextCells(texts), ".").tolist()
+        ...     for texts in (["1", "2"], ["1.5", ""], ["a"])
+        ... ]
+        [[1, 2], [1.5, nan], ['a']]
     """
-    numbers = floats_in(cells, decimal, gaps=True, nan=True)
+    numbers = cells.numbers(decimal, gaps=True, nan=True)
     if numbers is None:
         return np.array([cell.strip() for cell in cells] or [""])[: len(cells)]
-    whole = numbers.astype(np.int64) if np.isfinite(numbers).all() else numbers
-    return whole if (np.abs(numbers) < _EXACT).all() and (whole == numbers).all() else numbers
-
-
-_EXACT: Final = 2.0**53
-"""Whole numbers below are exact as doubles."""
+    values = numbers.values
+    whole = values.astype(np.int64) if np.isfinite(values).all() else values
+    return whole if (np.abs(values) < _EXACT).all() and (whole == values).all() else values
 
 
 def times_in(
-    cells: Sequence[str],
+    cells: TextCells,
     decimal: str,
     where: Callable[[int], str],
-    days: Sequence[str] | None = None,
+    days: Iterable[str] | None = None,
     order: DateOrder | None = None,
-) -> RawTimes:
-    """Return the times in cells: integers, doubles, dates as ``datetime64[ns]``, or times of day.
+) -> tuple[RawTimes, str]:
+    """Return times, and the first cell whose digits stand in groups; else an empty text.
+
+    The times are integers, doubles, dates as ``datetime64[ns]``, or times of day.
 
     Args:
         cells: The texts.
         decimal: The decimal mark.
         where: Returns the place of a cell, for messages.
-        days: The dates of times of day; None: there are none.
+        days: The dates of times of day; None if there are none.
         order: The order of day and month where it is not certain.
 
     Raises:
         InputError: If a cell is neither a number nor a date as the first one is.
 
     Example:
-        >>> times_in(["1700000000000000001"], ".", str), times_in(["0,5"], ",", str)
-        (array([1700000000000000001]), array([0.5]))
+        >>> times_in(TextCells(["1700000000000000001"]), ".", str)
+        (array([1700000000000000001]), '')
+        >>> times_in(TextCells(["0,5"]), ",", str)
+        (array([0.5]), '')
     """
-    if set("".join(cells)) <= set("0123456789- ") and all(map(str.strip, cells)):
-        try:
-            return np.array(list(map(int, cells)), np.int64)
-        except (ValueError, OverflowError):
-            pass
-    numbers = floats_in(cells, decimal)
+    integers = cells.integers()
+    if integers is not None:
+        return integers, ""
+    numbers = None if floats_in(cells[:1], decimal) is None else cells.numbers(decimal)
     if numbers is not None:
-        return numbers
+        return numbers.values, numbers.grouped
     try:
-        dates = times_of_texts(cells, days, order)
+        dates = cells.dates(order) if days is None else times_of_texts(cells, [*days], order)
     except InputError as error:
         raise InputError(f"{where(0)}: {error}") from None
     if dates is not None:
-        return dates
+        return dates, ""
     expected = "a number"
     if read_dates(cells[:1]) is not None:
         expected = "a date like the first"

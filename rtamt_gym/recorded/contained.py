@@ -55,7 +55,7 @@ def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
             process.tell(("close",))
 
 
-class _Contained:
+class _Contained(Recording):
     """A recording that another process has opened."""
 
     def __init__(

@@ -1,9 +1,7 @@
-"""Reads recorded traces from text whose cells are separated by commas, semicolons, tabs or blanks.
+"""Reads text whose cells are separated by commas, semicolons, tabs or blanks.
 
-A long file is read by pyarrow where that is installed. What it does not read as it stands, and
-what is short, is read here: the rows of a block are converted together, column by column, and if a
-block holds a cell that is not a number, its rows are searched for the first such cell, and the
-error names its line. Cells stay text until a cell that is read decides the decimal mark.
+pyarrow splits long plain files if it is installed, and the `csv` module splits all others: it
+reports lines, and reads runs of blanks. `TextNumbers` turns the cells of both into numbers.
 """
 
 from __future__ import annotations
@@ -24,20 +22,19 @@ from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO, Final, TextIO, cast
 
+import numpy as np
+
 from rtamt import InputError, unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import NumberColumns, cells_in, floats_in, times_in
+from rtamt_gym.recorded.cells import TextCells, floats_in, times_in, values_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import RawTimes, read_dates
-from rtamt_gym.recorded.decimal_marks import ColumnMarks, FileMarks, convert, notes_on
 from rtamt_gym.recorded.progress import progress
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted
-from rtamt_gym.recorded.selection import RowFilter
+from rtamt_gym.recorded.recording import Recording, RowFilter, Rows, Wanted
 from rtamt_gym.recorded.text_layout import TOP, layout_of, names_line, rows_of
+from rtamt_gym.recorded.text_numbers import TextNumbers
 from rtamt_gym.recorded.times import join_times
-
-__all__ = ["CsvRecording", "lines_of", "open_file"]
 
 _BLOCK = 1 << 14
 """Rows in a block."""
@@ -46,7 +43,7 @@ _LINE = 1 << 26
 """The most characters of a line."""
 
 _FEW = 100
-"""Rows that show which decimal mark pyarrow is to try."""
+"""Rows that show which columns hold dates and texts."""
 
 _DAY = 12
 """Characters of the longest date without a time of day."""
@@ -54,16 +51,15 @@ _DAY = 12
 _LONG = 1 << 20
 """Bytes from which on a file is worth the import of pyarrow."""
 
-
 _LATIN = "the text is not UTF-8 and is read as Latin-1"
 
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Opens a CSV file, with a progress bar while it is read; ``-`` is stdin.
+    """Open a CSV file, with a progress bar while it is read; ``-`` is stdin.
 
     Raises:
-        InputError: If its name says that it is compressed, and it is not.
+        InputError: If it is not compressed although its name ends in ``.gz``.
         OSError: If there is no such file.
     """
     if path == "-":
@@ -71,22 +67,17 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         stdin = sys.stdin if raw is None else _text_of(raw)
         yield CsvRecording(list(_bounded(stdin, "stdin")), "stdin", columns)
         return
-    with lines_of(path) as lines:
+    with _lines_of(path) as (lines, encoding):
         if not Path(path).is_file():  # a pipe, which cannot be read again
             yield CsvRecording(list(lines), path, columns)
             return
-        long = Path(path).stat().st_size >= _LONG and find_spec("pyarrow")
-        yield CsvRecording(lines, path, columns, path if long else None)
+        plain = encoding != "utf-16" and Path(path).stat().st_size >= _LONG
+        yield CsvRecording(lines, path, columns, fast=plain and find_spec("pyarrow") is not None)
 
 
 @contextmanager
-def lines_of(path: str) -> Iterator[Iterator[str]]:
-    """Opens a file of text, compressed if its name ends in ``.gz``, and shows how far it is read.
-
-    Raises:
-        InputError: If it is not compressed as its name says.
-        OSError: If there is no such file.
-    """
+def _lines_of(path: str) -> Iterator[tuple[Iterator[str], str]]:
+    """Open a file of text, which may be compressed, and yield its lines and its encoding."""
     with (
         Path(path).open("rb") as raw,
         progress(f"reading {shown(path)}", Path(path).stat().st_size, "B") as advance,
@@ -94,31 +85,21 @@ def lines_of(path: str) -> Iterator[Iterator[str]]:
         try:
             opened = cast("BinaryIO", gzip.GzipFile(fileobj=raw)) if path.endswith(".gz") else raw
             with _text_of(opened) as file:
-                yield _counted(file, raw, advance, path)
+                yield _counted(file, raw, advance, path), file.encoding
         except (gzip.BadGzipFile, EOFError, zlib.error):
             raise InputError(f"{shown(path)}: expected a whole file compressed by gzip") from None
 
 
 def _text_of(raw: BinaryIO) -> TextIO:
-    """Return bytes as text: UTF-16 after its mark, else UTF-8; other bytes become surrogates."""
+    """Return bytes as text: UTF-16 after its mark; otherwise UTF-8 with surrogates for others."""
     begin = cast("io.BufferedReader", raw).peek(2)[:2]
     if begin in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return io.TextIOWrapper(raw, encoding="utf-16", newline="")
     return io.TextIOWrapper(raw, encoding="utf-8-sig", errors="surrogateescape", newline="")
 
 
-def _plain(text: str, source: str) -> str:
-    """Return a text whose bytes were not UTF-8 as Latin-1."""
-    if not any("\udc80" <= character <= "\udcff" for character in text):
-        return text
-    latin = text.encode("utf-8", "surrogateescape").decode("latin-1")
-    if not latin.isprintable():
-        raise InputError(f"{source}: expected text in UTF-8, UTF-16 or Latin-1")
-    return latin
-
-
 def _bounded(file: TextIO, path: str) -> Iterator[str]:
-    """The lines of a text; one that has no end is refused before it fills the memory."""
+    """Yield lines; a line without an end is refused before it fills the memory."""
     for line in iter(partial(file.readline, _LINE + 1), ""):
         if len(line) > _LINE:
             raise InputError(f"{shown(path)}: expected lines of at most {_LINE} characters")
@@ -138,7 +119,7 @@ def _counted(
             before = at
 
 
-class CsvRecording:
+class CsvRecording(Recording):
     """Separated values below a line with the names of the columns.
 
     Args:
@@ -147,7 +128,7 @@ class CsvRecording:
         source: Name of the file, for messages.
         columns: The separator, the decimal mark and the lines to skip, if they are not to be
             recognised.
-        path: The file with these lines, if pyarrow is to read it.
+        fast: Whether pyarrow may split the file.
 
     Raises:
         InputError: If there is no line of names.
@@ -164,91 +145,101 @@ class CsvRecording:
         lines: Iterable[str],
         source: str,
         columns: Columns | None = None,
-        path: str | None = None,
+        *,
+        fast: bool = False,
     ) -> None:
         self._columns = columns = columns or Columns()
-        self._file, self.source = source, shown(source)
-        source = self.source
+        self._file, self.source, self._fast = source, shown(source), fast
         self._lines = lines if isinstance(lines, Sequence) else None
         self._was_read = False
-        given = iter(lines)
-        skipped = list(itertools.islice(given, columns.skip))
-        top = list(itertools.islice(given, TOP))
-        layout = layout_of(top, columns.separator)
-        self.separator = layout.separator
-        """The character between cells."""
+        below = iter(lines)
+        skipped = list(itertools.islice(below, columns.skip))
+        self._skipped, self._top = len(skipped), list(itertools.islice(below, TOP))
+        layout = layout_of(self._top, columns.separator)
         if not layout.names:
             raise InputError(
-                f"{source}: expected a first line with the names of the columns, got none"
+                f"{self.source}: expected a first line with the names of the columns, got none"
             )
-        self.names: Sequence[str] = [shown(_plain(name, source)) for name in layout.names]
-        self._width = layout.width
-        self._notes: list[str] = []
-        if top[: layout.at] and "".join(top[: layout.at]).strip():
+        self.separator, self._width = layout.separator, layout.width
+        names = list(map(self._plain, layout.names))
+        self.names = list(map(shown, names))
+        self._notes = []
+        if "".join(self._top[: layout.at]).strip():
             self._notes.append(_skip_note(len(skipped), layout.at))
-        if any(name != shown(own) for name, own in zip(self.names, layout.names, strict=True)):
+        if names != layout.names:
             self._notes.append(_LATIN)
-        self._top, self._skipped = top, len(skipped)
-        self.above = _settings([*skipped, *top[: layout.at]])
-        """The numbers in the lines above the names, by the text before them."""
-        rows = self._rows_of(top, layout.at, given, len(skipped))
+        self.above = _settings([*skipped, *self._top[: layout.at]])
+        head = [names_line(self._top[layout.at]), *self._top[layout.at + 1 :]]
+        rows = rows_of(
+            itertools.chain(head, below), self.separator, len(skipped) + layout.at, self.source
+        )
         self.header, _ = next(rows)
         """The line of the names, from 1."""
-        self._above, self._units = self.header, dict[str, str]()
+        self._last_above, self._units = self.header, dict[str, str]()
         if layout.units is not None:
             self._units = dict(zip(self.names, layout.units, strict=True))
-            self._above, _ = next(rows)
-            self._notes.append(f"line {self._above} is a row of units: {', '.join(layout.units)}")
-        self._begin = list(itertools.islice(rows, _FEW))
-        self.rows = itertools.chain(self._begin, rows)
+            self._last_above, _ = next(rows)
+            units = ", ".join(layout.units)
+            self._notes.append(f"line {self._last_above} is a row of units: {units}")
+        first = list(itertools.islice(rows, _FEW))
+        self.rows = itertools.chain(first, rows)
         """The rows of values that are not empty, with their lines."""
-        cells = [*zip(self.names, self._begin[0][1], strict=False)] if self._begin else []
-        self.dates: Sequence[str] = [n for n, cell in cells if read_dates([cell]) is not None]
+        cells = [*zip(self.names, first[0][1], strict=False)] if first else []
+        self.dates = [name for name, cell in cells if read_dates([cell]) is not None]
         self.days = [n for n, cell in cells if n in self.dates and len(cell.strip()) <= _DAY]
-        """The columns of dates without a time of day."""
         self.texts = [n for n, cell in cells if n not in self.dates and _is_text(cell)]
-        """The columns whose first cell is a text."""
         self.blank = [
             name
             for i, (name, _) in enumerate(cells)
-            if not any(row[i].strip() for _, row in self._begin if i < len(row))
+            if not any(row[i].strip() for _, row in first if i < len(row))
         ]
-        """The columns without a value in the first rows."""
-        # Runs of blanks are one separator here, and several for pyarrow.
-        self._path = None if self.separator == " " else path
-        self._long = path
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns; an empty cell that is allowed becomes nan.
+        """Read the wanted columns; an empty cell that is allowed becomes nan.
 
         Raises:
             InputError: If a row or a cell is wrong, if the decimal mark is not certain, or if the
-                row of units has a unit of the times that is not known.
+                row of units has an unknown unit of the times.
         """
         if wanted.time is not None and self.names.count(wanted.time) > 1:
             raise InputError(
                 f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
             )
         if self._was_read:
-            return self._read_again(wanted)
+            with self._reopened() as recording:
+                return recording.read(wanted)
         self._was_read = True
         unit = self._unit_of(wanted.time)
-        read = self._read_fast(wanted) or self._read_blocks(wanted)
-        return replace(read, unit=read.unit or unit)
+        rows = self._read_fast(wanted) or self._rows(wanted, None)
+        return replace(rows, unit=rows.unit or unit)
+
+    def _read_fast(self, wanted: Wanted) -> Rows | None:
+        """Return the wanted columns by pyarrow; None if the `csv` module must look closer."""
+        RowFilter(wanted.where, self.names, self.source)
+        part = [] if wanted.part is None else [wanted.part.column]
+        names = [*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *part]
+        names += [] if wanted.time is None else [wanted.time]
+        table = self._split_by_pyarrow([*dict.fromkeys(names)] or self.names[:1])
+        try:
+            return None if table is None else self._rows(wanted, table)
+        except InputError:  # the other splitter may read the cell, or reports its line
+            return None
 
     def lines_above(self, name: str) -> int | None:
-        """Return how many lines stand above the first line with a name as a cell; None without."""
+        """Return the number of lines above the first one that has a name as a cell, or None."""
         for at, line in enumerate(self._top):
             cells = line.strip().split(self.separator if self.separator != " " else None)
             if name in (cell.strip().strip('"') for cell in cells):
                 return self._skipped + at
         return None
 
-    def _read_again(self, wanted: Wanted) -> Rows:
+    @contextmanager
+    def _reopened(self) -> Iterator[CsvRecording]:
         if self._lines is not None:
-            return CsvRecording(self._lines, self._file, self._columns).read(wanted)
-        with lines_of(self._file) as lines:
-            return CsvRecording(lines, self._file, self._columns, self._long).read(wanted)
+            yield CsvRecording(self._lines, self._file, self._columns)
+            return
+        with _lines_of(self._file) as (lines, _):
+            yield CsvRecording(lines, self._file, self._columns, fast=self._fast)
 
     def _unit_of(self, time: str | None) -> str:
         """Return the unit of the times in the row of units; empty if there is none."""
@@ -259,134 +250,78 @@ class CsvRecording:
         if unit is None or unit not in UNITS or named not in (None, "", unit):
             also = f", and {named!r} in its name" if named else ""
             raise InputError(
-                f"{self.source}, line {self._above}, column '{time}': expected one unit of time, "
-                f"got {below!r}{also}; say the unit with --time-unit ({', '.join(UNITS)})"
+                f"{self.source}, line {self._last_above}, column '{time}': expected one unit of "
+                f"time, got {below!r}{also}; say the unit with --time-unit ({', '.join(UNITS)})"
             )
         return unit
 
-    def _read_fast(self, wanted: Wanted) -> Rows | None:
-        path = self._path
-        if path is None:
-            return None
-        from rtamt_gym.recorded.arrow_csv import Text, read_text
-
-        mark = self._likely_mark()
-        text = Text(path, self.names, self._width, self._above, self.separator, mark, self.dates)
-        chosen = RowFilter(wanted.where, self.names, self.source)
-        read = read_text(text, wanted, chosen, certain=self._columns.decimal is not None)
-        if read is None:
-            return None
-        kept = read.rows
-
-        def where(row: int) -> str:  # the file is read once more
-            with lines_of(path) as lines:
-                rows = CsvRecording(lines, self.source, self._columns).rows
-                at = row if kept is None else int(kept[row])
-                line, _ = next(itertools.islice(rows, at, None))
-            return f"{self.source}, line {line}"
-
-        notes = self._notes + notes_on(self._columns.decimal, read.decimal, "", read.thousands)
-        return Rows(
-            read.numbers,
-            read.texts,
-            read.count,
-            where,
-            self.source,
-            read.times,
-            notes,
-            cells=read.cells,
-        )
-
-    def _likely_mark(self) -> str:
-        """Return the decimal mark of the first rows; a point if they do not show it."""
-        if self._columns.decimal is not None:
-            return self._columns.decimal
-        marks = ColumnMarks()
-        for _, row in self._begin:
-            marks.add(row, 0)
-        return "," if "," in marks.certain and "." not in marks.certain else "."
-
-    def _read_blocks(self, wanted: Wanted) -> Rows:
-        time = [] if wanted.time is None else [wanted.time]
-        part = [] if wanted.part is None else [wanted.part.column]
-        named = (*wanted.texts, *wanted.cells, *time, *part)
-        columns: dict[str, list[str]] = {name: [] for name in named}
-        lines: list[int] = []
-        every: list[int] = []
-
-        def where(row: int) -> str:
-            return f"{self.source}, line {lines[row]}"
-
-        def where_of_all(row: int) -> str:
-            return f"{self.source}, line {every[row]}"
-
-        def plain(text: str) -> str:
-            return _plain(text, self.source)
-
-        read = dict.fromkeys([*wanted.numbers, *time])
-        marks = FileMarks(self.names, read, self._columns.decimal, self.source, where_of_all)
-        numbers = NumberColumns(wanted)
-        for places, cells in self._blocks(wanted, marks, every):
-            numbers.add(cells, len(lines))
-            lines += places
-            for name, column in columns.items():
-                column.extend(cells[name])
-            if marks.known:
-                convert(numbers, marks, where, plain)
-        decimal = convert(numbers, marks, where, plain)
-        times, unit = self._times(columns, decimal, wanted, where) if lines else (None, "")
-        if time:
-            numbers.look_for_groups(columns[time[0]], decimal)
-        notes = [*self._notes, *marks.notes(decimal, numbers.grouped)]
-        texts = {name: [*map(str.strip, columns[name])] for name in wanted.texts}
-        decoded = {name: [*map(plain, column)] for name, column in texts.items()}
-        if decoded != texts and _LATIN not in notes:
-            notes.append(_LATIN)
-        cells_as_read = {name: cells_in(columns[name], decimal) for name in wanted.cells}
-        return Rows(
-            numbers.arrays,
-            decoded,
-            len(lines),
-            where,
-            self.source,
-            times,
-            notes,
-            unit=unit,
-            cells=cells_as_read,
-        )
-
-    def _blocks(
-        self, wanted: Wanted, marks: FileMarks, every: list[int]
-    ) -> Iterator[tuple[Sequence[int], Mapping[str, Sequence[str]]]]:
-        """Yield the lines and the cells of the rows that are selected, in blocks.
+    def _rows(self, wanted: Wanted, table: Mapping[str, TextCells] | None) -> Rows:
+        """Return the wanted columns.
 
         Args:
-            wanted: The rows.
-            marks: The evidence of decimal marks, to which the cells of all rows are added.
-            every: A list to which the lines of all rows are added.
-
-        Raises:
-            InputError: If no row is selected.
+            wanted: The columns.
+            table: The columns that pyarrow has split; None if the `csv` module splits the file.
         """
-        chosen = RowFilter(wanted.where, self.names, self.source)
-        while block := list(itertools.islice(self.rows, _BLOCK)):
-            cells = self._cells_of(block)
-            marks.add(cells, len(every))
-            places = [line for line, _ in block]
-            every += places
+        lines: list[int] = []
+        selected_rows: list[int] = []
+        count = all_rows = 0
+
+        def where(row: int) -> str:
+            return where_any(selected_rows[row] if wanted.where else row)
+
+        def where_any(row: int) -> str:
+            if table is None:
+                return f"{self.source}, line {lines[row]}"
+            with self._reopened() as recording:  # pyarrow does not count lines
+                line, _ = next(itertools.islice(recording.rows, row, None))
+            return f"{self.source}, line {line}"
+
+        option, selection = self._columns.decimal, RowFilter(wanted.where, self.names, self.source)
+        step = TextNumbers(self.names, wanted, option, self.source, where, where_any, self._plain)
+        part = [] if wanted.part is None else [wanted.part.column]
+        times = [] if wanted.time is None else [wanted.time]
+        parts: dict[str, list[TextCells]] = {
+            name: [] for name in (*wanted.texts, *wanted.cells, *times, *part)
+        }
+        for cells in self._blocks(lines) if table is None else [table]:
+            size, selected = len(next(iter(cells.values()))), None
             if wanted.where:
-                kept = chosen.mask(cells)
-                cells = {name: [*itertools.compress(each, kept)] for name, each in cells.items()}
-                places = [*itertools.compress(places, kept)]
-            if places:
-                yield places, cells
-        if wanted.where and every:
-            chosen.check()
+                selected = selection.mask(cells)
+                selected_rows += (np.nonzero(selected)[0] + all_rows).tolist()
+            step.add(cells, selected, complete=table is not None)
+            for name, blocks in parts.items():
+                column = cells[name]
+                blocks.append(column if selected is None else column.selected(selected))
+            count += size if selected is None else int(selected.sum())
+            all_rows += size
+        if wanted.where and all_rows:
+            selection.check()
+        numbers = step.finish(None if table is None else self._other_columns(table))
+        columns = {name: TextCells.joined(blocks) for name, blocks in parts.items() if blocks}
+        raw_times, unit = self._times(step, columns, wanted, where) if count else (None, "")
+        notes = [*self._notes, *step.notes]
+        texts = {name: [*map(str.strip, columns.get(name, ()))] for name in wanted.texts}
+        decoded = {name: [*map(self._plain, column)] for name, column in texts.items()}
+        if decoded != texts and _LATIN not in notes:
+            notes.append(_LATIN)
+        empty = TextCells(())
+        values = {n: values_in(columns.get(n, empty), step.decimal) for n in wanted.cells}
+        return Rows(
+            numbers,
+            decoded,
+            count,
+            where,
+            self.source,
+            raw_times,
+            notes,
+            unit=unit,
+            cells=values,
+        )
 
     def _times(
         self,
-        texts: Mapping[str, Sequence[str]],
-        decimal: str,
+        step: TextNumbers,
+        cells: Mapping[str, TextCells],
         wanted: Wanted,
         where: Callable[[int], str],
     ) -> tuple[RawTimes | None, str]:
@@ -394,43 +329,65 @@ class CsvRecording:
         time, part = wanted.time, wanted.part
         if time is None:
             return None, ""
-
-        def place(row: int) -> str:
-            return f"{where(row)}, column '{time}'"
-
         if part is None or not part.unit:
-            days = None if part is None else texts[part.column]
-            return times_in(texts[time], decimal, place, days, self._columns.date_order), ""
-        seconds = times_in(texts[time], decimal, place)
-        parts = times_in(texts[part.column], decimal, where)
-        return join_times(seconds, parts, part.unit, where), "ns"
+            return step.times(cells[time], None if part is None else cells[part.column]), ""
+        parts, _ = times_in(cells[part.column], step.decimal, where)
+        return join_times(step.times(cells[time]), parts, part.unit, where), "ns"
 
-    def _cells_of(self, block: Sequence[tuple[int, list[str]]]) -> Mapping[str, Sequence[str]]:
-        """Return the cells of some rows by column."""
-        rows = [*map(itemgetter(1), block)]
-        columns = list(zip(*rows, strict=False))
-        beyond = columns[len(self.names) :]
-        if {*map(len, rows)} != {self._width} or "".join(map("".join, beyond)).strip():
-            raise next(self._width_errors(block))
-        return dict(zip(self.names, columns, strict=False))
+    def _split_by_pyarrow(self, names: Sequence[str]) -> Mapping[str, TextCells] | None:
+        """Return some columns; None if pyarrow does not split the file as the `csv` module does."""
+        if not self._fast or self.separator == " ":  # runs of blanks are several for pyarrow
+            return None
+        from rtamt_gym.recorded.arrow_columns import split_text
 
-    def _width_errors(self, block: Sequence[tuple[int, list[str]]]) -> Iterator[InputError]:
+        place_of = {name: place for place, name in enumerate(self.names)}
+        places = [*map(place_of.__getitem__, names), *range(len(self.names), self._width)]
+        columns = split_text(self._file, self.separator, self._width, self._last_above, places)
+        if columns is None or any("".join(beyond).strip() for beyond in columns[len(names) :]):
+            return None
+        if any(column.has('"') for column in columns):  # a quote after a blank is not one here
+            return None
+        return dict(zip(names, columns, strict=False))
+
+    def _other_columns(
+        self, table: Mapping[str, TextCells]
+    ) -> Callable[[], Mapping[str, TextCells]]:
+        others = [name for name in dict.fromkeys(self.names) if name not in table]
+        return lambda: (others and self._split_by_pyarrow(others)) or {}
+
+    def _blocks(self, lines: list[int]) -> Iterator[Mapping[str, TextCells]]:
+        """Yield the cells of blocks of rows, and append the line of each row."""
+        while block := list(itertools.islice(self.rows, _BLOCK)):
+            rows = [*map(itemgetter(1), block)]
+            columns = list(zip(*rows, strict=False))
+            beyond = columns[len(self.names) :]
+            if {*map(len, rows)} != {self._width} or "".join(map("".join, beyond)).strip():
+                raise self._width_error(block)
+            lines += map(itemgetter(0), block)
+            yield dict(zip(self.names, map(TextCells, columns), strict=False))
+
+    def _width_error(self, block: Sequence[tuple[int, list[str]]]) -> InputError:
         n = len(self.names)
-        for line, row in block:
-            if len(row) != self._width or "".join(row[n:]).strip():
-                above = line - 1 == self._above and len(row) > n
-                hint = "; give --skip N if the names are below the first N lines" if above else ""
-                yield InputError(
-                    f"{self.source}, line {line}: expected {n} values ({listed(self.names)}), "
-                    f"got {len(row)}{hint}"
-                )
+        line, row = next(
+            (line, row)
+            for line, row in block
+            if len(row) != self._width or "".join(row[n:]).strip()
+        )
+        above = line - 1 == self._last_above and len(row) > n
+        hint = "; give --skip N if the names are below the first N lines" if above else ""
+        return InputError(
+            f"{self.source}, line {line}: expected {n} values ({listed(self.names)}), "
+            f"got {len(row)}{hint}"
+        )
 
-    def _rows_of(
-        self, top: Sequence[str], at: int, below: Iterable[str], skipped: int
-    ) -> Iterator[tuple[int, list[str]]]:
-        """Yield the line of the names and the rows below it, with their line numbers."""
-        lines = itertools.chain([names_line(top[at])], top[at + 1 :], below)
-        return rows_of(lines, self.separator, skipped + at, self.source)
+    def _plain(self, text: str) -> str:
+        """Return a text whose bytes were not UTF-8 as Latin-1."""
+        if not any("\udc80" <= character <= "\udcff" for character in text):
+            return text
+        latin = text.encode("utf-8", "surrogateescape").decode("latin-1")
+        if not latin.isprintable():
+            raise InputError(f"{self.source}: expected text in UTF-8, UTF-16 or Latin-1")
+        return latin
 
 
 _SETTING: Final = re.compile(
@@ -443,11 +400,11 @@ def _settings(lines: Iterable[str]) -> Mapping[str, float]:
     """Return the numbers in lines such as ``# Sample Interval [s]: 0.01`` by their names."""
     settings = {}
     for line in lines:
-        found = _SETTING.fullmatch(line.strip())
-        number = None if found is None else floats_in([found["number"].replace(",", ".")])
-        if found is not None and number is not None:
-            unit = f" [{found['unit']}]" if found["unit"].lower() not in ("", "hz") else ""
-            settings[f"{found['name']}{unit}"] = float(number[0])
+        match = _SETTING.fullmatch(line.strip())
+        number = None if match is None else floats_in([match["number"].replace(",", ".")])
+        if match is not None and number is not None:
+            unit = f" [{match['unit']}]" if match["unit"].lower() not in ("", "hz") else ""
+            settings[f"{match['name']}{unit}"] = float(number[0])
     return settings
 
 
@@ -456,7 +413,7 @@ def _is_text(cell: str) -> bool:
 
 
 def _skip_note(before: int, lines: int) -> str:
-    """Return the note on lines before the names, of which some are skipped by an option."""
+    """Return the note on lines before the names, after lines that an option skips."""
     first, last = before + 1, before + lines
     what = f"line {first} is" if lines == 1 else f"lines {first} to {last} are"
     return f"{what} skipped: the names of the columns are in line {last + 1}"

@@ -22,10 +22,9 @@ from rtamt_gym.recorded.names import (
     needed_columns,
     recorded_variables,
 )
-from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.same_time import one_record
-from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
 from rtamt_gym.recorded.trace import EventTrace, held, read_rows, wanted_times

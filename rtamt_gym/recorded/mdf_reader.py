@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.foreign import refusing
+from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.same_time import SameTime, check_rising, common_instants, one_record
 from rtamt_gym.recorded.times import TIME
@@ -46,7 +46,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
             yield recording
 
 
-class MdfRecording:
+class MdfRecording(Recording):
     """The channels of a measurement, and the column ``time`` of the times at which one has a value.
 
     A channel that has no value at a time where another one has is an empty cell there. A sample
@@ -76,7 +76,6 @@ class MdfRecording:
         ]
         self._places = [*channels, *_qualified(channels, groups)]
         self.names: Sequence[str] = [TIME, *(name for name, _, _ in self._places)]
-        self.dates: Sequence[str] = ()
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted channels.
@@ -95,18 +94,8 @@ class MdfRecording:
                     signals[name] = self._signal(name, group, index, notes)
         lines = [signal.times for signal in signals.values()]
         times = common_instants([*lines, self._ends()] if wanted.ends else lines)
-        arrays: dict[str, NDArray[Any]] = {TIME: times}
-        invalid = {}
-        for name, signal in signals.items():
-            if signal.values.dtype.kind not in "biuf":
-                arrays[name] = signal.values
-                continue
-            places = np.searchsorted(times, signal.times, side="right") - 1
-            arrays[name] = np.full(len(times), np.nan)
-            arrays[name][places] = signal.values
-            invalid[name] = np.zeros(len(times), bool)
-            invalid[name][places] = np.isnan(signal.values)
-        rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
+        arrays, invalid = at_instants(times, signals)
+        rows = ArrayRecording(self.source, {TIME: times, **arrays}, invalid).read(wanted)
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *notes])
 
     def _ends(self) -> Floats:

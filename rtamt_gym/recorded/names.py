@@ -174,7 +174,7 @@ def needed_columns(
                 "; say with --separator what stands between columns, or with --skip N how many "
                 "lines stand before the names"
             )
-        above = recording.lines_above(column) if hasattr(recording, "lines_above") else None
+        above = recording.lines_above(column)
         if above:
             hint = f"; give --skip {above} if line {above + 1}, which has '{column}', has the names"
         if if_events and {VARIABLE, VALUE} <= set(recording.names):

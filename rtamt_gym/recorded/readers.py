@@ -9,24 +9,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from rtamt import InputError
+from rtamt import InputError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.recorded import contained
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
-
-__all__ = [
-    "FORMATS",
-    "GROUP",
-    "Format",
-    "extensions",
-    "format_of",
-    "formats",
-    "is_bag",
-    "is_bag_folder",
-    "open_recording",
-]
+from rtamt_gym.tables import shorten
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +23,15 @@ class Format:
     """A format of recorded traces.
 
     Attributes:
-        name: What it is called.
+        name: The name of the format, for messages.
         extensions: The ends of the names of such files, in lower case.
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
-            manager that gives a `Recording`; a module for bags has ``read_bag``.
+            manager that yields a `Recording`; a module for bags has ``read_bag``.
         bag: Whether they are bags, whose topics have times of their own.
+        contained: Whether another process reads them, because their library may crash on a
+            damaged file. Rows then come with `RowNumbers`.
         table: Whether a file is one table, whose rows ``--where`` selects and whose columns the
-            reader gives as they are too.
-        contained: Whether another process reads them, as what reads them may crash on a damaged
-            file. Rows then come with `RowNumbers`.
+            reader also returns as they are.
     """
 
     name: str
@@ -58,24 +47,24 @@ FORMATS = [
     Format("Parquet", (".parquet",), "rtamt_gym.recorded.arrow_reader", table=True),
     Format("Feather", (".feather", ".arrow"), "rtamt_gym.recorded.arrow_reader", table=True),
     Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader", table=True),
-    Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader", table=True),
-    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader", contained=True, table=True),
+    Format("NumPy", (".npz",), "rtamt_gym.recorded.arrays", table=True),
+    Format("MATLAB", (".mat",), "rtamt_gym.recorded.arrays", contained=True, table=True),
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True),
     Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
     Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),
     Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
 ]
-"""A row for each format; the first reads what has no extension, and standard input."""
+"""A row for each format; the first reads files without an extension, and standard input."""
 
 GROUP: Final = "rtamt.trace_formats"
 """The entry points of other packages that add a format, each the name of a `Format`."""
 
 
 def formats() -> list[Format]:
-    """The formats of this package, and those that other packages add.
+    """Return the formats of this package, and those that other packages add.
 
     Raises:
-        InputError: If what is added is no format, or takes an extension that another has.
+        InputError: If an entry point is not a format, or takes an extension of another format.
     """
     rows = [*FORMATS]
     for name, row in plugins(GROUP).items():
@@ -83,7 +72,7 @@ def formats() -> list[Format]:
             raise InputError(
                 f"expected a Format as the entry point {name!r} of {GROUP}, got {row!r}"
             )
-        taken = {extension: each.name for each in rows for extension in each.extensions}
+        taken = {extension: other.name for other in rows for extension in other.extensions}
         for extension in row.extensions:
             if extension in taken:
                 raise InputError(
@@ -95,12 +84,12 @@ def formats() -> list[Format]:
 
 
 def extensions() -> list[str]:
-    """The ends of the names of files that can be read."""
+    """Return the ends of the names of files that can be read."""
     return [extension for row in formats() for extension in row.extensions]
 
 
 def is_bag_folder(path: str | Path) -> bool:
-    """Whether a folder is a bag of rosbag2, which counts as one trace."""
+    """Return whether a folder is a bag of rosbag2, which counts as one trace."""
     try:
         return (Path(path) / "metadata.yaml").is_file()
     except OSError:  # a formula may be longer than a name
@@ -108,9 +97,9 @@ def is_bag_folder(path: str | Path) -> bool:
 
 
 def format_of(path: str) -> Format:
-    """The format of a file by the end of its name; CSV for standard input, or without an extension.
+    """Return the format of a file by the end of its name, or of the folder of a bag.
 
-    A folder with the file ``metadata.yaml`` is a bag of rosbag2.
+    It is CSV for standard input, and for a name without an extension.
 
     Raises:
         InputError: If no format has the extension.
@@ -128,7 +117,7 @@ def format_of(path: str) -> Format:
 
 
 def is_bag(path: str) -> bool:
-    """Whether a path names a bag."""
+    """Return whether a path names a bag."""
     try:
         return format_of(path).bag
     except InputError:
@@ -137,9 +126,7 @@ def is_bag(path: str) -> bool:
 
 @contextmanager
 def open_recording(path: str, columns: Columns | None = None) -> Iterator[Recording]:
-    """Opens a file of recorded values with the reader of its extension.
-
-    A name without an extension is read as CSV; ``-`` is CSV on stdin.
+    """Open a file of recorded values with the reader of its extension; ``-`` is CSV on stdin.
 
     Args:
         path: The file.
@@ -147,8 +134,8 @@ def open_recording(path: str, columns: Columns | None = None) -> Iterator[Record
 
     Raises:
         OSError: If there is no such file.
-        InputError: If no format has the extension or a format of bags has it, or if the file is not
-            in the format of its reader.
+        InputError: If no format, or a format of bags, has the extension, or if the file is not in
+            the format of its reader.
         ModuleNotFoundError: If the reader needs a package that is not installed.
     """
     row = format_of(path)
@@ -164,3 +151,31 @@ def open_recording(path: str, columns: Columns | None = None) -> Iterator[Record
             yield recording
     except UnicodeDecodeError:
         raise InputError(f"{'stdin' if path == '-' else path}: expected UTF-8 text") from None
+
+
+@contextmanager
+def refusing(path: str, expected: str) -> Iterator[None]:
+    """Turn the errors of a library that reads a file into a refusal of the file.
+
+    Args:
+        path: The file.
+        expected: The expected content, as in ``a whole MATLAB file``.
+
+    Raises:
+        InputError: If the library raises anything, lack of memory included, because a damaged
+            file may claim more numbers than it has.
+        OSError: If a file cannot be opened.
+        ModuleNotFoundError: If the library is not installed.
+    """
+    try:
+        yield
+    except (RtamtError, ModuleNotFoundError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
+        text = shorten(" ".join(str(error).split()), 120)
+        kind = type(error).__name__.lstrip("_")
+        raise InputError(
+            f"{shown(path)}: expected {expected}, got an error: {kind}{': ' * bool(text)}{text}"
+        ) from None

@@ -89,14 +89,13 @@ class RowTable:
         timed = rows.times is not None
         late = rows.times is not None and not rises(rows.times)
         uneven = rows.times is not None and not _are_even(rows.times)
-        texts: Collection[str] = getattr(self.recording, "texts", ())
         first = self.recording.names[0]
         names = [
             name
             for name in self.unread
             if late
             or may_tell_objects(name, self.read, timed=timed, first=name == first)
-            or (uneven and name in texts)
+            or (uneven and name in self.recording.texts)
         ]
         if not names:
             return
@@ -208,8 +207,8 @@ class RowTable:
 
     def _check_period(self, expected: str, cells: Mapping[str, NDArray[np.generic]]) -> None:
         """Check that no constant in the file states the time between samples."""
-        above: Mapping[str, float] = getattr(self.recording, "above", {})
-        singles = {name: value for name, value in above.items() if name not in self.read}
+        above = self.recording.above.items()
+        singles = {name: value for name, value in above if name not in self.read}
         alone = [name for name in self.unread if name not in cells]
         read = self.recording.read(Wanted((), cells=alone)).cells if alone else {}
         for name, values in read.items():

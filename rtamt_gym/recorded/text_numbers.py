@@ -1,61 +1,433 @@
-"""Numbers that stand as text in a table of another format, such as JSON lines or Parquet."""
+"""The step from texts to numbers, and the decimal mark of a file.
+
+A cell such as ``1.250`` is 1.25 with a decimal point, and 1250 with a decimal comma and points
+between groups of three digits. A cell such as ``0.125``, ``3,5``, ``1.000.000`` or ``1.000,5`` has
+one reading only, and decides for all columns. A point without evidence is a decimal point, unless
+the column looks like integers in groups. Any other file is refused.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
-from rtamt_gym.recorded.cells import NumberColumns, is_number, times_in
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.recorded.cells import (
+    NOT_KNOWN,
+    OTHER_MARK,
+    TextCells,
+    floats_in,
+    is_number,
+    times_in,
+)
 from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.decimal_marks import FileMarks, convert
 from rtamt_gym.recorded.recording import Floats, RowNumbers, Wanted
 
-__all__ = ["holds_numbers", "numbers_in_texts"]
+_NAMES: Final = {".": "decimal point", ",": "decimal comma"}
+
+_INTEGER: Final = re.compile(r"[+-]?(\d+)", re.ASCII)
+_EXPONENT: Final = re.compile(r"[+-]?\d+[eE][+-]?\d+", re.ASCII)
+
+_BY_OPTION: Final = "; --decimal . or --decimal , states the mark of the columns that are read"
+
+_BYTE: Final = r"(?:25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
+_ADDRESS: Final = re.compile(rf"{_BYTE}(?:\.{_BYTE}){{3}}", re.ASCII)
+"""An internet address, which may look like a number with three groups."""
+
+_FEW: Final = 128
+"""Cells after which a column that is read is searched no further once it has shown its mark."""
 
 
-def holds_numbers(texts: Sequence[str]) -> bool:
-    """Return whether the first text that is not empty is a number under some decimal mark."""
-    first = next(filter(None, map(str.strip, texts)), "")
-    return is_number(first, ".") or is_number(first, ",")
+class MarkedCell(NamedTuple):
+    """A cell, by the number of its row."""
+
+    row: int
+    text: str
+
+
+@dataclass(slots=True)
+class ColumnMarks:
+    """The evidence for a decimal mark in one column.
+
+    Attributes:
+        certain: For each mark, the first cell that is a number with this decimal mark only.
+        open: For each mark, the longest cell with it that is a number with both decimal marks.
+        text: Whether a cell with a mark is not a number under either decimal mark.
+        ungrouped: The first cell without a mark that a writer of groups would have divided.
+        digits: The most digits of a cell without a mark.
+        padded: Whether an open cell ends in 0, as no shortest decimal number does.
+
+    Example:
+        >>> marks = ColumnMarks()
+        >>> marks.add(TextCells(["1.250", "0.5"]), 0, brief=False)
+        >>> marks.evidence, marks.is_open
+        ({'.': MarkedCell(row=1, text='0.5')}, False)
+    """
+
+    certain: dict[str, MarkedCell] = field(default_factory=dict)
+    open: dict[str, MarkedCell] = field(default_factory=dict)
+    text: bool = False
+    ungrouped: MarkedCell | None = None
+    digits: int = 0
+    padded: bool = False
+
+    @property
+    def evidence(self) -> Mapping[str, MarkedCell]:
+        """The cell that decides for each mark; both if the mark changes within the column."""
+        if self.ungrouped is None or self.certain or len(self.open) != 1:
+            return self.certain
+        return dict.fromkeys(self.open, self.ungrouped)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the column has marks, and both decimal marks explain all of it."""
+        return bool(self.open) and not self.evidence
+
+    def grouped(self, decimal: str) -> str:
+        """Return the longest cell if each number has three digits after the mark; else no text."""
+        all_groups = self.is_open and decimal in self.open and not self.digits
+        return self.open[decimal].text if all_groups and len(self.open) == 1 else ""
+
+    @property
+    def like_thousands(self) -> bool:
+        """Whether an open column looks like integers in groups rather than decimal numbers.
+
+        No number of three decimals has more digits, and integers without a mark are written next
+        to groups of three digits, not next to numbers with three decimals.
+        """
+        if "." not in self.open:
+            return False
+        leading = len(self.open["."].text.lstrip("+-").partition(".")[0])
+        return leading > 1 or self.digits == 3 or (self.digits > 0 and self.padded)
+
+    def add(self, cells: TextCells, row: int, *, brief: bool) -> None:
+        """Add the evidence of further cells.
+
+        Args:
+            cells: The cells.
+            row: The row of the first cell.
+            brief: Whether to stop when each mark that occurs is certain. TextCells that are not
+                numbers are missed then.
+        """
+        present = {mark for mark in OTHER_MARK if cells.has(mark)}
+        if not present:
+            self._add_unmarked(cells, row)
+            return
+        step = _FEW if brief else len(cells)
+        for begin in range(0, len(cells), step):
+            if self.certain.keys() >= present:
+                return
+            for at, padded in enumerate(cells[begin : begin + step], row + begin):
+                cell = padded.strip()
+                if "." in cell or "," in cell:
+                    self._add_marked(MarkedCell(at, cell))
+                elif self.ungrouped is None:
+                    self._add_integer(MarkedCell(at, cell))
+
+    def _add_unmarked(self, cells: TextCells, row: int) -> None:
+        if self.certain or self.ungrouped is not None:
+            return
+        found = map(_INTEGER.fullmatch, map(str.strip, {*cells}))  # most integers come again
+        self.digits = max(self.digits, max((len(m[1]) for m in found if m is not None), default=0))
+        if self.digits > 4 or cells.has("e") or cells.has("E"):
+            for at, cell in enumerate(cells, row):
+                self._add_integer(MarkedCell(at, cell.strip()))
+
+    def _add_integer(self, cell: MarkedCell) -> None:
+        match = _INTEGER.fullmatch(cell.text)
+        digits = 0 if match is None else len(match[1])
+        self.digits = max(self.digits, digits)
+        if digits > 4 or _EXPONENT.fullmatch(cell.text):
+            self.ungrouped = self.ungrouped or cell
+
+    def _add_marked(self, cell: MarkedCell) -> None:
+        if cell.text.lower() in NOT_KNOWN:
+            return
+        marks = [mark for mark in OTHER_MARK if is_number(cell.text, mark)]
+        if not marks or _ADDRESS.fullmatch(cell.text):
+            self.text = True
+        elif len(marks) == 1:
+            self.certain.setdefault(marks[0], cell)
+        else:
+            mark = "." if "." in cell.text else ","
+            if len(cell.text) > len(self.open.get(mark, MarkedCell(0, "")).text):
+                self.open[mark] = cell
+            self.padded |= mark == "." and cell.text.endswith("0")
+
+
+class TextNumbers:
+    """The numbers and times in columns of text, whose cells come in blocks.
+
+    Cells stay text until a cell that is read decides the decimal mark, or all have come.
+
+    Args:
+        names: The columns of text of the file.
+        wanted: The columns to read; others than columns of text are left out.
+        option: The decimal mark that the user has stated; None to recognise it.
+        source: Name of the file, for messages.
+        where: Returns the place of a row that is read, for messages.
+        where_any: Returns the place of any row of the file.
+        plain: Returns a cell as messages show it.
+    """
+
+    def __init__(
+        self,
+        names: Iterable[str],
+        wanted: Wanted,
+        option: str | None,
+        source: str,
+        where: Callable[[int], str],
+        where_any: Callable[[int], str],
+        plain: Callable[[str], str] = str,
+    ) -> None:
+        self._wanted, self._option, self._source = wanted, option, source
+        self._where, self._where_any, self._plain = where, where_any, plain
+        time = [] if wanted.time is None else [wanted.time]
+        self._read = dict.fromkeys([*wanted.numbers, *time])
+        self._searched: Collection[str] = self._read
+        self._marks = {name: ColumnMarks() for name in (*names, *self._read)}
+        self._pending: list[Mapping[str, TextCells]] = []
+        self._rows = self._converted = 0
+        self._numbers: dict[str, list[Floats]] = {name: [] for name in wanted.numbers}
+        self._grouped = ""
+        self.decimal = "." if option is None else option
+        """The decimal mark, once `finish` has decided it."""
+
+    def add(
+        self,
+        cells: Mapping[str, TextCells],
+        selected: NDArray[np.bool_] | None = None,
+        *,
+        complete: bool = False,
+    ) -> None:
+        """Add the cells of further rows.
+
+        Args:
+            cells: The cells by column.
+            selected: Whether each row is read; None if all are.
+            complete: Whether these are all rows of the file, which `finish` converts.
+
+        Raises:
+            InputError: As `finish` does.
+        """
+        time = self._wanted.time
+        if not self._rows and time is not None and not _holds_numbers(cells[time][:1]):
+            self._searched = [name for name in self._read if name != time]  # it holds dates
+        self._look(self._searched, cells, complete=complete)
+        if self._option is None:
+            others = self._marks.keys() - self._read.keys()
+            self._look(others, cells, complete=complete)
+        self._rows += len(next(iter(cells.values()), ()))
+        own = {name: cells[name] for name in self._wanted.numbers}
+        if selected is not None:
+            own = {name: column.selected(selected) for name, column in own.items()}
+        self._pending.append(own)
+        known = self._option is not None or any(self._marks[n].evidence for n in self._read)
+        if known and not complete:
+            self._convert(self._decide(None))
+
+    def _look(
+        self, names: Collection[str], cells: Mapping[str, TextCells], *, complete: bool
+    ) -> None:
+        """Add the evidence of some columns, which a file without marks in a column has not."""
+        for name in names:
+            column = cells.get(name)
+            if column is None or (complete and not (column.has(".") or column.has(","))):
+                continue
+            self._marks[name].add(column, self._rows, brief=name in self._read)
+
+    def finish(
+        self, others: Callable[[], Mapping[str, TextCells]] | None = None
+    ) -> Mapping[str, Floats]:
+        """Return the numbers of each column, after the last block.
+
+        Args:
+            others: Returns the columns that the blocks lack, if they must decide the mark.
+
+        Raises:
+            InputError: If there is evidence for both marks, a column that is read has two
+                readings, or a cell is not a number.
+        """
+        self.decimal = self._decide(others)
+        self._convert(self.decimal)
+        return {name: np.concatenate([np.zeros(0), *p]) for name, p in self._numbers.items()}
+
+    def times(self, cells: TextCells, days: TextCells | None = None) -> RawTimes:
+        """Return the times in the cells of the column of times that are read.
+
+        Args:
+            cells: The cells.
+            days: The dates of times of day; None if there are none.
+
+        Raises:
+            InputError: If a cell is not a time.
+        """
+
+        def place(row: int) -> str:
+            return f"{self._where(row)}, column '{self._wanted.time}'"
+
+        times, grouped = times_in(cells, self.decimal, place, days, self._wanted.date_order)
+        self._grouped = self._grouped or grouped
+        return times
+
+    def _convert(self, decimal: str) -> None:
+        for cells in self._pending:
+            for name, column in cells.items():
+                found = column.numbers(decimal, **self._gaps(name))
+                if found is None:
+                    raise self._wrong_cell(cells, decimal)
+                self._numbers[name].append(found.values)
+                self._grouped = self._grouped or found.grouped
+            self._converted += len(next(iter(cells.values()), ()))
+        self._pending.clear()
+
+    def _gaps(self, name: str) -> dict[str, bool]:
+        return {"gaps": name in self._wanted.gaps, "nan": self._wanted.nan}
+
+    def _wrong_cell(self, cells: Mapping[str, TextCells], decimal: str) -> InputError:
+        row, name, cell = next(
+            (row, name, cell)
+            for row, texts in enumerate(zip(*cells.values(), strict=True), self._converted)
+            for name, cell in zip(cells, texts, strict=True)
+            if floats_in([cell], decimal, **self._gaps(name)) is None
+        )
+        word = cell.strip().lower()
+        advice = self._wanted.empty if not word or word in NOT_KNOWN else ""
+        if self._option is not None and any(is_number(cell.strip(), mark) for mark in OTHER_MARK):
+            advice = "; leave out --decimal to recognise the decimal mark from the whole file"
+        return InputError(
+            f"{self._where(row)}, column '{name}': expected a number, got "
+            f"{self._plain(cell)!r}{advice}"
+        )
+
+    def _decide(self, others: Callable[[], Mapping[str, TextCells]] | None) -> str:
+        """Return the decimal mark."""
+        if self._option is not None:
+            return self._option
+        own = {name: self._marks[name] for name in self._read}
+        found = _evidence(own)
+        if len(found) == 2:
+            raise self._two_marks(found, "")
+        unclear = {name: marks for name, marks in own.items() if marks.is_open}
+        if not unclear:
+            return next(iter(found), ".")
+        if others is not None:
+            self._rows = 0
+            cells = others()
+            self._look(cells, cells, complete=True)
+        numeric = {name: marks for name, marks in self._marks.items() if not marks.text}
+        found = {**_evidence(numeric), **found}
+        decisive = next(iter(found), None)
+        found = {**_evidence(self._marks), **found}  # texts raise doubts, and decide nothing
+        if len(found) == 2:
+            raise self._two_marks(found, _BY_OPTION)
+        if decisive is not None:
+            return decisive
+        commas = "," in found or any("," in marks.open for marks in self._marks.values())
+        for name, marks in unclear.items():
+            if commas or marks.like_thousands:
+                longest = max(marks.open.values(), key=lambda cell: len(cell.text))
+                raise self._two_readings(name, longest)
+        return "."
+
+    def _two_marks(self, found: Mapping[str, tuple[str, MarkedCell]], hint: str) -> InputError:
+        both = [
+            f"{cell.text!r} with a {_NAMES[mark]} "
+            f"({self._where_any(cell.row).removeprefix(f'{self._source}, ')}, column '{name}')"
+            for mark, (name, cell) in sorted(found.items(), key=lambda item: item[1][1].row)
+        ]
+        return InputError(
+            f"{self._source}: expected one decimal mark in the file, got {' and '.join(both)}{hint}"
+        )
+
+    def _two_readings(self, name: str, cell: MarkedCell) -> InputError:
+        point, comma = (_read(cell.text, mark) for mark in OTHER_MARK)
+        return InputError(
+            f"{self._where_any(cell.row)}, column '{name}': expected numbers that can be read in "
+            f"one way, got {cell.text!r}; give --decimal . to read it as {point}, or --decimal , "
+            f"to read it as {comma}"
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on how numbers were read."""
+        decimal, notes = self.decimal, []
+        if self._option is None and decimal == ",":
+            notes.append("numbers are read with a decimal comma")
+        if self._grouped:
+            notes.append(
+                f"marks between groups of three digits are left out: '{self._grouped}' is "
+                f"{_read(self._grouped, decimal)}"
+            )
+        groups = {name: self._marks[name].grouped(decimal) for name in self._read}
+        return notes + [
+            f"--decimal {decimal} reads '{cell}' as {_read(cell, decimal)}: every number of "
+            f"'{name}' has three digits after the mark, as numbers in groups of three digits have"
+            for name, cell in groups.items()
+            if cell and self._option is not None
+        ]
+
+
+def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, MarkedCell]]:
+    """Return the first cell with evidence for each mark, with the name of its column."""
+    found: dict[str, tuple[str, MarkedCell]] = {}
+    for name, marks in columns.items():
+        for mark, cell in marks.evidence.items():
+            if mark not in found or cell.row < found[mark][1].row:
+                found[mark] = name, cell
+    return found
+
+
+def _read(cell: str, decimal: str) -> str:
+    read = floats_in([cell], decimal)
+    return cell if read is None else f"{read[0]:.15g}"
 
 
 def numbers_in_texts(
-    columns: Mapping[str, Sequence[str]],
+    texts: Mapping[str, Sequence[str]],
     wanted: Wanted,
-    decimal: str | None,
+    option: str | None,
     source: str,
     where: Callable[[int], str],
-    rows: Sequence[int] | None = None,
-) -> tuple[dict[str, Floats], RawTimes | None, list[str]]:
-    """Return the numbers and times in columns of text, and notes on how they were read.
+    selected: NDArray[np.bool_] | None = None,
+) -> tuple[Mapping[str, Floats], RawTimes | None, list[str]]:
+    """Return the numbers and times in columns of text of a table of another format, and notes.
 
     Args:
-        columns: All columns of text of the file; an empty text is an empty cell.
-        wanted: The columns to read; others than columns of text are left out. Times are read if
-            they are numbers.
-        decimal: The decimal mark that is stated; None to recognise it.
-        source: Name of the file, for messages.
-        where: Returns file and place of a row that is read, for messages.
-        rows: The rows that are read; None: all.
+        texts: All columns of text of the file; an empty text is an empty cell.
+        wanted: The columns to read. Times are read if they are numbers.
+        option: As for `TextNumbers`.
+        source: As for `TextNumbers`.
+        where: As for `TextNumbers`.
+        selected: Whether each row is read; None if all are.
 
     Raises:
         InputError: If a text is not a number, or the decimal mark is not certain.
     """
-    read, time = [name for name in wanted.numbers if name in columns], wanted.time
-    if time is None or time not in columns or not holds_numbers(columns[time]):
+    cells = {name: TextCells(column) for name, column in texts.items()}
+    numbers = [name for name in wanted.numbers if name in texts]
+    time = wanted.time
+    if time is not None and not (time in texts and _holds_numbers(texts[time])):
         time = None
-    if not read and time is None:
+    if not numbers and time is None:
         return {}, None, []
-    numbers = NumberColumns(replace(wanted, numbers=read))
-    marked = dict.fromkeys(read if time is None else [*read, time])
-    marks = FileMarks(columns, marked, decimal, source, RowNumbers(source))
-    marks.add(columns, 0)
-    if rows is not None:
-        columns = {name: [columns[name][row] for row in rows] for name in marked}
-    numbers.add(columns, 0)
-    mark = convert(numbers, marks, where)
+    wanted = Wanted(numbers, gaps=wanted.gaps, nan=wanted.nan, empty=wanted.empty, time=time)
+    step = TextNumbers(texts, wanted, option, source, where, RowNumbers(source))
+    step.add(cells, selected, complete=True)
+    values = step.finish()
     times = None
     if time is not None:
-        times = times_in(columns[time], mark, lambda i: f"{where(i)}, column '{time}'")
-        numbers.look_for_groups(columns[time], mark)
-    return numbers.arrays, times, marks.notes(mark, numbers.grouped)
+        column = cells[time]
+        times = step.times(column if selected is None else column.selected(selected))
+    return values, times, step.notes
+
+
+def _holds_numbers(texts: Sequence[str]) -> bool:
+    """Return whether the first text that is not empty is a number under some decimal mark."""
+    first = next(filter(None, map(str.strip, texts)), "")
+    return any(is_number(first, mark) for mark in OTHER_MARK)

@@ -121,7 +121,7 @@ def _found(
     names = [*dict.fromkeys(recording.names)]
     if columns.time is not None:
         return _named(recording, columns.time)
-    blank = getattr(recording, "blank", ())
+    blank = recording.blank
     if TIME in names:
         return _with_date(TIME, recording)
     plain = [name for name in names if has_plain_time_name(name) and name not in blank]
@@ -132,8 +132,7 @@ def _found(
     known = [n for n in names if unit_of_times(n) is not None and n not in (*read, *blank)]
     if len(both := [name for name in dates if name in known]) == 1:
         return TimeColumn(both[0])
-    days = getattr(recording, "days", ())
-    if len(dates) == 1 and dates[0] in days and len(known) == 1:
+    if len(dates) == 1 and dates[0] in recording.days and len(known) == 1:
         return _with_date(known[0], recording)
     if dates:
         return _only(recording, [TimeColumn(name) for name in dates])

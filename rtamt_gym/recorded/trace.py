@@ -18,10 +18,9 @@ from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
 from rtamt_gym.recorded.grid import HOLE, Grid, Resampled, resampled
 from rtamt_gym.recorded.invalid import check_valid
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables
-from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.same_time import one_record, same_as_before
-from rtamt_gym.recorded.selection import selection_notes
 from rtamt_gym.recorded.starts import take_default
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
 from rtamt_gym.results.extent import Extent, Gap, LateStart

@@ -16,9 +16,9 @@ from pyulog.exceptions import ULogException
 
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.foreign import refusing
+from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.same_time import SameTime, check_rising, one_record
 from rtamt_gym.recorded.times import TIME
@@ -83,7 +83,7 @@ class _Field(NamedTuple):
     values: NDArray[Any]
 
 
-class ULogRecording:
+class ULogRecording(Recording):
     """The fields of a log's topics, and the column ``time`` of the times at which one has a value.
 
     A field is called ``topic.field``; where a topic has several instances, ``topic.0.field`` is the
@@ -102,7 +102,6 @@ class ULogRecording:
         self, log: ULog, source: str, same_time: SameTime | None = None, *, cut: bool = False
     ) -> None:
         self.source, self._same_time = shown(source), same_time or "last"
-        self.dates: Sequence[str] = ()
         self._fields = _fields(log)
         self._lines = [each.data[_STAMP] for each in log.data_list if _STAMP in each.data]
         self.names: Sequence[str] = [TIME, *self._fields]
@@ -124,16 +123,8 @@ class ULogRecording:
         kept, notes = self._in_order(fields)
         lines = [each.times for each in kept.values()]
         micros = np.unique(np.concatenate([*lines, *([self._ends()] if wanted.ends else [])]))
-        arrays: dict[str, NDArray[Any]] = {TIME: micros / 1e6}
-        invalid = {}
-        for name, field in kept.items():
-            places = np.searchsorted(micros, field.times)
-            values = np.full(len(micros), np.nan)
-            values[places] = field.values
-            arrays[name] = values
-            invalid[name] = np.zeros(len(micros), bool)
-            invalid[name][places] = np.isnan(values[places])
-        rows = ArrayRecording(self.source, arrays, invalid).read(wanted)
+        arrays, invalid = at_instants(micros, {n: (f.times, f.values) for n, f in kept.items()})
+        rows = ArrayRecording(self.source, {TIME: micros / 1e6, **arrays}, invalid).read(wanted)
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
 
     def _ends(self) -> NDArray[np.uint64]:

@@ -58,7 +58,7 @@ COMMANDS = {
     "monitor": (["monitor", "always(x > 2)", "trace.csv"], judge, "judge"),
     "monitor --dense": (["monitor", "always(x > 2)", "trace.csv", "--dense"], judge, "_parts"),
     "explain": (["explain", "always(x > 2)", "trace.csv"], judge, "viewed"),
-    "reader": (["explain", "always(x > 2)", "trace.csv"], cells, "floats_in"),
+    "reader": (["explain", "always(x > 2)", "trace.csv"], cells, "_numbers_in"),
     "demo": (["demo"], demo, "watch"),
 }
 

@@ -434,7 +434,7 @@ def test_the_library_reads_what_needs_no_help(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(csv_reader, "_LONG", 0)
-    monkeypatch.delattr(CsvRecording, "_read_blocks")
+    monkeypatch.delattr(CsvRecording, "_blocks")
     for extension in (".csv", ".csv.gz", ".tsv", ".txt"):
         path = tmp_path / f"long{extension}"
         WRITERS[extension](path, TABLE)
