@@ -22,11 +22,16 @@ if (Path(__file__).parent / "antlr").exists():  # which only the released librar
 
 if TYPE_CHECKING:
     from rtamt import dense, limits, patterns
-    from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
-    from rtamt.checking.check import check
-    from rtamt.checking.equivalence import equivalent
+    from rtamt.checking.answers import (
+        Answer,
+        Check,
+        CheckedRequirement,
+        Equivalence,
+        ExampleTrace,
+        Idle,
+    )
+    from rtamt.checking.check import check, equivalent
     from rtamt.checking.examples import Example, RequirementExamples, examples
-    from rtamt.checking.witness import ExampleTrace
     from rtamt.columns import unit_of_times
     from rtamt.compat import *  # noqa: F403 - its __all__ lists them, and the type checker reads it
     from rtamt.errors import (
@@ -188,7 +193,7 @@ _MODULES = {
     "Events": "rtamt.inputs.events",
     "Evidence": "rtamt.monitors.triggers",
     "Example": "rtamt.checking.examples",
-    "ExampleTrace": "rtamt.checking.witness",
+    "ExampleTrace": "rtamt.checking.answers",
     "Explanation": "rtamt.monitors.explanation",
     "Formula": "rtamt.language.formula",
     "Idle": "rtamt.checking.answers",
@@ -228,7 +233,7 @@ _MODULES = {
     "check": "rtamt.checking.check",
     "conjunction": "rtamt.language.formula",
     "disjunction": "rtamt.language.formula",
-    "equivalent": "rtamt.checking.equivalence",
+    "equivalent": "rtamt.checking.check",
     "evaluate": "rtamt.monitors.evaluation",
     "evaluate_dense": "rtamt.monitors.dense",
     "evaluate_many": "rtamt.monitors.many",

@@ -5,10 +5,15 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence
+    from rtamt.checking.answers import (
+        Answer,
+        Check,
+        CheckedRequirement,
+        Equivalence,
+        ExampleTrace,
+    )
     from rtamt.checking.answers import Idle as RedundantPart
     from rtamt.checking.examples import Example, RequirementExamples
-    from rtamt.checking.witness import ExampleTrace
 
 __all__ = [
     "Answer",
@@ -30,7 +35,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "CheckedRequirement": "rtamt.checking.answers.CheckedRequirement",
             "Equivalence": "rtamt.checking.answers.Equivalence",
             "Example": "rtamt.checking.examples.Example",
-            "ExampleTrace": "rtamt.checking.witness.ExampleTrace",
+            "ExampleTrace": "rtamt.checking.answers.ExampleTrace",
             "RedundantPart": "rtamt.checking.answers.Idle",
             "RequirementExamples": "rtamt.checking.examples.RequirementExamples",
         },

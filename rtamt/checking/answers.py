@@ -1,4 +1,4 @@
-"""What `check` says of requirements."""
+"""The results of `check`, `equivalent` and `examples`."""
 
 from __future__ import annotations
 
@@ -6,46 +6,61 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rtamt.checking.search import SearchAnswer
-from rtamt.checking.witness import ExampleTrace
-
-__all__ = [
-    "Answer",
-    "Check",
-    "CheckedRequirement",
-    "Clashing",
-    "Equivalence",
-    "Idle",
-    "Says",
-    "worst",
-]
-
 Says = Literal["yes", "no", "unknown"]
 
-Clashing = tuple[str, tuple[int, int] | None]
-"""A part that clashes: its text, and its line and column if it has any."""
 
-
-def worst(said: Iterable[Says]) -> Says:
-    """What several answers say together: ``"no"`` if one does, else ``"unknown"`` if one does."""
-    several = {*said}
+def worst(answers: Iterable[Says]) -> Says:
+    """Return ``"no"`` if there is one; otherwise ``"unknown"`` if there is one."""
+    several = {*answers}
     return "no" if "no" in several else "unknown" if "unknown" in several else "yes"
 
 
 @dataclass(frozen=True, slots=True)
+class ExampleTrace:
+    """A trace with the verdict that was searched for, as the monitors judge it.
+
+    Attributes:
+        columns: The value of each variable at each sample.
+        samples: The number of samples.
+        loop: The number of last samples that repeat for ever; 0 if the trace ends.
+    """
+
+    columns: Mapping[str, tuple[float, ...]]
+    samples: int
+    loop: int
+
+    @property
+    def described(self) -> str:
+        """The length of the trace, in words."""
+        count = f"{self.samples} sample{'s' * (self.samples != 1)}"
+        if not self.loop:
+            return f"in {count}"
+        last = "sample" if self.loop == 1 else f"{self.loop} samples"
+        return f"by {count}, the last {last} again and again"
+
+    def unrolled(self, variable: str) -> list[float]:
+        """Return the values of a variable, for three times the samples if the last ones repeat."""
+        values = [*self.columns[variable]]
+        more = 2 * self.samples if self.loop else 0
+        again = values[self.samples - self.loop :]
+        return values + (again * (more // max(1, self.loop) + 1))[:more]
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
-    """Whether there is a trace of some kind.
+    """Whether there is a trace with a certain verdict.
 
     Attributes:
         says: ``"yes"``, ``"no"`` or ``"unknown"``.
-        trace: Of a yes, such a trace, which the monitors have judged.
-        samples: Of a no, 0 if it is proved for all traces; else there is no trace of up to that
-            many samples that then repeats its last 1 to 4 for ever, and no shorter one that ends.
-        why: Why it is unknown.
-        clash: Of a no, the parts that cannot hold together, as text, with the ranges and rates on
-            which that rests; empty if that says nothing.
-        places: Line and column in the text of each of `clash`, from 1; None of what is assumed or
-            declared, and of what has no place.
+        trace: If yes, such a trace, which the monitors have judged.
+        samples: If no, 0 if this is proved for all traces. Otherwise there is no such trace of up
+            to that many samples that then repeats its last 1 to 4 for ever, and no shorter trace
+            that ends.
+        why: The reason if it is unknown.
+        clash: If no, the parts that cannot hold together, as text, with the ranges and rates that
+            contribute; empty if they explain nothing.
+        places: Line and column of each text of `clash` in the specification, from 1; None for
+            assumptions, declarations and parts without a place.
     """
 
     says: Says
@@ -54,18 +69,6 @@ class Answer:
     why: str = ""
     clash: tuple[str, ...] = ()
     places: tuple[tuple[int, int] | None, ...] = ()
-
-    @classmethod
-    def of(cls, found: SearchAnswer, clash: Iterable[Clashing] = ()) -> Answer:
-        """The answer that a search has found."""
-        parts = [*clash]
-        if found.trace is not None:
-            return cls("yes", found.trace)
-        if found.none or found.samples:
-            samples = 0 if found.none else found.samples
-            texts = tuple(text for text, _ in parts)
-            return cls("no", samples=samples, clash=texts, places=tuple(at for _, at in parts))
-        return cls("unknown", why=found.why)
 
     def __str__(self) -> str:
         if self.says == "unknown":
@@ -79,14 +82,14 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Equivalence:
-    """Whether two requirements are satisfied by the same traces.
+    """Whether the same traces satisfy two requirements.
 
     Attributes:
         says: ``"yes"``, ``"no"`` or ``"unknown"``.
-        trace: Of a no, a trace that satisfies one and violates the other, as the monitors judge.
-        satisfied: Of a no, which of the two the trace satisfies: ``"one"`` or ``"other"``.
-        samples: Of a yes, 0 if it is proved for all traces; else as in an `Answer` that says no.
-        why: Why it is unknown.
+        trace: If no, a trace that satisfies one and violates the other, as the monitors judge it.
+        satisfied: If no, the requirement that the trace satisfies: ``"one"`` or ``"other"``.
+        samples: If yes, 0 if this is proved for all traces; otherwise as in an `Answer` of no.
+        why: The reason if it is unknown.
     """
 
     says: Says
@@ -100,8 +103,8 @@ class Equivalence:
             return f"unknown: {self.why}"
         if self.trace is not None:
             violated = "other" if self.satisfied == "one" else "one"
-            said = f"{self.satisfied} is satisfied, {violated} is violated"
-            return f"no, {self.trace.described}: {said}"
+            verdicts = f"{self.satisfied} is satisfied, {violated} is violated"
+            return f"no, {self.trace.described}: {verdicts}"
         if self.samples:
             return f"yes, on all traces of up to {self.samples} samples, their ends repeated"
         return "yes"
@@ -109,13 +112,13 @@ class Equivalence:
 
 @dataclass(frozen=True, slots=True)
 class Idle:
-    """A part of a requirement that decides nothing.
+    """A redundant part of a requirement.
 
     Attributes:
         text: The part.
-        instead: The requirement stays the same with ``"true"`` in its place, so that it demands
-            nothing, or with ``"false"``, so that it allows nothing.
-        samples: As in an `Answer` that says no.
+        instead: The constant that can replace the part without changing the requirement:
+            ``"true"`` if the part demands nothing, ``"false"`` if it allows nothing.
+        samples: As in an `Answer` of no.
     """
 
     text: str
@@ -123,22 +126,22 @@ class Idle:
     samples: int
 
     def __str__(self) -> str:
-        what = "demands nothing more" if self.instead == "true" else "never helps"
+        effect = "demands nothing more" if self.instead == "true" else "never helps"
         bound = f" (on traces of up to {self.samples} samples)" if self.samples else ""
-        return f"{self.text} {what}{bound}"
+        return f"{self.text} {effect}{bound}"
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedRequirement:
-    """What there is to say of one requirement.
+    """The answers for one requirement.
 
     Attributes:
         text: The requirement.
         satisfiable: Whether a trace satisfies it.
-        falsifiable: Whether a trace violates it; if none does, it demands nothing.
-        asked: For each implication whether a trace satisfies the requirement by its answer.
-        idle: The parts that decide nothing, the largest ones.
-        unknown: The parts of which nobody knows whether they decide anything, and why.
+        falsifiable: Whether a trace violates it; a requirement without one demands nothing.
+        asked: For each implication, whether the requirement is satisfied by its answer on a trace.
+        idle: The redundant parts, without the parts inside them.
+        unknown: The parts for which redundancy is unknown, with the reason.
     """
 
     text: str
@@ -150,28 +153,28 @@ class CheckedRequirement:
 
     @property
     def says(self) -> Says:
-        """``"no"`` if something is wrong with it, ``"yes"`` if nothing is, or ``"unknown"``."""
-        said: set[Says] = {"no"} if self.idle else {"unknown"} if self.unknown else set()
+        """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``."""
+        parts: set[Says] = {"no"} if self.idle else {"unknown"} if self.unknown else set()
         answers = (self.satisfiable, self.falsifiable, *self.asked.values())
-        return worst({*said, *(each.says for each in answers)})
+        return worst({*parts, *(answer.says for answer in answers)})
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What there is to say of a set of requirements.
+    """The answers for a set of requirements.
 
     Attributes:
-        requirements: Each of them, by name.
-        together: Whether a trace satisfies all that can be satisfied; None of one requirement.
-        conflict: Names of requirements that no trace satisfies together, as few as can be; empty
-            if there is no conflict, or nobody knows.
-        asked: For each requirement that can be asked and one of its implications whether a trace
-            that satisfies all of them is satisfied by its answer.
-        implied: Names of requirements that one other implies, with its name.
-        equal: Pairs of names whose requirements are satisfied by the same traces.
-        unknown: Pairs of names of which nobody knows whether one implies the other, and why.
-        same: By name whether a requirement is satisfied by the same traces as its namesake, where
-            that was asked; then nothing else was.
+        requirements: The answers for each requirement, by name.
+        together: Whether a trace satisfies all satisfiable requirements; None if there is only one.
+        conflict: A smallest set of names of requirements that no trace satisfies together; empty
+            if there is no conflict, or this is unknown.
+        asked: For each requirement and implication of it, whether a trace that satisfies all
+            requirements satisfies this one by the answer of the implication.
+        implied: Names of requirements that another one implies, with its name.
+        equal: Pairs of names of requirements that the same traces satisfy.
+        unknown: Pairs of names for which implication is unknown, with the reason.
+        same: With ``same_as``, whether the same traces satisfy a requirement and its namesake, by
+            name; everything else is empty then.
     """
 
     requirements: Mapping[str, CheckedRequirement]
@@ -185,9 +188,9 @@ class Check:
 
     @property
     def says(self) -> Says:
-        """``"no"`` if something is wrong, ``"yes"`` if nothing is, or ``"unknown"``.
+        """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``.
 
-        That one requirement implies another is told, and is not wrong.
+        A requirement that another one implies is reported, but is not a defect.
         """
         parts: list[CheckedRequirement | Answer | Equivalence] = [
             *self.requirements.values(),
@@ -196,21 +199,20 @@ class Check:
         ]
         if self.together is not None:
             parts.append(self.together)
-        said: set[Says] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
-        return worst({*said, *(each.says for each in parts)})
+        pairs: set[Says] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
+        return worst({*pairs, *(part.says for part in parts)})
 
     def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:
-        """Every trace that was found, with the name of its requirement and what it shows."""
+        """Yield each trace with the name of its requirement and a word for its purpose."""
         for name, same in self.same.items():
             if same.trace is not None:
                 yield name, "apart", same.trace
-        for name, each in self.requirements.items():
-            answers = {"satisfied": each.satisfiable, "violated": each.falsifiable}
-            answers |= {
-                f"asked {i + 1}" if i else "asked": a for i, a in enumerate(each.asked.values())
-            }
-            for what, answer in answers.items():
+        for name, requirement in self.requirements.items():
+            answers = {"satisfied": requirement.satisfiable, "violated": requirement.falsifiable}
+            for i, answer in enumerate(requirement.asked.values()):
+                answers[f"asked {i + 1}" if i else "asked"] = answer
+            for purpose, answer in answers.items():
                 if answer.trace is not None:
-                    yield name, what, answer.trace
+                    yield name, purpose, answer.trace
         if self.together is not None and self.together.trace is not None:
             yield "", "together", self.together.trace

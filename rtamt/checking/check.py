@@ -1,31 +1,33 @@
-"""`check`: whether requirements can be satisfied, violated and asked, and whether they agree."""
+"""`check` and `equivalent`: defects of requirements, and differences between them."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
-from fractions import Fraction
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, cast
 
-from rtamt.checking.answers import Answer, Check, CheckedRequirement, Clashing, Idle
-from rtamt.checking.equivalence import paired, same
-from rtamt.checking.limits import ValueRange
-from rtamt.checking.questions import impossible, prepared
-from rtamt.checking.search import SearchAnswer, WitnessSearch
-from rtamt.checking.witness import Goal
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
+from rtamt.checking.encoding import ValueRange, VariableLimits
+from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
+from rtamt.errors import Argument, InputError, InputTypeError
 from rtamt.language.formula import Formula, make, replaced
 from rtamt.language.node import Node
+from rtamt.language.parser import as_specification
+from rtamt.language.ranges import is_whole, range_text
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
-from rtamt.monitors.options import Spec
+from rtamt.monitors.options import Spec, checked_end
 from rtamt.program.implications import implications, signs, unanswered
-from rtamt.program.lowering import compile_program
+from rtamt.program.lowering import compile_program, refuse_rates
 from rtamt.program.program import Program
-from rtamt.program.timing import Period
-
-__all__ = ["check"]
+from rtamt.program.timing import Period, as_period
 
 _CONSTANTS: tuple[Literal["true", "false"], ...] = ("true", "false")
+_SIDES: tuple[Literal["one", "other"], ...] = ("one", "other")
+
+_Clash = list[tuple[str, tuple[int, int] | None]]
+"""Parts that clash, each with its line and column if it has any."""
 
 
 def check(
@@ -39,37 +41,37 @@ def check(
     horizon: int = 10_000,
     timeout: float = 10.0,
 ) -> Check:
-    """Whether requirements say what was meant.
+    """Check requirements for contradictions, tautologies, vacuity and redundancy.
 
-    Of each it is asked whether a trace satisfies it, whether one violates it, whether each of its
-    implications is asked where it is satisfied, and whether each part decides something; of
-    several, whether one trace satisfies them all and which imply or equal which. The program of a
-    requirement is checked for traces up to a horizon with Z3 (bounded model checking). A yes comes
-    with a trace that `judge` has judged. A no is proved, or says up to how many samples it was
-    tried. All else is unknown, with the reason: a guess is never made.
+    For each requirement: can a trace satisfy it, can one violate it, can it be satisfied by the
+    answer of each implication, and does each part matter? For several: can one trace satisfy all,
+    and which requirements imply or equal another? Z3 checks the program of a requirement for traces
+    up to a horizon (bounded model checking). A yes comes with a trace that `judge` has judged. A no
+    is proved, or states the number of samples that were tried. Everything else is unknown, with the
+    reason.
 
     Args:
-        specs: A specification, each of whose requirements is checked, or several by name.
+        specs: A specification, or several by name; each requirement is checked.
         period: Seconds between samples; None: bounds are numbers of samples.
-        end: How the end of a trace is read, as in `judge`.
-        assume: What is taken to hold of every trace, such as ``always(abs(x) < 3)``. Declared
-            ranges, and the ranges of types, are taken to hold too.
-        rates: How much variables change in a second at least and at most, in a sample if there is
-            no period, such as ``{"x": (-2, 2)}``; taken to hold too.
-        same_as: Requirements with the same names, or one where there is one: then only this is
-            asked, whether each is satisfied by the same traces as its namesake.
-        horizon: The most samples of a trace. A requirement is asked with as many as it needs; if it
-            needs more than these it may be unknown.
-        timeout: The most seconds for each question.
+        end: The end mode, as in `judge`.
+        assume: A condition that every trace satisfies, such as ``always(abs(x) < 3)``. The ranges
+            of declarations and types are assumed too.
+        rates: The minimum and maximum change of variables per second, or per sample if there is no
+            period, such as ``{"x": (-2, 2)}``; assumed too.
+        same_as: Requirements with the same names, or a single one for a single one. Then the only
+            question is whether the same traces satisfy each requirement and its namesake.
+        horizon: The maximum number of samples of a trace. A requirement is checked with as many
+            as it needs; if it needs more, answers may be unknown.
+        timeout: The maximum time for each question, in seconds.
 
     Returns:
-        What there is to say, which `Check.says` sums up.
+        The answers; `Check.says` summarizes them.
 
     Raises:
-        ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
-        SpecificationError: If a requirement cannot be compiled: bounds that are no whole samples.
+        ModuleNotFoundError: If Z3 is not installed; the extra ``check`` installs it.
+        SpecificationError: If a requirement cannot be compiled: bounds that are not whole samples.
         InputError: If the horizon is below 1, the timeout not above 0, there is nothing to check,
-            no trace fulfils what is assumed, or a name is on one side only of ``same_as``.
+            no trace satisfies the assumptions, or a name is only on one side of ``same_as``.
 
     Example:
         >>> import rtamt
@@ -87,143 +89,329 @@ def check(
         of cyber-physical systems", TECS 2018.
     """
     if same_as is not None:
-        pairs = paired(specs, same_as)
+        pairs = _pairs(specs, same_as)
         every = {f"{name} {i}": spec for name, pair in pairs.items() for i, spec in enumerate(pair)}
-        _, seconds, search, given = prepared(every, period, end, assume, horizon, timeout, rates)
-        return Check({}, same=same(pairs, seconds, search, given))
-    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout, rates)
-    checkers = {name: _Checker(spec, seconds, search, given) for name, spec in named.items()}
-    found = {name: checker.checked() for name, checker in checkers.items()}
-    return _set(found, checkers, search, given)
+        questions = RequirementQuestions(every, period, end, assume, horizon, timeout, rates)
+        return Check({}, same={name: _compared(*pair, questions) for name, pair in pairs.items()})
+    questions = RequirementQuestions(specs, period, end, assume, horizon, timeout, rates)
+    checkers = {name: _Checker(spec, questions) for name, spec in questions.specs.items()}
+    checked = {name: checker.checked() for name, checker in checkers.items()}
+    return _checked_set(checked, checkers, questions)
+
+
+def equivalent(
+    one: Spec,
+    other: Spec,
+    period: Period | None = None,
+    *,
+    end: End = "cut",
+    assume: Spec | None = None,
+    rates: Mapping[str, ValueRange] | None = None,
+    horizon: int = 10_000,
+    timeout: float = 10.0,
+) -> Equivalence:
+    """Return whether the same traces satisfy two requirements.
+
+    If a trace satisfies one and violates the other, for certain, it is part of the answer, and the
+    monitors have judged it. The ranges that either requirement declares are assumed. See `check`.
+
+    Args:
+        one: A requirement.
+        other: Another requirement.
+        period: Seconds between samples; None: bounds are numbers of samples.
+        end: The end mode, as in `judge`.
+        assume: A condition that every trace satisfies.
+        rates: The minimum and maximum change of variables, as for `check`.
+        horizon: The maximum number of samples of a trace. If more are needed, the answer is
+            unknown.
+        timeout: The maximum time for each direction, in seconds.
+
+    Raises:
+        ModuleNotFoundError: If Z3 is not installed; the extra ``check`` installs it.
+        SpecificationError: If a requirement cannot be compiled.
+        InputError: If a specification has several requirements, or as for `check`.
+
+    Example:
+        >>> import rtamt
+        >>> str(rtamt.equivalent("not eventually[0:3](x > 3)", "always[0:3](x <= 3)"))
+        'yes'
+        >>> apart = rtamt.equivalent("always(x < 3)", "always(x <= 3)")
+        >>> str(apart), dict(apart.trace.columns)
+        ('no, in 1 sample: other is satisfied, one is violated', {'x': (3.0,)})
+    """
+    specs = {"one": as_specification(one), "other": as_specification(other)}
+    for name, spec in specs.items():
+        if len(spec.requirements) > 1:
+            names = ", ".join(spec.requirements)
+            msg = f"{name}: expected one requirement, got {names}; give spec.requirements[NAME]"
+            raise InputError(msg)
+    questions = RequirementQuestions(specs, period, end, assume, horizon, timeout, rates)
+    return _compared(specs["one"], specs["other"], questions)
+
+
+class RequirementQuestions:
+    """The common part of questions about requirements: a search for traces, and assumptions.
+
+    Takes the arguments and raises the errors of `check`.
+
+    Attributes:
+        specs: The requirements by name.
+        period: Seconds between samples, or None.
+        end: The end mode.
+        search: The search for traces.
+        assumed: The goal that every trace reaches, if there is one.
+    """
+
+    def __init__(
+        self,
+        specs: Spec | Mapping[str, Spec],
+        period: Period | None,
+        end: End,
+        assume: Spec | None,
+        horizon: int,
+        timeout: float,
+        rates: Mapping[str, ValueRange] | None,
+    ) -> None:
+        if horizon < 1:
+            msg = f"horizon: expected 1 sample or more, got {horizon}"
+            raise InputError(msg)
+        if not timeout > 0:
+            msg = f"timeout: expected seconds, more than 0, got {timeout}"
+            raise InputError(msg)
+        self.specs = _named_requirements(specs)
+        self.period = as_period(period)
+        assumed = None if assume is None else as_specification(assume)
+        every = [*self.specs.values(), *([assumed] if assumed else [])]
+        for spec in every:
+            refuse_rates(spec, "symbolic checking")
+        integers = frozenset(
+            name
+            for spec in every
+            for name, declared in spec.declarations.items()
+            if is_whole(declared.type)
+        )
+        checked = _checked_rates(rates, (name for spec in every for name in spec.variables))
+        limits = VariableLimits(_ranges(every), checked, self.period)
+        self.end = checked_end(end)
+        self.search = WitnessSearch(self.period, self.end, horizon, timeout, integers, limits)
+        self.assumed = [Goal(self.program(assumed), holds=True)] if assumed else []
+        if assumed and self.search.find(self.assumed).impossible:
+            msg = (
+                f"assume: expected what some trace fulfils, got {assumed.formula}, which none does"
+            )
+            raise InputError(msg)
+
+    def program(self, spec: Specification, formula: Formula | None = None) -> Program:
+        """Return the program of a requirement, or of a formula in its place."""
+        spec = spec if formula is None else spec.with_result(formula)
+        return compile_program(spec, self.period)
+
+    def goals(self, *goals: tuple[Program, bool]) -> list[Goal]:
+        """Return goals together with the assumed one."""
+        return [*(Goal(program, holds) for program, holds in goals), *self.assumed]
+
+    def find(self, *goals: tuple[Program, bool]) -> SearchAnswer:
+        """Search for a trace that reaches goals."""
+        return self.search.find(self.goals(*goals))
+
+    def find_short(self, *goals: tuple[Program, bool]) -> SearchAnswer:
+        """Search for a short trace that reaches goals."""
+        return self.search.find_short(self.goals(*goals))
+
+
+def answer_of(result: SearchAnswer, clash: _Clash | None = None) -> Answer:
+    """Return the answer for a search."""
+    if result.trace is not None:
+        return Answer("yes", result.trace)
+    if result.impossible:
+        texts, places = tuple(zip(*clash, strict=True)) if clash else ((), ())
+        samples = 0 if result.none else result.samples
+        return Answer("no", samples=samples, clash=texts, places=places)
+    return Answer("unknown", why=result.why)
+
+
+def _named_requirements(specs: Spec | Mapping[str, Spec]) -> dict[str, Specification]:
+    if not isinstance(specs, Mapping):
+        return {**as_specification(specs).requirements}
+    if not specs:
+        msg = "expected one specification or more, got an empty mapping"
+        raise InputError(msg)
+    named: dict[str, Specification] = {}
+    for name, spec in specs.items():
+        if not isinstance(name, str):
+            msg = f"expected names of specifications as text, got {type(name).__name__}"
+            raise InputTypeError(msg)
+        parts = as_specification(spec).requirements
+        named |= {f"{name}.{part}" if len(parts) > 1 else name: s for part, s in parts.items()}
+    return named
+
+
+def _ranges(specs: Iterable[Specification]) -> dict[str, tuple[float, float]]:
+    """Return the values of each variable that all specifications allow."""
+    ranges: dict[str, tuple[float, float]] = {}
+    for spec in specs:
+        for name, (lower, upper) in spec.ranges.items():
+            known = ranges.get(name, (-math.inf, math.inf))
+            ranges[name] = max(lower, known[0]), min(upper, known[1])
+            if ranges[name][0] > ranges[name][1]:
+                texts = f"{range_text(known)} and {range_text((lower, upper))}"
+                msg = f"'{name}' has no value: specifications declare the ranges {texts}"
+                raise InputError(msg)
+    return ranges
+
+
+def _checked_rates(
+    rates: Mapping[str, ValueRange] | None, variables: Iterable[str]
+) -> dict[str, ValueRange]:
+    """Return rates as pairs of numbers.
+
+    Raises:
+        InputError: If a variable is in no specification, or a rate is not a pair of numbers with
+            the lower one first.
+        InputTypeError: If the rates are not a mapping.
+    """
+    if rates is None:
+        return {}
+    if not isinstance(rates, Mapping):
+        raise InputTypeError(
+            Argument("rates"), f" expected a mapping of variables, got {type(rates).__name__}"
+        )
+    known = [*dict.fromkeys(variables)]
+    checked = {}
+    for name, rate in rates.items():
+        if name not in known:
+            names = ", ".join(known) or "none"
+            msg = f" expected variables of the specification, which are {names}, got '{name}'"
+            raise InputError(Argument("rates"), msg)
+        try:
+            lower, upper = map(float, rate)
+        except (TypeError, ValueError):
+            lower, upper = math.nan, math.nan
+        if not lower <= upper or lower == math.inf or upper == -math.inf:
+            msg = f" '{name}': expected (lower, upper) with lower <= upper, got {rate!r}"
+            raise InputError(Argument("rates"), msg)
+        checked[name] = lower, upper
+    return checked
 
 
 class _Checker:
-    """Asks about one requirement."""
+    """The questions about one requirement."""
 
-    def __init__(
-        self, spec: Specification, period: Fraction | None, search: WitnessSearch, given: list[Goal]
-    ) -> None:
-        self.spec, self._period, self._search, self._given = spec, period, search, given
-        self.program = compile_program(spec, period)
+    def __init__(self, spec: Specification, questions: RequirementQuestions) -> None:
+        self.spec, self._questions = spec, questions
+        self.program = questions.program(spec)
         self._signs = signs(spec.formula)
-        self._first = 1  # the samples of a trace on which parts may decide something
+        self._first = 1  # the smallest number of samples on which a part may matter
 
     def checked(self) -> CheckedRequirement:
-        """What there is to say of it."""
+        """Return the answers."""
         satisfied = self._find((self.program, True))
-        clash = self._clash(satisfied) if impossible(satisfied) else []
-        satisfiable = Answer.of(satisfied, clash)
+        satisfiable = answer_of(satisfied, self._clash(satisfied) if satisfied.impossible else [])
         violated = self._find((self.program, False))
-        falsifiable = Answer.of(violated, _limiting(violated))
-        asked, idle, unknown = {}, [], {}
+        falsifiable = answer_of(violated, _limits(violated))
+        asked: dict[str, Answer] = {}
         if satisfiable.says == "yes":
             for implication in implications(self.spec.formula):
-                other = self.unanswered(implication)
-                answer = Answer.of(self._find((self.program, True), (other, False)))
-                asked[str(implication)] = answer
+                answer = self._find((self.program, True), (self.unanswered(implication), False))
+                asked[str(implication)] = answer_of(answer)
+        idle: list[Idle] = []
+        unknown: dict[str, str] = {}
         if satisfiable.trace is not None and falsifiable.trace is not None:
             self._first = max(satisfiable.trace.samples, falsifiable.trace.samples)
             never = {text for text, answer in asked.items() if answer.says == "no"}
             covered: set[Node] = set()
             for node in self._parts():
-                if node in covered or str(node) in never:
+                result = None if node in covered or str(node) in never else self._idle(node)
+                if result is None or isinstance(result, Idle):
                     covered |= {*node.nodes()}
-                    continue
-                found = self._idle(node)
-                if isinstance(found, Idle):
-                    idle.append(found)
-                    covered |= {*node.nodes()}
-                elif found:
-                    unknown[str(node)] = found
+                if isinstance(result, Idle):
+                    idle.append(result)
+                elif result:
+                    unknown[str(node)] = result
         text = str(self.spec.formula)
         return CheckedRequirement(text, satisfiable, falsifiable, asked, tuple(idle), unknown)
 
     def unanswered(self, implication: Formula) -> Program:
-        """The program of the requirement where nothing answers one of its implications."""
+        """Return the program of the requirement without the answer of an implication."""
         return self._with(unanswered(self.spec.formula, [implication]))
 
-    def _find(self, *demands: tuple[Program, bool]) -> SearchAnswer:
-        return self._search.find_short(self._goals(*demands))
-
-    def _goals(self, *demands: tuple[Program, bool]) -> list[Goal]:
-        return [*(Goal(program, holds) for program, holds in demands), *self._given]
+    def _find(self, *goals: tuple[Program, bool]) -> SearchAnswer:
+        return self._questions.find_short(*goals)
 
     def _with(self, formula: Formula) -> Program:
-        return compile_program(self.spec.with_result(formula), self._period)
+        return self._questions.program(self.spec, formula)
 
     def _parts(self) -> Iterator[Formula]:
-        """The formulas below it, each before those below it."""
-        below = [*self.spec.formula.nodes()][-2::-1]
-        for node in below:
-            if isinstance(node, Formula) and node.args:  # a constant decides nothing by itself
+        """Yield the formulas below the requirement, each before the formulas below it."""
+        for node in [*self.spec.formula.nodes()][-2::-1]:
+            if isinstance(node, Formula) and node.args:  # not a constant
                 yield node
 
     def _idle(self, node: Formula) -> Idle | str:
-        """The part if it decides nothing; else why nobody knows, which is empty if it does."""
-        why = ""
+        """Return a redundant part; otherwise why this is unknown, or "" if the part matters."""
+        search, why = self._questions.search, ""
         for instead in _CONSTANTS:
             other = self._with(replaced(self.spec.formula, {node: make(instead, ())}))
-            # Where the requirement rises with the part alone, it only rises with true in its place.
+            # If the requirement only rises with the part, it only rises with true in its place.
             ways = [
-                self._goals((other, holds), (self.program, not holds))
+                self._questions.goals((other, holds), (self.program, not holds))
                 for holds in {sign == (instead == "true") for sign in self._signs[node]}
             ]
-            if len(ways) > 1 and any(map(self._search.seldom_changing, ways)):
+            if len(ways) > 1 and any(map(search.seldom_changing, ways)):
                 continue
-            found = [self._search.find(way, self._first) for way in ways]
-            if all(map(impossible, found)):
-                return Idle(str(node), instead, max(each.samples for each in found))
-            if all(each.trace is None for each in found):
-                why = why or next(each.why for each in found if not impossible(each))
+            answers = [search.find(goals, self._first) for goals in ways]
+            if all(answer.impossible for answer in answers):
+                return Idle(str(node), instead, max(answer.samples for answer in answers))
+            if all(answer.trace is None for answer in answers):
+                why = why or next(answer.why for answer in answers if not answer.impossible)
         return why
 
-    def _clash(self, found: SearchAnswer) -> list[Clashing]:
-        """The fewest conjuncts that cannot hold together; none if it is one alone.
+    def _clash(self, result: SearchAnswer) -> _Clash:
+        """Return a smallest set of conjuncts that cannot hold together, and the limits needed.
 
-        What is assumed or declared comes last, if it is needed.
+        It is empty if there is one conjunct and nothing else.
         """
-        more: list[Clashing] = []
-        if self._given and self._search.find([Goal(self.program, holds=True)]).trace is not None:
-            more.append((f"assumed: {self._given[0].program.specification.formula}", None))
+        assumed, more = self._questions.assumed, _Clash()
+        if assumed and self._questions.search.find([Goal(self.program, holds=True)]).trace:
+            more.append((f"assumed: {assumed[0].program.specification.formula}", None))
         parts = list(_conjuncts(self.spec.formula))
-        programs = [self._with(whole) for whole, _ in parts]
+        programs = [self._with(conjunct) for conjunct, _ in parts]
 
         def find(places: list[int]) -> SearchAnswer:
             return self._find(*((programs[place], True) for place in places))
 
-        kept = [0]
+        fewest = [0]
         if len(parts) > 1:
-            kept = _fewest(list(range(len(parts))), find)
-            found = find(kept)
-        more += _limiting(found)
+            fewest = _fewest(list(range(len(parts))), find)
+            result = find(fewest)
+        more += _limits(result)
         if len(parts) == 1 and not more:
             return []
         positions = self.spec.positions
-        return [(str(parts[k][0]), positions.get(parts[k][1])) for k in kept] + more
+        return [(str(parts[i][0]), positions.get(parts[i][1])) for i in fewest] + more
 
 
-def _limiting(found: SearchAnswer) -> list[Clashing]:
-    """The ranges and rates on which an answer rests."""
-    return [(text, None) for text in found.limits]
+def _limits(result: SearchAnswer) -> _Clash:
+    return [(text, None) for text in result.limits]
 
 
 def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:
-    """The fewest of some places that no trace fulfils together, none of which can be left out."""
-    found = find(places)
-    kept = [places[i] for i in found.core if i < len(places)] or places
-    if len(kept) < len(places) and not impossible(find(kept)):
-        kept = places
-    for place in list(kept):
-        rest = [other for other in kept if other != place]
-        if rest and impossible(find(rest)):
-            kept = rest
-    return kept
+    """Return places that no trace fulfils together, such that none of them can be left out."""
+    result = find(places)
+    fewest = [places[i] for i in result.core if i < len(places)] or places
+    if len(fewest) < len(places) and not find(fewest).impossible:
+        fewest = places
+    for place in list(fewest):
+        rest = [other for other in fewest if other != place]
+        if rest and find(rest).impossible:
+            fewest = rest
+    return fewest
 
 
 def _conjuncts(formula: Formula) -> Iterator[tuple[Formula, Formula]]:
-    """The parts that have to hold together, each with what stands for it in the text.
+    """Yield the conjuncts of a formula, each with the part of the text that it comes from.
 
-    Of ``always(p and q)`` they are ``always(p)``, for which ``p`` stands, and ``always(q)``.
+    ``always(p and q)`` has the conjuncts ``always(p)``, from ``p``, and ``always(q)``, from ``q``.
     """
     name = formula.op.name if formula.op else ""
     if name == "and":
@@ -231,77 +419,139 @@ def _conjuncts(formula: Formula) -> Iterator[tuple[Formula, Formula]]:
             yield from _conjuncts(cast("Formula", part))
     elif name == "always":
         below = [*_conjuncts(cast("Formula", formula.args[0]))]
-        for part, last in below:
-            whole = cast("Formula", make("always", (part,), formula.interval))
-            yield whole, formula if len(below) == 1 else last
+        for part, source in below:
+            conjunct = cast("Formula", make("always", (part,), formula.interval))
+            yield conjunct, formula if len(below) == 1 else source
     else:
         yield formula, formula
 
 
-def _set(
-    found: Mapping[str, CheckedRequirement],
+def _checked_set(
+    checked: Mapping[str, CheckedRequirement],
     checkers: Mapping[str, _Checker],
-    search: WitnessSearch,
-    given: list[Goal],
+    q: RequirementQuestions,
 ) -> Check:
-    """What there is to say of the requirements together."""
-    if len(found) == 1:
-        return Check(found)
+    """Return the answers for requirements one by one and together."""
+    if len(checked) == 1:
+        return Check(checked)
+    names = [name for name, each in checked.items() if each.satisfiable.says == "yes"]
+    programs = {name: checker.program for name, checker in checkers.items()}
 
-    def find(*demands: tuple[str, bool]) -> SearchAnswer:
-        return search.find([*_wanted(checkers, *demands), *given])
+    def all_of(places: Iterable[int]) -> list[tuple[Program, bool]]:
+        return [(programs[names[i]], True) for i in places]
 
-    names = [name for name, each in found.items() if each.satisfiable.says == "yes"]
-    every = [*_wanted(checkers, *((name, True) for name in names)), *given]
-    both = search.find_short(every) if names else SearchAnswer()
-    conflict: tuple[str, ...] = ()
-    if impossible(both):
-        kept = _fewest(
-            list(range(len(names))), lambda places: find(*((names[i], True) for i in places))
-        )
-        conflict = tuple(names[i] for i in kept)
-    clash = [(name, None) for name in conflict]
-    together = Answer.of(both, clash) if len(names) > 1 else None
-    several = [checkers[name] for name in names] if together and both.trace else []
-    asked = {
-        (name, str(each)): Answer.of(
-            search.find([*_answered(checkers[name], each, several), *given])
-        )
-        for name in names
-        if several
-        for each in implications(checkers[name].spec.formula)
-        if found[name].asked[str(each)].says == "yes"
-    }
+    every = [*range(len(names))]
+    both = q.find_short(*all_of(every)) if names else SearchAnswer()
+    fewest = _fewest(every, lambda places: q.find(*all_of(places))) if both.impossible else []
+    conflict = tuple(names[i] for i in fewest)
+    together = answer_of(both, [(name, None) for name in conflict]) if len(names) > 1 else None
+    asked: dict[tuple[str, str], Answer] = {}
+    if together and both.trace:
+        for name in names:
+            for each in implications(checkers[name].spec.formula):
+                if checked[name].asked[str(each)].says == "yes":
+                    other = checkers[name].unanswered(each)
+                    asked[name, str(each)] = answer_of(q.find(*all_of(every), (other, False)))
+    falsifiable = [name for name in names if checked[name].falsifiable.says == "yes"]
+    implied, equal, unknown = _implications(falsifiable, programs, q)
+    return Check(checked, together, conflict, asked, implied, equal, unknown)
+
+
+def _implications(
+    names: Sequence[str], programs: Mapping[str, Program], q: RequirementQuestions
+) -> tuple[dict[str, str], tuple[tuple[str, str], ...], dict[tuple[str, str], str]]:
+    """Return `Check.implied`, `Check.equal` and `Check.unknown`."""
     implied: dict[str, str] = {}
     unknown: dict[tuple[str, str], str] = {}
     equal: list[tuple[str, str]] = []
-    some = [name for name in names if found[name].falsifiable.says == "yes"]
-    for a, b in itertools.combinations(some, 2):
-        if not _shared(checkers[a], checkers[b]):
-            continue  # nothing that one reads is read by the other
-        ways = find((a, True), (b, False)), find((b, True), (a, False))
-        ab, ba = map(impossible, ways)
-        if ab and ba:
+    for a, b in itertools.combinations(names, 2):
+        one, other = programs[a], programs[b]
+        if {*one.variables}.isdisjoint(other.variables):
+            continue  # both can be satisfied and violated, independently
+        ways = q.find((one, True), (other, False)), q.find((other, True), (one, False))
+        forward, backward = (answer.impossible for answer in ways)
+        if forward and backward:
             equal.append((a, b))
-        elif ab:
+        elif forward:
             implied.setdefault(b, a)
-        elif ba:
+        elif backward:
             implied.setdefault(a, b)
-        elif why := next((f.why for f in ways if f.trace is None), ""):
+        elif why := next((answer.why for answer in ways if answer.trace is None), ""):
             unknown[a, b] = why
-    return Check(found, together, conflict, asked, implied, tuple(equal), unknown)
+    return implied, tuple(equal), unknown
 
 
-def _wanted(checkers: Mapping[str, _Checker], *demands: tuple[str, bool]) -> list[Goal]:
-    return [Goal(checkers[name].program, holds) for name, holds in demands]
+def _pairs(
+    specs: Spec | Mapping[str, Spec], others: Spec | Mapping[str, Spec]
+) -> dict[str, tuple[Specification, Specification]]:
+    """Return requirements with their namesakes; a single one pairs with a single one.
+
+    Raises:
+        InputError: If a name is on one side only.
+    """
+    ones, twos = _named_requirements(specs), _named_requirements(others)
+    if len(ones) == len(twos) == 1:
+        (other,) = twos.values()
+        return {name: (one, other) for name, one in ones.items()}
+    single = [name for name in (*ones, *twos) if not (name in ones and name in twos)]
+    if single:
+        raise InputError(
+            Argument("same_as"),
+            f" expected requirements of the same names, or one and one; {', '.join(single)} "
+            f"{'is' if len(single) == 1 else 'are'} on one side only",
+        )
+    return {name: (one, twos[name]) for name, one in ones.items()}
 
 
-def _answered(checker: _Checker, implication: Formula, all_of: list[_Checker]) -> Iterator[Goal]:
-    """All hold, and one would not without the answer of its implication."""
-    yield from (Goal(each.program, holds=True) for each in all_of)
-    yield Goal(checker.unanswered(implication), holds=False)
+def _compared(one: Specification, other: Specification, q: RequirementQuestions) -> Equivalence:
+    """Return whether the same traces satisfy two requirements.
+
+    Unbounded requirements are proved the same by the parts in which they differ: a suffix of a
+    trace is a trace, so parts that are the same on all traces are the same at each instant, if
+    they do not look back.
+    """
+    result = _difference(q.program(one), q.program(other), q, q.assumed)
+    if result.says != "yes" or not result.samples:
+        return result
+    for pair in _differing(one.formula, other.formula):
+        if any(map(_looks_back, pair)):
+            continue
+        parts = _difference(q.program(one, pair[0]), q.program(other, pair[1]), q, [])
+        if parts.says == "yes" and not parts.samples:
+            return parts
+        if parts.says == "no":  # then smaller parts differ too
+            break
+    return result
 
 
-def _shared(a: _Checker, b: _Checker) -> bool:
-    """Whether one can imply the other: both read a variable, as both can be and not be so."""
-    return not {*a.program.variables}.isdisjoint(b.program.variables)
+def _difference(
+    one: Program, other: Program, q: RequirementQuestions, assumed: Sequence[Goal]
+) -> Equivalence:
+    """Search for a trace that satisfies one program and violates the other."""
+    samples, why = 0, ""
+    for satisfied, (holds, fails) in zip(_SIDES, ((one, other), (other, one)), strict=True):
+        goals = [Goal(holds, holds=True), Goal(fails, holds=False), *assumed]
+        result = q.search.find_short(goals)
+        if result.trace is not None:
+            return Equivalence("no", result.trace, satisfied)
+        if not result.impossible:
+            why = why or result.why or "no trace was found, and none was ruled out"
+        samples = max(samples, result.samples)
+    return Equivalence("unknown", why=why) if why else Equivalence("yes", samples=samples)
+
+
+def _differing(one: Formula, other: Formula) -> Iterator[tuple[Formula, Formula]]:
+    """Yield pairs of parts that are the only difference of two formulas, the largest first."""
+    while one.op is other.op and one.interval == other.interval:
+        if len(one.args) != len(other.args):
+            return
+        sides = [(a, b) for a, b in zip(one.args, other.args, strict=True) if a != b]
+        if len(sides) != 1 or not all(isinstance(side, Formula) for side in sides[0]):
+            return
+        one, other = cast("tuple[Formula, Formula]", sides[0])
+        yield one, other
+
+
+def _looks_back(formula: Formula) -> bool:
+    operators = (node.op for node in formula.nodes())
+    return any(op is not None and (op.timed or op.sampled) and not op.future for op in operators)

@@ -1,52 +1,80 @@
-"""`examples`: traces that satisfy and violate requirements, to read before they are trusted."""
+"""`examples`: traces that satisfy and violate requirements, to read before trusting them.
+
+The examples are near misses. Each kind of example belongs to a version of the formula that is
+changed in one place, and is a trace on which the formula and this version differ. So only that
+place decides what the trace shows: a trace that satisfies a requirement, and would not with a
+window one sample shorter, is answered at the last moment. Near misses teach a concept (Winston,
+"Learning structural descriptions from examples", 1970).
+"""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from fractions import Fraction
-from typing import Final
+from typing import Final, Literal, cast
 
-from rtamt.checking.answers import Answer, Says, worst
-from rtamt.checking.goal_monitors import GoalMonitors
-from rtamt.checking.kinds import ExampleKind, Sought, kinds_of
-from rtamt.checking.limits import ValueRange
-from rtamt.checking.plain import Plainness, made_plain
-from rtamt.checking.questions import prepared
-from rtamt.checking.search import WitnessSearch
-from rtamt.checking.witness import ExampleTrace, Goal
+from rtamt.checking.answers import Answer, ExampleTrace, Says, worst
+from rtamt.checking.check import RequirementQuestions, answer_of
+from rtamt.checking.encoding import ValueRange
+from rtamt.checking.search import Goal
+from rtamt.checking.simplify import GoalMonitors, Plainness, last_digit, simplified
 from rtamt.errors import InputError, SpecificationError
-from rtamt.language.formula import Formula
+from rtamt.language.formula import Formula, Term, make, number, replaced
+from rtamt.language.interval import UNITS, Interval
+from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.judgement import judge
-from rtamt.monitors.options import Spec, checked_end
+from rtamt.monitors.options import Spec
 from rtamt.monitors.verdict import Verdict
+from rtamt.program.implications import implications, signs, unanswered
 from rtamt.program.instructions import Window
-from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
-__all__ = ["Example", "RequirementExamples", "examples"]
-
 _CONTEXT: Final = 3
-"""The fewest samples that are shown of a requirement with a window without end, or of the past."""
+"""The minimum number of samples for a requirement with an unbounded window or a past operator."""
 
-_PROVED: Final = 64
-"""The most samples of a violation of which each shorter length is tried."""
+_MAX_PROVED: Final = 64
+"""The maximum number of samples of a violation for which every shorter length is tried."""
+
+ExampleKind = Literal[
+    "satisfied",
+    "violated",
+    "answered",
+    "unanswered",
+    "never asked",
+    "last moment",
+    "too late",
+    "first moment",
+    "too early",
+    "threshold",
+    "saved",
+    "broken",
+]
+"""The point that an example makes.
+
+``"satisfied"`` makes no special point, ``"violated"`` is the shortest violation; ``"answered"``,
+``"unanswered"`` and ``"never asked"`` are about an implication; ``"last moment"``, ``"too late"``,
+``"first moment"`` and ``"too early"`` about a window; ``"threshold"`` about a comparison at its
+border; ``"saved"`` and ``"broken"`` about the only part of ``or`` and ``and`` that decides.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A trace that shows something about a requirement.
+    """A trace that makes a point about a requirement.
 
     Attributes:
-        kinds: What it shows.
+        kinds: The points that it makes.
         why: The same in a sentence.
-        verdict: SATISFIED or VIOLATED, as `judge` says.
-        robustness: The robustness that `judge` gives; None of a trace that repeats for ever.
+        verdict: SATISFIED or VIOLATED, as `judge` returns it.
+        robustness: The robustness that `judge` returns; None for a trace that repeats for ever.
         trace: The trace.
     """
 
@@ -65,10 +93,10 @@ class RequirementExamples:
         text: The requirement.
         period: Seconds between samples; None: bounds are numbers of samples.
         satisfiable: Whether a trace satisfies it.
-        falsifiable: Whether a trace violates it; if none does, it demands nothing.
-        examples: The examples, the most telling first.
-        missing: What no trace shows: that an implication is answered, or not answered.
-        unknown: What the solver does not know, and why.
+        falsifiable: Whether a trace violates it; a requirement without one demands nothing.
+        examples: The examples, the most informative first.
+        missing: Points that no trace makes: that an implication is answered, or not answered.
+        unknown: Points for which the solver has no answer, with the reason.
     """
 
     text: str
@@ -106,34 +134,34 @@ def examples(
     horizon: int = 1000,
     timeout: float = 10.0,
 ) -> dict[str, RequirementExamples]:
-    """Traces that satisfy and violate requirements, as different as they can be.
+    """Return traces that satisfy and violate requirements, as different as possible.
 
-    They are near misses: each differs from a trace of the other verdict in one respect, which it
-    is there for. An answer comes at the last moment if the requirement would be violated with a
-    window one sample shorter; a comparison just holds if it would not with a threshold one unit
-    further. The traces are found with Z3, made plain (few changes, round numbers), and judged by
-    `judge`. The same arguments give the same traces, unless time is over.
+    The traces are near misses: each differs in one respect from a trace with the other verdict. An
+    answer comes at the last moment if a window one sample shorter would be violated; a comparison
+    just holds if it would fail with a threshold one unit further. Z3 finds the traces; then they
+    are simplified (few changes, round numbers) and judged by `judge`. The same arguments give the
+    same traces, unless time is over.
 
     Args:
-        specs: A specification, whose requirements are shown, or several by name.
+        specs: A specification, or several by name; each requirement has its own examples.
         period: Seconds between samples; None: bounds are numbers of samples.
-        count: The most examples of a requirement.
-        end: How the end of a trace is read, as in `judge`.
-        assume: What holds of every trace, such as ``always(abs(x) < 3)``. Ranges that variables
-            are declared with are assumed too.
-        rates: How fast variables change, as for `check`.
-        horizon: The most samples of a trace.
-        timeout: The most seconds for a requirement's satisfaction, for its violation, and for all
-            that is shown beside.
+        count: The maximum number of examples for a requirement.
+        end: The end mode, as in `judge`.
+        assume: A condition that every trace satisfies, such as ``always(abs(x) < 3)``. The ranges
+            of declarations are assumed too.
+        rates: The minimum and maximum change of variables, as for `check`.
+        horizon: The maximum number of samples of a trace.
+        timeout: The maximum time for the satisfaction of a requirement, for its violation, and for
+            all other examples, in seconds.
 
     Returns:
         The examples of each requirement, by its name.
 
     Raises:
-        ModuleNotFoundError: If Z3 is not installed, which the extra ``check`` does.
-        SpecificationError: If a requirement cannot be compiled: bounds that are no whole samples.
+        ModuleNotFoundError: If Z3 is not installed; the extra ``check`` installs it.
+        SpecificationError: If a requirement cannot be compiled: bounds that are not whole samples.
         InputError: If the count or the horizon is below 1, the timeout not above 0, there is no
-            requirement, or no trace fulfils what is assumed.
+            requirement, or no trace satisfies the assumptions.
 
     Example:
         >>> import rtamt
@@ -149,126 +177,112 @@ def examples(
     if count < 1:
         msg = f"count: expected 1 example or more, got {count}"
         raise InputError(msg)
-    named, seconds, search, given = prepared(specs, period, end, assume, horizon, timeout, rates)
-    assumed = [each.program.specification.formula for each in given]
-    shown = {}
-    for name, spec in named.items():
-        plainness = Plainness([spec.formula, *assumed], search.whole, search.limits.ranges)
-        shower = _Shower(spec, seconds, search, given, plainness, checked_end(end), horizon)
-        shown[name] = shower.shown(count, timeout)
-    return shown
+    questions = RequirementQuestions(specs, period, end, assume, horizon, timeout, rates)
+    return {
+        name: _ExampleSearch(spec, questions, horizon).examples(count, timeout)
+        for name, spec in questions.specs.items()
+    }
 
 
-class _Shower:
-    """Finds the examples of one requirement."""
+class _ExampleSearch:
+    """The search for the examples of one requirement."""
 
-    def __init__(
-        self,
-        spec: Specification,
-        period: Fraction | None,
-        search: WitnessSearch,
-        given: Sequence[Goal],
-        plainness: Plainness,
-        end: End,
-        horizon: int,
-    ) -> None:
-        self._spec, self._period, self._search, self._given = spec, period, search, given
-        self._plainness, self._end, self._horizon = plainness, end, horizon
-        self._program = compile_program(spec, period)
-        self._least = min(horizon, _context(self._program))
+    def __init__(self, spec: Specification, questions: RequirementQuestions, horizon: int) -> None:
+        self._spec, self._questions, self._horizon = spec, questions, horizon
+        self._period, self._end = questions.period, questions.end
+        self._search = questions.search
+        assumed = [goal.program.specification.formula for goal in questions.assumed]
+        ranges = self._search.limits.ranges
+        self._plainness = Plainness([spec.formula, *assumed], self._search.integers, ranges)
+        self._program = questions.program(spec)
+        self._shortest_length = min(horizon, _context(self._program))
 
-    def shown(self, count: int, timeout: float) -> RequirementExamples:
-        """The examples, at most so many."""
-        goals = {holds: self._goals([(self._program, holds)]) for holds in (True, False)}
-        answers = {holds: Answer.of(self._search.find_short(each)) for holds, each in goals.items()}
+    def examples(self, count: int, timeout: float) -> RequirementExamples:
+        """Return up to ``count`` examples."""
+        goals = {holds: self._questions.goals((self._program, holds)) for holds in (True, False)}
+        answers = {holds: answer_of(self._search.find_short(g)) for holds, g in goals.items()}
         found: dict[object, Example] = {}
         missing: list[str] = []
         unknown: dict[str, str] = {}
         deadline = time.monotonic() + timeout
-        for sought in kinds_of(self._spec.formula, self._period, self._spec.unit):
+        for miss in near_misses(self._spec.formula, self._period, self._spec.unit):
             if len(found) >= count:
                 break
-            first = answers[sought.holds]
+            first = answers[miss.holds]
             if first.trace is None:
                 continue
-            if sought.kind == "violated":
-                short, as_shown = self._shortest(sought, goals[False], first.trace, deadline)
-                self._keep(found, as_shown, short)
+            if miss.kind == "violated":
+                shortest, miss_text = self._shortest(miss, goals[False], first.trace, deadline)
+                self._add(found, miss_text, shortest)
                 continue
-            trace, why = self._sought(sought, first.trace, deadline)
-            if trace is None and why:
-                unknown[sought.why] = why
-            elif trace is None and sought.kind in {"answered", "unanswered"}:
-                missing.append(sought.why)
-            elif trace is not None:
-                self._keep(found, sought, trace)
+            trace, why = self._trace(miss, first.trace, deadline)
+            if trace is not None:
+                self._add(found, miss, trace)
+            elif why:
+                unknown[miss.why] = why
+            elif miss.kind in {"answered", "unanswered"}:
+                missing.append(miss.why)
         shown = tuple(found.values())[:count]
         text = str(self._spec.standalone())
         return RequirementExamples(
             text, self._period, answers[True], answers[False], shown, tuple(missing), unknown
         )
 
-    def _keep(self, found: dict[object, Example], sought: Sought, trace: ExampleTrace) -> None:
-        """Adds an example, or what it shows to an equal one."""
+    def _add(self, found: dict[object, Example], miss: NearMiss, trace: ExampleTrace) -> None:
+        """Add an example, or its point to an example with the same trace."""
         key = trace.samples, trace.loop, tuple(trace.columns.items())
         known = found.get(key)
         if known is not None:
-            kinds = tuple(dict.fromkeys((*known.kinds, sought.kind)))
-            found[key] = replace(known, kinds=kinds, why=f"{known.why}; {sought.why}")
+            kinds = tuple(dict.fromkeys((*known.kinds, miss.kind)))
+            found[key] = replace(known, kinds=kinds, why=f"{known.why}; {miss.why}")
             return
         robustness: float | None = None
         if not trace.loop:
             columns = {name: [*trace.columns[name]] for name in self._program.variables}
             n = None if columns else trace.samples
-            judged = judge(self._spec, columns, self._period, self._end, n=n)
-            robustness = judged.robustness
-        verdict = Verdict.SATISFIED if sought.holds else Verdict.VIOLATED
-        found[key] = Example((sought.kind,), sought.why, verdict, robustness, trace)
+            robustness = judge(self._spec, columns, self._period, self._end, n=n).robustness
+        verdict = Verdict.SATISFIED if miss.holds else Verdict.VIOLATED
+        found[key] = Example((miss.kind,), miss.why, verdict, robustness, trace)
 
-    def _goals(self, demands: Sequence[tuple[Program, bool]]) -> list[Goal]:
-        return [*(Goal(program, holds) for program, holds in demands), *self._given]
-
-    def _compiled(self, formulas: Sequence[tuple[Formula, bool]]) -> list[tuple[Program, bool]]:
-        return [
-            (compile_program(self._spec.with_result(formula), self._period), holds)
-            for formula, holds in formulas
-        ]
-
-    def _sought(
-        self, sought: Sought, known: ExampleTrace, deadline: float
+    def _trace(
+        self, miss: NearMiss, known: ExampleTrace, deadline: float
     ) -> tuple[ExampleTrace | None, str]:
-        """A trace that is as is sought; else why nobody knows, or nothing if there is none."""
-        plain = [(self._program, sought.holds), *self._compiled(sought.also)]
-        wished = self._compiled(sought.wished)
+        """Return the trace of a near miss; otherwise why it is unknown, or "" if there is none."""
+
+        def compiled(formulas: Sequence[tuple[Formula, bool]]) -> list[tuple[Program, bool]]:
+            return [(self._questions.program(self._spec, f), holds) for f, holds in formulas]
+
+        plain = [(self._program, miss.holds), *compiled(miss.also)]
+        wished = compiled(miss.wished)
         why = ""
-        for demands in [[*plain, *wished], plain] if wished else [plain]:
-            goals = self._goals(demands)
+        for programs in [[*plain, *wished], plain] if wished else [plain]:
+            goals = self._questions.goals(*programs)
             if not known.loop:
                 for samples in self._lengths(known.samples):
                     trace, reason = self._search.of_length(goals, samples, deadline)
                     if trace is not None:
-                        return self._plain(trace, goals), ""
+                        return self._simplified(trace, goals), ""
                     why = why or reason
-            if demands is plain:
+            if programs is plain:
                 answer = self._search.find_short(goals)
                 if answer.trace is not None:
-                    return self._plain(answer.trace, goals), ""
-                if answer.none or answer.samples:
+                    return self._simplified(answer.trace, goals), ""
+                if answer.impossible:
                     return None, ""
                 why = why or answer.why
         return None, why
 
     def _lengths(self, known: int) -> Iterator[int]:
-        """Numbers of samples, from the least that shows the windows in full."""
-        least = self._least
+        """Yield numbers of samples, from the smallest that shows bounded windows completely."""
+        least = self._shortest_length
         tried = [least, least + 1, least + 2, 2 * least, known]
-        yield from (each for each in dict.fromkeys(tried) if least <= each <= self._horizon)
+        yield from (n for n in dict.fromkeys(tried) if least <= n <= self._horizon)
 
     def _shortest(
-        self, sought: Sought, goals: Sequence[Goal], known: ExampleTrace, deadline: float
-    ) -> tuple[ExampleTrace, Sought]:
-        """The shortest violation, or one of which that is not proved; and what it is."""
-        proved = not known.loop and known.samples <= _PROVED
+        self, miss: NearMiss, goals: Sequence[Goal], known: ExampleTrace, deadline: float
+    ) -> tuple[ExampleTrace, NearMiss]:
+        """Return the shortest violation, or a violation whose text does not claim that."""
+        proved = not known.loop and known.samples <= _MAX_PROVED
         shorter = range(1, known.samples) if proved else self._lengths(known.samples)
         for samples in () if known.loop else shorter:
             trace, why = self._search.of_length(goals, samples, deadline)
@@ -276,21 +290,22 @@ class _Shower:
             if trace is not None:
                 known = trace
                 break
-        return self._plain(known, goals), sought if proved else replace(sought, why="a violation")
+        trace = self._simplified(known, goals)
+        return trace, miss if proved else replace(miss, why="a violation")
 
-    def _plain(self, trace: ExampleTrace, goals: Sequence[Goal]) -> ExampleTrace:
-        """A plainer trace that the monitors judge alike, else the trace itself."""
+    def _simplified(self, trace: ExampleTrace, goals: Sequence[Goal]) -> ExampleTrace:
+        """Return a simpler trace that the monitors judge the same, or the trace itself."""
         truths = self._search.truths(goals, trace.samples, trace.loop)
-        judges = None
+        monitors = None
         if not trace.loop:
-            with suppress(SpecificationError):  # they are for speed alone
-                judges = GoalMonitors(goals, self._period, self._end, trace.samples)
-        plain = made_plain(trace, self._search.graph, truths, self._plainness, judges)
-        return plain if self._search.confirmed(plain, goals) else trace
+            with suppress(SpecificationError):  # they only save time
+                monitors = GoalMonitors(goals, self._period, self._end, trace.samples)
+        simple = simplified(trace, self._search.graph, truths, self._plainness, monitors)
+        return simple if self._search.confirmed(simple, goals) else trace
 
 
 def _context(program: Program) -> int:
-    """How many samples show all windows that have an end in full."""
+    """Return the number of samples that shows all bounded windows completely."""
     reach: list[int] = []
     context = 1
     for instruction in program.instructions:
@@ -302,3 +317,268 @@ def _context(program: Program) -> int:
             below += ahead + behind
         reach.append(below)
     return max(context, reach[program.result] + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class NearMiss:
+    """The description of an example.
+
+    Attributes:
+        kind: The point that it makes.
+        why: The same in words.
+        also: Other formulas, and whether each holds on the trace.
+        wished: More of them, which are left out if no trace has them.
+        holds: Whether it satisfies the formula; otherwise it violates it.
+    """
+
+    kind: ExampleKind
+    why: str
+    also: tuple[tuple[Formula, bool], ...] = ()
+    wished: tuple[tuple[Formula, bool], ...] = ()
+    holds: bool = field(kw_only=True)
+
+
+def near_misses(formula: Formula, step: Fraction | None, unit: str) -> list[NearMiss]:
+    """Return the near misses of a formula, the most informative first.
+
+    Args:
+        formula: The formula.
+        step: Seconds between samples; None: bounds are numbers of samples.
+        unit: The unit of bounds without one.
+    """
+    triggers = [*_of_implications(formula, step, unit)]
+    satisfied = [] if triggers else [NearMiss("satisfied", "a trace that satisfies it", holds=True)]
+    shortest = NearMiss("violated", "the shortest violation", holds=False)
+    misses = [*triggers[:1], *satisfied, shortest, *triggers[1:]]
+    both = signs(formula)
+    changes = [
+        (_ORDER[change.kind], place, change)
+        for place, node in enumerate(reversed([*formula.nodes()]))
+        if isinstance(node, Formula) and node in both
+        for change in _changes(node, step, unit)
+    ]
+    for _, _, change in sorted(changes, key=lambda ranked: ranked[:2]):
+        other = replaced(formula, {change.node: change.instead})
+        if other is formula:
+            continue
+        for positive in sorted(both[change.node], reverse=True):
+            holds = change.lowers == positive
+            why = change.why if positive or not change.otherwise else change.otherwise
+            misses.append(NearMiss(change.kind, why, ((other, not holds),), holds=holds))
+    return misses
+
+
+_ORDER: Final[dict[ExampleKind, int]] = {
+    "last moment": 0,
+    "too late": 0,
+    "saved": 1,
+    "broken": 1,
+    "threshold": 2,
+    "first moment": 3,
+    "too early": 3,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A change of one part of a formula.
+
+    Attributes:
+        kind: The point of its examples.
+        why: The same in words.
+        node: The part.
+        instead: Its replacement.
+        lowers: Whether the replacement implies the part; otherwise the part implies it.
+        otherwise: The words where the formula falls with the part, if they differ.
+    """
+
+    kind: ExampleKind
+    why: str
+    node: Formula
+    instead: Formula
+    lowers: bool
+    otherwise: str = ""
+
+
+def _make(name: str, *args: object, interval: Interval | None = None) -> Formula:
+    return cast("Formula", make(name, cast("tuple[Node, ...]", args), interval))
+
+
+def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iterator[NearMiss]:
+    """Yield for each implication an answer, a trigger without answer, and no trigger."""
+    every = implications(formula)
+    for each in every:
+        name = f": {each}" if len(every) > 1 else ""
+        other = unanswered(formula, [each])
+        inside = _inside(each, step, unit)
+        wished = () if inside is each else ((replaced(formula, {each: inside}), True),)
+        yield NearMiss(
+            "answered", f"asked and answered{name}", ((other, False),), wished, holds=True
+        )
+        without = replaced(formula, {each: _make("true")})
+        yield NearMiss(
+            "unanswered", f"asked and not answered{name}", ((without, True),), holds=False
+        )
+        yield NearMiss("never asked", f"never asked{name}", ((other, True),), holds=True)
+
+
+def _inside(implication: Formula, step: Fraction | None, unit: str) -> Formula:
+    """Return an implication whose answer comes neither at the first nor at the last moment."""
+    request, answer = implication.args
+    for node in [*answer.nodes()]:
+        interval = node.interval
+        if isinstance(node, Formula) and _name(node) == "eventually" and interval is not None:
+            one, begin, end = _one_sample(interval, step, unit), interval.begin, interval.end
+            if end is None or end - begin < 2 * one:
+                continue
+            room = one * max(1, math.floor((end - begin) / one / 4))
+            narrow = Interval(begin + room, end - room, interval.unit)
+            inner = _make("eventually", *node.args, interval=narrow)
+            answer = replaced(cast("Formula", answer), {node: inner})
+    return _make("implies", request, answer)
+
+
+def _changes(node: Formula, step: Fraction | None, unit: str) -> Iterator[_Change]:
+    name = _name(node)
+    if name in {"and", "or"}:
+        yield from _of_parts(node)
+    elif name in _STRICTER or name in _LOOSER:
+        yield from _of_threshold(node)
+    elif name in {"==", "!="}:
+        yield from _of_equality(node)
+    elif name in _EXISTS or name in _EVERY:
+        yield from _of_window(node, step, unit)
+        if name in {"until", "since"}:
+            p, q = node.args
+            late = _make(_ONCE[name], q, interval=node.interval)
+            when = f"before {q} comes" if name == "until" else f"after {q}"
+            yield _Change("broken", f"{p} fails {when}", node, late, lowers=False)
+    elif name in _FIRSTS:
+        first = f"{node} at the first sample, with none before it"
+        yield _Change("first moment", first, node, _FIRSTS[name](node), lowers=True)
+
+
+def _rising(node: Formula, *, down: bool) -> Formula:
+    p = cast("Formula", node.args[0])
+    return p.prev(strong=True) & ~p if down else p & (~p).prev(strong=True)
+
+
+_FIRSTS: Final[Mapping[str, Callable[[Formula], Formula]]] = {
+    "rise": lambda node: _rising(node, down=False),
+    "fall": lambda node: _rising(node, down=True),
+    "prev": lambda node: _make("s_prev", *node.args),
+}
+"""Operators that do not count the first sample."""
+
+
+def _of_parts(node: Formula) -> Iterator[_Change]:
+    """Yield the only part of ``and`` that fails, of ``or`` that holds."""
+    every = _name(node) == "and"
+    for i, part in enumerate(node.args):
+        rest = (*node.args[:i], *node.args[i + 1 :])
+        instead = rest[0] if len(rest) == 1 else make(_name(node), rest)
+        kind: ExampleKind = "broken" if every else "saved"
+        why = f"{'broken' if every else 'saved'} by {part} alone"
+        otherwise = f"of {node}, {part} alone {'fails' if every else 'holds'}"
+        yield _Change(kind, why, node, cast("Formula", instead), not every, otherwise)
+
+
+_EXISTS: Final = {"eventually", "once", "until", "since"}
+_EVERY: Final = {"always", "historically"}
+_PAST: Final = {"once", "since", "historically"}
+_ONCE: Final = {"until": "eventually", "since": "once"}
+
+
+def _of_window(node: Formula, step: Fraction | None, unit: str) -> Iterator[_Change]:
+    """Yield windows that are one sample longer or shorter at one end."""
+    name, interval, part = _name(node), node.interval, node.args[-1]
+    if interval is None:
+        return
+    one = _one_sample(interval, step, unit)
+    exists, past = name in _EXISTS, name in _PAST
+    verb = "comes" if exists else "fails"
+    if exists:
+        late, early = ("too long ago", "too recently") if past else ("too late", "too early")
+        beyond, before = f"one sample {late} for", f"one sample {early} for"
+    else:
+        late, early = ("longer ago than", "more recently than") if past else ("after", "before")
+        beyond, before = f"one sample {late}", f"one sample {early}"
+    last, first = ("earliest", "latest") if past else ("last", "first")
+    begin, end = interval.begin, interval.end
+    ways: list[tuple[ExampleKind, str, Fraction, Fraction | None, bool]] = []
+    if end is not None:
+        ways += [
+            ("last moment", f"at the {last} moment of", begin, end - one, True),
+            ("too late", beyond, begin, end + one, False),
+        ]
+    ways += [
+        ("first moment", f"at the {first} moment of", begin + one, end, True),
+        ("too early", before, begin - one, end, False),
+    ]
+    for kind, moment, low, high, narrower in ways:
+        if low < 0 or (high is not None and high < low):
+            continue
+        with suppress(SpecificationError):  # a bound without a decimal number
+            changed = _make(name, *node.args, interval=Interval(low, high, interval.unit))
+            why = f"{part} {verb} {moment} {name}{interval}"
+            yield _Change(kind, why, node, changed, narrower == exists)
+
+
+def _one_sample(interval: Interval, step: Fraction | None, unit: str) -> Fraction:
+    """Return the period in the unit of an interval."""
+    return Fraction(1) if step is None else step / UNITS[interval.unit or unit]
+
+
+_STRICTER: Final = {">=": ">", "<=": "<"}
+_LOOSER: Final = {">": ">=", "<": "<="}
+
+
+def _of_threshold(node: Formula) -> Iterator[_Change]:
+    """Yield a comparison at its border, and one unit of its last digit away from it."""
+    name, unit = _name(node), _unit(node)
+    exact = f"exactly at its threshold, {node}"
+    more = unit if name in {">", "<="} else -unit  # for the right side: a > b + 1 is stricter
+    if name in _STRICTER:
+        strict = _make(_STRICTER[name], *node.args)
+        yield _Change("threshold", f"{exact} holds", node, strict, lowers=True)
+        yield _Change("threshold", f"{node} just fails", node, _moved(node, more), lowers=False)
+    else:
+        yield _Change("threshold", f"{node} just holds", node, _moved(node, more), lowers=True)
+        loose = _make(_LOOSER[name], *node.args)
+        yield _Change("threshold", f"{exact} fails", node, loose, lowers=False)
+
+
+def _of_equality(node: Formula) -> Iterator[_Change]:
+    """Yield an equality on either side of its threshold, up to one unit of the last digit away."""
+    for more, inner, outer, side in ((1.0, ">=", "<=", "above"), (-1.0, "<=", ">=", "below")):
+        beyond = _moved(node, more * _unit(node))
+        near = _make(inner, *node.args) & _make(outer, *beyond.args)
+        if _name(node) == "==":
+            yield _Change("threshold", f"{node} just fails, from {side}", node, near, lowers=False)
+        else:
+            yield _Change("threshold", f"{node} just holds, from {side}", node, ~near, lowers=True)
+
+
+def _unit(node: Formula) -> float:
+    """Return one unit of the last digit of the threshold of a comparison; 1 without a threshold."""
+    numbers = [side.leaf for side in node.args if side.op is None and isinstance(side.leaf, float)]
+    return last_digit(numbers[0]) if numbers else 1.0
+
+
+def _moved(node: Formula, by: float) -> Formula:
+    """Return a comparison with a larger right side."""
+    left, right = cast("tuple[Term, Term]", node.args)
+    if right.op is None and isinstance(right.leaf, float):
+        return _make(_name(node), left, number(_sum(right.leaf, by)))
+    if left.op is None and isinstance(left.leaf, float):
+        return _make(_name(node), number(_sum(left.leaf, -by)), right)
+    return _make(_name(node), left, right + by)
+
+
+def _sum(x: float, y: float) -> float:
+    """Return the sum of decimal numbers: 0.1 and 0.2 give 0.3."""
+    return float(Decimal(repr(x)) + Decimal(repr(y)))
+
+
+def _name(node: Node) -> str:
+    return node.op.name if node.op else ""

@@ -1,47 +1,60 @@
-"""Whether there is a trace on which some formulas hold and others fail, for certain.
+"""The search for a trace on which some formulas hold and others fail, for certain.
 
-A finite trace is asked for first, short ones before long ones; the reading of its end says what
-certain means there. A formula with a future without end may have none: then traces are asked for
-whose last samples repeat for ever. That there is none at all is known where already a part of a
-trace decides: a prefix after which nothing that comes could help.
+Finite traces are tried first, short ones before long ones; the end mode defines what is certain
+there. A formula with an unbounded future may have no finite trace: then the search tries traces
+whose last samples repeat for ever. There is no trace at all if already a prefix decides, so that
+nothing that follows could help.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Final, TypedDict
+from typing import Final
 
-from rtamt.checking.graph import FALSE, TRUE, Graph, Truth
-from rtamt.checking.limits import VariableLimits
-from rtamt.checking.points import PointChoices
-from rtamt.checking.pool import TracePool
-from rtamt.checking.runs import change_times, truth_of_runs
-from rtamt.checking.samples import unknown_samples
-from rtamt.checking.solver import Solution, Solver, is_exact
-from rtamt.checking.truths import World, truth
-from rtamt.checking.witness import ExampleTrace, Goal, judged_so, shortened
+from rtamt.checking.answers import ExampleTrace
+from rtamt.checking.encoding import (
+    VariableLimits,
+    World,
+    change_times,
+    truth,
+    truth_of_runs,
+)
+from rtamt.checking.graph import (
+    FALSE,
+    TRUE,
+    Graph,
+    Truth,
+    atom_value,
+    known_samples,
+    unknown_samples,
+)
+from rtamt.checking.solver import PointChoices, Solution, Solver, is_exact
 from rtamt.machines.bounds import split
 from rtamt.machines.protocols import End
+from rtamt.monitors.judgement import Judgement, judge
+from rtamt.monitors.verdict import Verdict
 from rtamt.program.instructions import Window
 from rtamt.program.program import Program
-
-__all__ = ["SearchAnswer", "WitnessSearch"]
 
 _LOOPS: Final = (1, 2, 3, 4)
 _PROOFS: Final = (1, 2, 4)
 _SHORT: Final = 32
-"""Samples up to which any trace is sought first; above, one that changes seldom."""
+"""Any trace of up to that many samples is tried first; above, traces that change seldom."""
 
-_REPEATED: Final = 1000
-"""The most samples of a trace that repeats its last ones."""
+_MAX_REPEATED: Final = 1000
+"""The maximum number of samples of a trace that repeats its last ones."""
+
+_MAX_KNOWN: Final = 200
+"""The maximum number of earlier traces that are tried before the solver."""
 
 _ROOM: Final = 1e-9
-"""The share of the room for a step that is kept for the rounding of values."""
+"""The share of a step that is left free for the rounding of values."""
 
+_FAR: Final = 2**40
 _FREE: Final = VariableLimits()
 _ENDS: Final[Mapping[End, tuple[World, World]]] = {
     "complete": (World.COMPLETE, World.COMPLETE),
@@ -51,18 +64,26 @@ _ENDS: Final[Mapping[End, tuple[World, World]]] = {
 
 
 @dataclass(frozen=True, slots=True)
+class Goal:
+    """A program, and whether its formula must hold or fail on a trace."""
+
+    program: Program
+    holds: bool
+
+
+@dataclass(frozen=True, slots=True)
 class SearchAnswer:
-    """What a search came to.
+    """The result of a search.
 
     Attributes:
-        trace: The trace; None: none was found.
-        none: Whether there is none, however long.
-        samples: There is none of up to that many samples that then repeats its last ones; 0: that
-            is not known.
-        why: Why it is not known.
-        core: Which of the demands cannot be fulfilled together, by their places; empty if there
-            is a trace, or nobody knows.
-        limits: The ranges and rates on which that rests, in words.
+        trace: The trace, or None.
+        none: Whether there is no trace, however long.
+        samples: There is no trace of up to that many samples that then repeats its last ones; 0 if
+            this is unknown.
+        why: The reason if the answer is unknown.
+        core: Places of goals that cannot be reached together; empty if there is a trace, or this
+            is unknown.
+        limits: The ranges and rates that contribute to the core, in words.
     """
 
     trace: ExampleTrace | None = None
@@ -72,20 +93,20 @@ class SearchAnswer:
     core: tuple[int, ...] = ()
     limits: tuple[str, ...] = ()
 
-
-class _Core(TypedDict):
-    core: tuple[int, ...]
-    limits: tuple[str, ...]
+    @property
+    def impossible(self) -> bool:
+        """Whether there is no trace, at least up to `samples`."""
+        return self.none or bool(self.samples)
 
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Which traces are meant.
+    """The traces to try.
 
     Attributes:
-        samples: How many samples they have.
-        loop: How many of the last samples repeat for ever; 0: they end.
-        times: The samples at which values may change; None: each.
+        samples: The number of samples.
+        loop: The number of last samples that repeat for ever; 0 if traces end.
+        times: The samples at which values may change; None for all.
     """
 
     samples: int
@@ -94,20 +115,15 @@ class _Shape:
 
 
 class WitnessSearch:
-    """Searches for traces, which share what formulas have in common.
+    """A search for traces; searches share the truths and traces of earlier ones.
 
     Args:
         period: Seconds between samples, or None.
-        end: How the end of a finite trace is read.
-        horizon: The most samples of a trace.
-        timeout: The most seconds of one search.
-        whole: The variables that are whole numbers.
-        limits: What the values of variables keep to.
-
-    Attributes:
-        graph: The truths of the traces.
-        whole: The variables that are whole numbers.
-        limits: What the values of variables keep to.
+        end: The end mode of finite traces.
+        horizon: The maximum number of samples of a trace.
+        timeout: The maximum time of one search, in seconds.
+        integers: The variables that are integers.
+        limits: The limits that the values of variables keep.
     """
 
     def __init__(
@@ -116,220 +132,220 @@ class WitnessSearch:
         end: End,
         horizon: int,
         timeout: float,
-        whole: frozenset[str] = frozenset(),
+        integers: frozenset[str] = frozenset(),
         limits: VariableLimits = _FREE,
     ) -> None:
         self._period, self._end, self._horizon, self._timeout = period, end, horizon, timeout
-        self.graph, self.whole, self.limits = Graph(), whole, limits
+        self.graph, self.integers, self.limits = Graph(), integers, limits
         self._samples = unknown_samples(self.graph)
-        self._solver = Solver(self.graph, whole)
+        self._solver = Solver(self.graph, integers)
         self._truths: dict[tuple[Program, int, World, int], Truth] = {}
         self._runs: dict[tuple[Program, tuple[int, ...]], Truth] = {}
         self._times: dict[tuple[tuple[Program, ...], int], list[tuple[int, ...]]] = {}
         self._pool = TracePool(self.graph, self._usual)
-        self._points = PointChoices(self.graph, whole, limits.ranges)
+        self._points = PointChoices(self.graph, integers, limits.ranges)
 
-    def find(self, demands: Sequence[Goal], first: int = 1) -> SearchAnswer:
-        """A trace that is as demanded.
+    def find(self, goals: Sequence[Goal], first: int = 1) -> SearchAnswer:
+        """Return a trace that reaches all goals.
 
         Args:
-            demands: The demands.
-            first: The least length that is tried; a trace that was found before may be shorter.
+            goals: The goals.
+            first: The smallest length to try; a trace of an earlier search may be shorter.
         """
         deadline = time.monotonic() + self._timeout
         try:
-            return self._found(demands, first, deadline)
+            return self._find(goals, first, deadline)
         except TimeoutError:
             return SearchAnswer(why=self._late)
 
-    def find_short(self, demands: Sequence[Goal]) -> SearchAnswer:
-        """What `find` finds; a long trace ends where it is certain to be as demanded."""
-        found = self.find(demands)
-        trace = found.trace
+    def find_short(self, goals: Sequence[Goal]) -> SearchAnswer:
+        """Return the answer of `find`, with a long trace cut where it is certain."""
+        answer = self.find(goals)
+        trace = answer.trace
         if trace is None or trace.loop or trace.samples <= _SHORT:
-            return found
-        return replace(found, trace=shortened(trace, demands, self._period, self._end))
+            return answer
+        return replace(answer, trace=shortened(trace, goals, self._period, self._end))
 
-    def _found(self, demands: Sequence[Goal], first: int, deadline: float) -> SearchAnswer:
-        trace = self.seldom_changing(demands)
+    def _find(self, goals: Sequence[Goal], first: int, deadline: float) -> SearchAnswer:
+        trace = self.seldom_changing(goals)
         if trace is not None:
             return SearchAnswer(trace)
-        decisive, most = self._length(demands)
+        decisive, most = self._length(goals)
         why = ""
         lengths = _lengths(most, first)
         for count in lengths:
             proves = count in {*_PROOFS, lengths[0], most}
-            found = self._finite(demands, count, deadline, proves=proves)
-            if found.trace is not None or found.none:
-                return found
-            why = why or found.why
+            answer = self._find_finite(goals, count, deadline, proves=proves)
+            if answer.trace is not None or answer.none:
+                return answer
+            why = why or answer.why
         if decisive is None:
-            return self._endless(demands, most, deadline, why)
+            return self._find_endless(goals, most, deadline, why)
         if decisive > self._horizon:
             why = f"it needs {decisive} samples, the horizon is {self._horizon}"
         return SearchAnswer(why=why)
 
     def of_length(
-        self, demands: Sequence[Goal], count: int, deadline: float
+        self, goals: Sequence[Goal], count: int, deadline: float
     ) -> tuple[ExampleTrace | None, str]:
-        """A trace of so many samples that is as demanded; else why there may be one, or nothing.
-
-        Args:
-            demands: The demands.
-            count: How many samples it has.
-            deadline: When to give up, as `time.monotonic` tells the time.
-        """
+        """Return a trace of ``count`` samples, or None and the reason why there may be one."""
         try:
-            asked = self.truths(demands, count, 0, deadline)
+            truths = self.truths(goals, count, 0, deadline)
         except TimeoutError:
             return None, self._late
-        trace, why, _ = self._tried(asked, demands, _Shape(count), deadline)
+        trace, why, _ = self._solve(truths, goals, _Shape(count), deadline)
         return trace, why
 
     def truths(
-        self, demands: Sequence[Goal], count: int, loop: int, deadline: float = math.inf
+        self, goals: Sequence[Goal], count: int, loop: int, deadline: float = math.inf
     ) -> list[Truth]:
-        """What holds in `graph` of traces that are as demanded: of each demand, then of limits.
+        """Return the truths in `graph` of traces that reach all goals: for each goal, then limits.
 
         Args:
-            demands: The demands.
-            count: How many samples the traces have.
-            loop: How many of the last samples repeat for ever; 0: they end.
-            deadline: When to give up, as `time.monotonic` tells the time.
+            goals: The goals.
+            count: The number of samples of the traces.
+            loop: The number of last samples that repeat for ever; 0: the traces end.
+            deadline: The value of `time.monotonic` at which to give up.
 
         Raises:
-            TimeoutError: If it is too late.
+            TimeoutError: After the deadline.
         """
         lower, upper = _ENDS[self._end] if not loop else (World.ENDLESS, World.ENDLESS)
-        asked = [
-            self._truth(each, count, lower if each.holds else upper, loop or 1, deadline)
-            for each in demands
+        truths = [
+            self._truth(goal, count, lower if goal.holds else upper, loop or 1, deadline)
+            for goal in goals
         ]
-        return [*asked, *self._limited(demands, _Shape(count, loop))]
+        return [*truths, *self._limit_truths(goals, _Shape(count, loop))]
 
-    def _limited(self, demands: Sequence[Goal], shape: _Shape, room: float = 0.0) -> list[Truth]:
-        """Whether each limit of the demands' variables is kept."""
+    def _limit_truths(self, goals: Sequence[Goal], shape: _Shape, room: float = 0.0) -> list[Truth]:
         times = shape.times or range(shape.samples)
-        # What changes seldom does not change between these times, nor after the last.
+        # A trace that changes seldom is constant between these times and after the last one.
         loop = 1 if shape.times else shape.loop
-        return self.limits.truths(self.graph, _variables(demands), times, loop, room)
+        return self.limits.truths(self.graph, _variables(goals), times, loop, room)
 
-    def _length(self, demands: Sequence[Goal]) -> tuple[int | None, int]:
-        """How many samples decide demands, None if no number does, and the most that are asked."""
-        needed = [_needed(demand.program) for demand in demands]
+    def _length(self, goals: Sequence[Goal]) -> tuple[int | None, int]:
+        """Return the samples that decide goals, None if no number does, and the most to try."""
+        needed = [split(goal.program, _FAR, best=False).needed for goal in goals]
         decisive = None if None in needed else max(n or 1 for n in needed)
-        return decisive, min(self._horizon, _ample(demands) if decisive is None else decisive)
+        return decisive, min(self._horizon, _ample(goals) if decisive is None else decisive)
 
-    def seldom_changing(self, demands: Sequence[Goal]) -> ExampleTrace | None:
-        """A long trace that changes at few times, soon found; None says nothing."""
+    def seldom_changing(self, goals: Sequence[Goal]) -> ExampleTrace | None:
+        """Return a long trace that changes at few times; None proves nothing."""
         deadline = time.monotonic() + self._timeout
-        _, most = self._length(demands)
+        _, most = self._length(goals)
         if most <= _SHORT:
             return None
-        for times in self._change_times(demands, most):
-            asked = [self._truth_of_runs(each, times) for each in demands]
+        for times in self._change_times(goals, most):
             shape = _Shape(most, times=times)
-            asked += self._limited(demands, shape)
-            if FALSE in asked:
+            truths = [self._truth_of_runs(goal, times) for goal in goals]
+            truths += self._limit_truths(goals, shape)
+            if FALSE in truths:
                 continue
-            for columns, known in self._pool.of_length(most) if len(times) > 1 else ():
-                if known.fulfils(asked):
-                    values = Solution(possible=True, loads=_loads(columns))
-                    trace = self._shown(values, demands, _Shape(most))
-                    if trace is not None:
-                        return trace
-            trace, _, _ = self._tried(asked, demands, shape, deadline)
+            trace = self._known_trace(truths, goals, most) if len(times) > 1 else None
+            trace = trace or self._solve(truths, goals, shape, deadline)[0]
             if trace is not None:
                 return trace
         return None
 
-    def _change_times(self, demands: Sequence[Goal], most: int) -> list[tuple[int, ...]]:
-        programs = tuple(dict.fromkeys(each.program for each in demands))
+    def _known_trace(
+        self, truths: Sequence[Truth], goals: Sequence[Goal], count: int
+    ) -> ExampleTrace | None:
+        """Return an earlier trace that reaches the goals."""
+        for columns, known in self._pool.of_length(count):
+            if known.fulfils(truths):
+                loads = {(n, i): x for n, values in columns.items() for i, x in enumerate(values)}
+                trace = self._confirmed_trace(
+                    Solution(possible=True, loads=loads), goals, _Shape(count)
+                )
+                if trace is not None:
+                    return trace
+        return None
+
+    def _change_times(self, goals: Sequence[Goal], most: int) -> list[tuple[int, ...]]:
+        programs = tuple(dict.fromkeys(goal.program for goal in goals))
         key = programs, most
         if key not in self._times:
-            self._times[key] = [*map(tuple, change_times(programs, most))]
+            self._times[key] = [*change_times(programs, most)]
         return self._times[key]
 
-    def _truth_of_runs(self, demand: Goal, times: tuple[int, ...]) -> Truth:
-        key = demand.program, times
+    def _truth_of_runs(self, goal: Goal, times: tuple[int, ...]) -> Truth:
+        key = goal.program, times
         if key not in self._runs:
-            self._runs[key] = truth_of_runs(self.graph, self._samples, demand.program, times)
-        found = self._runs[key]
-        return found if demand.holds else self.graph.no(found)
+            self._runs[key] = truth_of_runs(self.graph, self._samples, goal.program, times)
+        return self._runs[key] if goal.holds else self.graph.no(self._runs[key])
 
-    def _finite(
-        self, demands: Sequence[Goal], count: int, deadline: float, *, proves: bool
+    def _find_finite(
+        self, goals: Sequence[Goal], count: int, deadline: float, *, proves: bool
     ) -> SearchAnswer:
-        """A trace of some samples; or whether no trace begins like one of them."""
-        asked = self.truths(demands, count, 0, deadline)
-        for columns, known in self._pool.of_length(count):
-            if known.fulfils(asked):
-                values = Solution(possible=True, loads=_loads(columns))
-                before = self._shown(values, demands, _Shape(count))
-                if before is not None:
-                    return SearchAnswer(before)
-        trace, why, _ = self._tried(asked, demands, _Shape(count), deadline)
+        """Return a trace of ``count`` samples, or whether no trace starts like one of them."""
+        truths = self.truths(goals, count, 0, deadline)
+        known = self._known_trace(truths, goals, count)
+        if known is not None:
+            return SearchAnswer(known)
+        trace, why, _ = self._solve(truths, goals, _Shape(count), deadline)
         if trace is not None:
             return SearchAnswer(trace)
-        # What fails for certain after each prefix of this length fails on each shorter trace too.
-        hoped = [
-            self._truth(d, count, World.UPPER if d.holds else World.LOWER, 1, deadline)
-            for d in demands
+        # A goal that fails after each prefix of this length fails on shorter traces too.
+        possible = [
+            self._truth(g, count, World.UPPER if g.holds else World.LOWER, 1, deadline)
+            for g in goals
         ]
-        if all(truth == TRUE for truth in hoped) or not proves:
+        if all(truth == TRUE for truth in possible) or not proves:
             return SearchAnswer(why=why)
-        hoped += self._limited(demands, _Shape(count))
-        solution = self._solver.solve(hoped, deadline, wide=not is_exact(self.graph, hoped))
+        possible += self._limit_truths(goals, _Shape(count))
+        solution = self._solver.solve(possible, deadline, wide=not is_exact(self.graph, possible))
         none = solution.possible is False
         why = why or (self._late if solution.possible is None else "")
-        return SearchAnswer(none=none, why=why, **self._core(demands, solution.core))
+        core, limits = self._core(goals, solution.core)
+        return SearchAnswer(none=none, why=why, core=core, limits=limits)
 
-    def _endless(
-        self, demands: Sequence[Goal], most: int, deadline: float, why: str
+    def _find_endless(
+        self, goals: Sequence[Goal], most: int, deadline: float, why: str
     ) -> SearchAnswer:
-        """A trace whose last samples repeat for ever."""
-        core: set[int] = set()
+        """Return a trace whose last samples repeat for ever."""
+        places: set[int] = set()
         for loop in _LOOPS:
             for count in sorted({min(2 * loop, most), most}):
-                asked = self.truths(demands, count, loop, deadline)
-                shape = _Shape(count, loop)
-                trace, reason, clash = self._tried(asked, demands, shape, deadline)
+                truths = self.truths(goals, count, loop, deadline)
+                trace, reason, clash = self._solve(truths, goals, _Shape(count, loop), deadline)
                 if trace is not None:
                     return SearchAnswer(trace)
             if clash is None:
                 return SearchAnswer(why=why or reason)
-            core |= {*clash}
-        return SearchAnswer(samples=most, **self._core(demands, sorted(core)))
+            places |= {*clash}
+        core, limits = self._core(goals, sorted(places))
+        return SearchAnswer(samples=most, core=core, limits=limits)
 
-    def _core(self, demands: Sequence[Goal], places: Sequence[int]) -> _Core:
-        """Which demands and which limits clash, by places among the truths that were asked."""
-        limits, most = self.limits.of(_variables(demands)), len(demands)
-        return {
-            "core": tuple(place for place in places if place < most),
-            "limits": tuple(limits[place - most] for place in places if place >= most),
-        }
+    def _core(
+        self, goals: Sequence[Goal], places: Sequence[int]
+    ) -> tuple[tuple[int, ...], tuple[str, ...]]:
+        """Return the goals and the limits that clash, from places in the list of `truths`."""
+        limits, most = self.limits.texts(_variables(goals)), len(goals)
+        return (
+            tuple(place for place in places if place < most),
+            tuple(limits[place - most] for place in places if place >= most),
+        )
 
-    def _truth(self, demand: Goal, count: int, world: World, loop: int, deadline: float) -> Truth:
-        key = demand.program, count, world, loop
+    def _truth(self, goal: Goal, count: int, world: World, loop: int, deadline: float) -> Truth:
+        key = goal.program, count, world, loop
         if key not in self._truths:
             self._truths[key] = truth(
-                self.graph, self._samples, demand.program, count, world, loop, deadline
+                self.graph, self._samples, goal.program, count, world, loop, deadline
             )
-        found = self._truths[key]
-        return found if demand.holds else self.graph.no(found)
+        return self._truths[key] if goal.holds else self.graph.no(self._truths[key])
 
-    def _tried(
-        self, asked: Sequence[Truth], demands: Sequence[Goal], shape: _Shape, deadline: float
+    def _solve(
+        self, truths: Sequence[Truth], goals: Sequence[Goal], shape: _Shape, deadline: float
     ) -> tuple[ExampleTrace | None, str, tuple[int, ...] | None]:
-        """A trace on which truths hold; else why there may be one, or which of them clash."""
+        """Return a trace; otherwise why there may be one, or the places of truths that clash."""
         why = ""
-        exact = is_exact(self.graph, asked)
+        exact = is_exact(self.graph, truths)
         for wide in (False,) if exact else (False, True):
-            solution = self._solver.solve(asked, deadline, wide=wide)
+            solution = self._solver.solve(truths, deadline, wide=wide)
             if solution.possible:
-                trace = self._shown(solution, demands, shape)
+                trace = self._confirmed_trace(solution, goals, shape)
                 if trace is None and not wide:
-                    trace = self._nearer(asked, demands, shape, solution, deadline)
+                    trace = self._robust_trace(truths, goals, shape, solution, deadline)
                 if trace is not None:
                     return trace, "", None
                 why = why or _doubt(solution)
@@ -339,56 +355,50 @@ class WitnessSearch:
                 return None, "", solution.core
         return None, why, None
 
-    def _nearer(
+    def _robust_trace(
         self,
-        asked: Sequence[Truth],
-        demands: Sequence[Goal],
+        truths: Sequence[Truth],
+        goals: Sequence[Goal],
         shape: _Shape,
         before: Solution,
         deadline: float,
     ) -> ExampleTrace | None:
-        """A trace whose values bear rounding, where the values of a solution do not."""
-        more = self._limited(demands, shape, _ROOM) if self.limits.steps else []
+        """Return a trace with room for rounding, after a solution whose values have none."""
+        more = self._limit_truths(goals, shape, _ROOM) if self.limits.steps else []
         if before.free:
-            more += self._points.choices(asked)
+            more += self._points.choices(truths)
         if not more:
             return None
-        solution = self._solver.solve([*asked, *more], deadline, wide=False)
-        return self._shown(solution, demands, shape) if solution.possible else None
+        solution = self._solver.solve([*truths, *more], deadline, wide=False)
+        return self._confirmed_trace(solution, goals, shape) if solution.possible else None
 
-    def _shown(
-        self, solution: Solution, demands: Sequence[Goal], shape: _Shape
+    def _confirmed_trace(
+        self, solution: Solution, goals: Sequence[Goal], shape: _Shape
     ) -> ExampleTrace | None:
-        """The trace of a solution if the monitors judge it as demanded."""
-        trace = self._witness(solution, demands, shape.samples, shape.loop)
-        if self.confirmed(trace, demands):
-            shown = trace
-        elif shape.times is None or self._length(demands)[0] is not None:
-            return None
-        else:  # without an end it may be as demanded
-            count = shape.times[-1] + 1
-            columns = {name: values[:count] for name, values in trace.columns.items()}
-            shown = ExampleTrace(columns, count, 1)
-            if not self.confirmed(shown, demands):
-                return None
-        if not shape.loop:
-            self._pool.add(trace.columns)
-        return shown
-
-    def _witness(
-        self, solution: Solution, demands: Sequence[Goal], samples: int, loop: int
-    ) -> ExampleTrace:
-        columns = {}
-        for variable in _variables(demands):
+        """Return the trace of a solution if the monitors confirm it."""
+        columns: dict[str, tuple[float, ...]] = {}
+        for variable in _variables(goals):
             values: list[float] = []
-            for sample in range(samples):  # a value that does not matter is the one before
+            for sample in range(shape.samples):  # a value without effect equals the one before
                 before = values[-1] if values else self._usual(variable)
                 values.append(solution.loads.get((variable, sample), before))
             columns[variable] = tuple(values)
-        return ExampleTrace(columns, samples, loop)
+        trace = confirmed = ExampleTrace(columns, shape.samples, shape.loop)
+        if not self.confirmed(trace, goals):
+            if shape.times is None or self._length(goals)[0] is not None:
+                return None
+            # It may reach the goals if its last value is repeated for ever.
+            count = shape.times[-1] + 1
+            begins = {name: values[:count] for name, values in columns.items()}
+            confirmed = ExampleTrace(begins, count, 1)
+            if not self.confirmed(confirmed, goals):
+                return None
+        if not shape.loop:
+            self._pool.add(trace.columns)
+        return confirmed
 
     def _usual(self, variable: str) -> float:
-        """The value of a variable where it does not matter."""
+        """Return the value of a variable where it has no effect."""
         lower, upper = self.limits.ranges.get(variable, (0.0, 0.0))
         return min(max(0.0, lower), upper)
 
@@ -396,51 +406,159 @@ class WitnessSearch:
     def _late(self) -> str:
         return f"no answer within {self._timeout:g} s"
 
-    def confirmed(self, trace: ExampleTrace, demands: Sequence[Goal]) -> bool:
-        """Whether the monitors judge the trace as demanded, and its values keep their limits."""
-        return self.limits.kept(trace.columns, trace.loop) and judged_so(
-            trace, demands, self._period, self._end
+    def confirmed(self, trace: ExampleTrace, goals: Sequence[Goal]) -> bool:
+        """Return whether the monitors judge that a trace reaches all goals, within its limits."""
+        return self.limits.kept(trace.columns, trace.loop) and reaches(
+            trace, goals, self._period, self._end
         )
 
 
-def _variables(demands: Sequence[Goal]) -> list[str]:
-    return [*dict.fromkeys(name for each in demands for name in each.program.variables)]
-
-
-def _loads(columns: Mapping[str, Sequence[float]]) -> dict[tuple[str, int], float]:
-    return {(name, i): x for name, values in columns.items() for i, x in enumerate(values)}
+def _variables(goals: Sequence[Goal]) -> list[str]:
+    return [*dict.fromkeys(name for goal in goals for name in goal.program.variables)]
 
 
 def _lengths(most: int, first: int) -> list[int]:
-    """Numbers of samples, each twice the one before; the last is the most."""
+    """Return numbers of samples, each twice the one before, up to ``most``."""
     lengths = [min(first, most)]
     while lengths[-1] * 2 < most:
         lengths.append(lengths[-1] * 2)
     return lengths if lengths[-1] >= most else [*lengths, most]
 
 
-def _ample(demands: Sequence[Goal]) -> int:
-    """As many samples as all windows reach, twice, and some: where no number decides."""
+def _ample(goals: Sequence[Goal]) -> int:
+    """Return twice the reach of all windows, for goals that no number of samples decides."""
     reach = sum(
         abs(bound)
-        for demand in demands
-        for each in demand.program.instructions
-        if isinstance(each, Window)
-        for bound in {each.lo, each.hi} - {None}
+        for goal in goals
+        for window in goal.program.instructions
+        if isinstance(window, Window)
+        for bound in {window.lo, window.hi} - {None}
         if bound is not None
     )
-    return min(_REPEATED, max(16, 2 * reach + 4))
-
-
-def _needed(program: Program) -> int | None:
-    """How many samples decide the result; None: no number does."""
-    return split(program, _FAR, best=False).needed
-
-
-_FAR: Final = 2**40
+    return min(_MAX_REPEATED, max(16, 2 * reach + 4))
 
 
 def _doubt(solution: Solution) -> str:
     if solution.free:
         return f"it is not linear ({', '.join(sorted(solution.free))})"
     return "it hangs on how doubles are rounded"
+
+
+def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None, end: End) -> bool:
+    """Return whether the monitors judge that a trace reaches all goals.
+
+    Args:
+        trace: The trace.
+        goals: The goals.
+        period: Seconds between samples, or None.
+        end: The end mode of a trace that does not repeat.
+    """
+    for goal in goals:
+        program = goal.program
+        try:
+            if trace.loop:
+                samples, count = known_samples(trace.columns), trace.samples
+                result = truth(Graph(), samples, program, count, World.ENDLESS, trace.loop)
+                if (result == TRUE) is not goal.holds:
+                    return False
+            # The monitors see a part of an endless trace; they must not contradict its truth.
+            verdict = _judged(trace, program, period, "open" if trace.loop else end).verdict
+        except ValueError:
+            return False
+        expected = Verdict.SATISFIED if goal.holds else Verdict.VIOLATED
+        if verdict is not expected and not (trace.loop and verdict is Verdict.UNDECIDED):
+            return False
+    return True
+
+
+def shortened(
+    trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None, end: End
+) -> ExampleTrace:
+    """Return a prefix of a trace that also reaches all goals.
+
+    It ends at the sample that decides the verdicts, or soon after if the verdict needs the end.
+    """
+    decided = [_judged(trace, goal.program, period, end).decided_at for goal in goals]
+    count = 1 + max((int(at) for at in decided if at is not None), default=0)
+    while count < trace.samples:
+        columns = {name: values[:count] for name, values in trace.columns.items()}
+        prefix = ExampleTrace(columns, count, 0)
+        if reaches(prefix, goals, period, end):
+            return prefix
+        count *= 2
+    return trace
+
+
+def _judged(trace: ExampleTrace, program: Program, period: Fraction | None, end: End) -> Judgement:
+    columns = {name: trace.unrolled(name) for name in program.variables}
+    n = None if columns else trace.samples
+    return judge(program.specification, columns, period, end, n=n)
+
+
+class KnownTrace:
+    """A trace on which each truth of a graph is true, false or unknown.
+
+    Args:
+        graph: The graph.
+        columns: The value of each variable at each sample.
+        other: Return the value of a variable that the trace does not have.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        columns: Mapping[str, Sequence[float]],
+        other: Callable[[str], float],
+    ) -> None:
+        self._graph, self._columns, self._other = graph, columns, other
+        self._known: dict[int, bool | None] = {0: False}
+
+    def fulfils(self, truths: Sequence[Truth]) -> bool:
+        """Return whether truths are true on it, for certain."""
+        return all(self._at(truth) is True for truth in truths)
+
+    def _at(self, truth: Truth) -> bool | None:
+        if truth >> 1 not in self._known:
+            self._evaluate(truth >> 1)
+        known = self._known[truth >> 1]
+        return known if known is None or not truth & 1 else not known
+
+    def _evaluate(self, node: int) -> None:
+        stack = [node]  # depth first, without recursion
+        while stack:
+            atom, parts = self._graph.atom_at(stack[-1]), self._graph.parts(stack[-1])
+            missing = [part >> 1 for part in parts if part >> 1 not in self._known]
+            if missing:
+                stack += missing
+            elif atom is not None:
+                self._known[stack.pop()] = atom_value(atom, self._load)
+            else:
+                values = [self._at(part) for part in parts]
+                known = False if False in values else None if None in values else True
+                self._known[stack.pop()] = known
+
+    def _load(self, name: str, sample: int) -> float:
+        column = self._columns.get(name)
+        return self._other(name) if column is None else column[sample]
+
+
+class TracePool:
+    """The newest finite traces of a search."""
+
+    def __init__(self, graph: Graph, other: Callable[[str], float]) -> None:
+        self._graph, self._other = graph, other
+        self._traces: dict[tuple[tuple[str, tuple[float, ...]], ...], KnownTrace] = {}
+
+    def add(self, columns: Mapping[str, tuple[float, ...]]) -> None:
+        """Store a trace."""
+        key = tuple(columns.items())
+        if columns and key not in self._traces:
+            self._traces[key] = KnownTrace(self._graph, columns, self._other)
+            if len(self._traces) > _MAX_KNOWN:
+                del self._traces[next(iter(self._traces))]
+
+    def of_length(self, count: int) -> Iterator[tuple[dict[str, tuple[float, ...]], KnownTrace]]:
+        """Yield the traces of ``count`` samples, the newest first."""
+        for key in reversed([*self._traces]):
+            if len(key[0][1]) == count:
+                yield dict(key), self._traces[key]

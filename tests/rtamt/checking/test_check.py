@@ -13,7 +13,6 @@ from small_texts import VALUES, texts
 import rtamt
 from rtamt import Answer, ExampleTrace, InputError, InputTypeError, Verdict, judge
 from rtamt.checking.check import _fewest
-from rtamt.checking.questions import impossible
 from rtamt.checking.search import SearchAnswer
 
 
@@ -296,9 +295,9 @@ def test_of_what_clashes_nothing_can_be_left_out(
         return SearchAnswer(none=none, core=guessed)
 
     kept = _fewest([*range(6)], find)
-    assert impossible(find(kept))
+    assert find(kept).impossible
     for place in kept:
-        assert kept == [place] or not impossible(find([each for each in kept if each != place]))
+        assert kept == [place] or not find([each for each in kept if each != place]).impossible
 
 
 def test_a_name_that_is_no_text_is_refused() -> None:

@@ -11,7 +11,7 @@ from small_texts import VALUES, texts
 
 import rtamt
 from rtamt import InputError, InputTypeError, Verdict, judge
-from rtamt.checking.limits import VariableLimits
+from rtamt.checking.encoding import VariableLimits
 
 RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5, 1.0)])
 

@@ -7,8 +7,7 @@ from typing import cast
 import pytest
 
 import rtamt
-from rtamt.checking.graph import TermKey
-from rtamt.checking.samples import exact_sides
+from rtamt.checking.graph import TermKey, exact_sides
 from rtamt.program.algebra import FUNCTIONS
 
 X: TermKey = ("load", "x", 0)

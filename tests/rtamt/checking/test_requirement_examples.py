@@ -13,7 +13,7 @@ from small_texts import texts_of
 
 import rtamt
 from rtamt import Example, InputError, Verdict, judge
-from rtamt.checking import plain
+from rtamt.checking import simplify
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
@@ -293,7 +293,7 @@ def test_a_sample_that_no_bound_in_decimals_adds_has_no_example() -> None:
 def test_examples_for_which_there_is_no_work_left_are_judged_as_they_say(
     monkeypatch: pytest.MonkeyPatch, work: int
 ) -> None:
-    monkeypatch.setattr(plain, "_WORK", work)
+    monkeypatch.setattr(simplify, "_WORK", work)
     text = "always[0:6](x > 3 implies eventually[0:4](y < x / 7)) and eventually[0:9](x > 3)"
     found = only(text, count=30)
     assert len(found.examples) > 5

@@ -5,12 +5,11 @@ from hypothesis import strategies as st
 from strategies import Trace, formulas, length, traces
 
 from rtamt import Formula, holds, judge, parse
-from rtamt.checking.graph import FALSE, TRUE, Graph
-from rtamt.checking.plain import Plainness, made_plain
-from rtamt.checking.pool import KnownTrace, TracePool
-from rtamt.checking.samples import function_of, known_samples, unknown_samples
-from rtamt.checking.truths import World, truth
-from rtamt.checking.witness import ExampleTrace, Goal, judged_so
+from rtamt.checking.answers import ExampleTrace
+from rtamt.checking.encoding import World, truth
+from rtamt.checking.graph import FALSE, TRUE, Graph, function_of, known_samples, unknown_samples
+from rtamt.checking.search import Goal, KnownTrace, TracePool, reaches
+from rtamt.checking.simplify import Plainness, simplified
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.program.lowering import compile_program
@@ -102,8 +101,7 @@ def test_a_trace_on_which_a_term_is_no_number_is_no_witness() -> None:
         for loop in (0, 1):
             trace = ExampleTrace({"x": (value,)}, 1, loop)
             said = tuple(
-                judged_so(trace, [Goal(program, holds)], None, "complete")
-                for holds in (True, False)
+                reaches(trace, [Goal(program, holds)], None, "complete") for holds in (True, False)
             )
             assert said == expected, (value, loop)
 
@@ -115,8 +113,8 @@ def test_a_plainer_trace_is_one_on_which_truths_hold() -> None:
     plainness = Plainness([spec.formula], frozenset(), {})
     assert -2.0 in plainness.of("x")  # at which sqrt(x) is no number
     trace = ExampleTrace({"x": (3.25, 3.25)}, 2, 1)
-    assert made_plain(trace, graph, [asked], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
-    assert made_plain(trace, graph, [graph.no(asked)], plainness) == trace
+    assert simplified(trace, graph, [asked], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
+    assert simplified(trace, graph, [graph.no(asked)], plainness) == trace
 
 
 def test_long_traces_that_change_often_become_plainer_too() -> None:
@@ -125,6 +123,6 @@ def test_long_traces_that_change_often_become_plainer_too() -> None:
     program = compile_program(spec)
     asked = truth(graph, unknown_samples(graph), program, 40, World.COMPLETE)
     before = ExampleTrace({"x": (7.625, -2.375) * 20}, 40, 0)
-    found = made_plain(before, graph, [asked], Plainness([spec.formula], frozenset(), {}))
+    found = simplified(before, graph, [asked], Plainness([spec.formula], frozenset(), {}))
     assert judge(spec, found.columns).robustness > 0
     assert {*found.columns["x"]} == {0.0, 4.0}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import run_without
 
-from rtamt.checking.witness import ExampleTrace
+from rtamt.checking.answers import ExampleTrace
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands.trace_pictures import draw
 
