@@ -58,18 +58,15 @@ if TYPE_CHECKING:
     from rtamt.language.words import in_words
     from rtamt.machines.backend import BACKEND
     from rtamt.machines.protocols import End
-    from rtamt.monitors.book import VerdictBook
     from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
-    from rtamt.monitors.dense import DenseMonitor, evaluate_dense
-    from rtamt.monitors.dense_episode import DenseEpisodeMonitor
-    from rtamt.monitors.evaluation import evaluate
+    from rtamt.monitors.dense_monitor import DenseEpisodeMonitor, DenseMonitor
+    from rtamt.monitors.evaluation import evaluate, evaluate_dense, evaluate_many
     from rtamt.monitors.explainer import explain, explain_dense
     from rtamt.monitors.explanation import DenseExplanation, Explanation
     from rtamt.monitors.implications import DenseImplications, Implications
-    from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
     from rtamt.monitors.judgement import Judgement, judge, judge_dense
-    from rtamt.monitors.many import evaluate_many
     from rtamt.monitors.monitor import EpisodeMonitor, Monitor
+    from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
     from rtamt.monitors.triggers import Asked, DenseAsked, Evidence
     from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
     from rtamt.monitors.verdict import Verdict, holds
@@ -183,10 +180,10 @@ _MODULES = {
     "ClockEvent": "rtamt.monitors.clocks",
     "ClockKind": "rtamt.monitors.clocks",
     "DenseAsked": "rtamt.monitors.triggers",
-    "DenseEpisodeMonitor": "rtamt.monitors.dense_episode",
+    "DenseEpisodeMonitor": "rtamt.monitors.dense_monitor",
     "DenseExplanation": "rtamt.monitors.explanation",
     "DenseImplications": "rtamt.monitors.implications",
-    "DenseMonitor": "rtamt.monitors.dense",
+    "DenseMonitor": "rtamt.monitors.dense_monitor",
     "End": "rtamt.machines.protocols",
     "EpisodeMonitor": "rtamt.monitors.monitor",
     "Equivalence": "rtamt.checking.answers",
@@ -201,8 +198,8 @@ _MODULES = {
     "InputError": "rtamt.errors",
     "InputTypeError": "rtamt.errors",
     "Interval": "rtamt.language.interval",
-    "JointFeed": "rtamt.monitors.joint",
-    "JointRead": "rtamt.monitors.joint",
+    "JointFeed": "rtamt.monitors.monitor_sets",
+    "JointRead": "rtamt.monitors.monitor_sets",
     "Judgement": "rtamt.monitors.judgement",
     "MUTATIONS": "rtamt.mutation.mutations",
     "Monitor": "rtamt.monitors.monitor",
@@ -229,21 +226,21 @@ _MODULES = {
     "VectorEpisodeMonitor": "rtamt.monitors.vector",
     "VectorMonitor": "rtamt.monitors.vector",
     "Verdict": "rtamt.monitors.verdict",
-    "VerdictBook": "rtamt.monitors.book",
+    "VerdictBook": "rtamt.monitors.monitor_sets",
     "check": "rtamt.checking.check",
     "conjunction": "rtamt.language.formula",
     "disjunction": "rtamt.language.formula",
     "equivalent": "rtamt.checking.check",
     "evaluate": "rtamt.monitors.evaluation",
-    "evaluate_dense": "rtamt.monitors.dense",
-    "evaluate_many": "rtamt.monitors.many",
+    "evaluate_dense": "rtamt.monitors.evaluation",
+    "evaluate_many": "rtamt.monitors.evaluation",
     "examples": "rtamt.checking.examples",
     "explain": "rtamt.monitors.explainer",
     "explain_dense": "rtamt.monitors.explainer",
     "export_fmu": "rtamt.export.fmu",
     "holds": "rtamt.monitors.verdict",
     "in_words": "rtamt.language.words",
-    "joint_feed": "rtamt.monitors.joint",
+    "joint_feed": "rtamt.monitors.monitor_sets",
     "judge": "rtamt.monitors.judgement",
     "judge_dense": "rtamt.monitors.judgement",
     "load": "rtamt.language.parser",

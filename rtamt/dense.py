@@ -4,9 +4,9 @@ The names mean what the same names of `rtamt` mean for samples.
 """
 
 from rtamt.inputs.events import Events
-from rtamt.monitors.dense import DenseMonitor as Monitor
-from rtamt.monitors.dense import evaluate_dense as evaluate
-from rtamt.monitors.dense_episode import DenseEpisodeMonitor as EpisodeMonitor
+from rtamt.monitors.dense_monitor import DenseEpisodeMonitor as EpisodeMonitor
+from rtamt.monitors.dense_monitor import DenseMonitor as Monitor
+from rtamt.monitors.evaluation import evaluate_dense as evaluate
 from rtamt.monitors.explainer import explain_dense as explain
 from rtamt.monitors.explanation import DenseExplanation as Explanation
 from rtamt.monitors.implications import DenseImplications as Implications

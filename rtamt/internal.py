@@ -1,8 +1,7 @@
 """Names that only the packages of this project use; any version may change them."""
 
-from rtamt.monitors.book import VerdictBook
 from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
-from rtamt.monitors.joint import JointFeed, JointRead, joint_feed
+from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
 
 __all__ = [
     "ClockEvent",

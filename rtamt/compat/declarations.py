@@ -17,7 +17,7 @@ from rtamt.language.interval import Exact
 from rtamt.language.names import steps
 from rtamt.language.parser import parse_as
 from rtamt.language.specification import PRIMITIVES, Specification
-from rtamt.monitors.dense import DenseMonitor
+from rtamt.monitors.dense_monitor import DenseMonitor
 from rtamt.monitors.monitor import Monitor
 from rtamt.monitors.options import Options
 

@@ -23,7 +23,8 @@ from rtamt.compat.undeclared import warn_of_unknown
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.clock import Clock
 from rtamt.language.specification import Specification
-from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.dense_monitor import DenseMonitor
+from rtamt.monitors.evaluation import evaluate_dense
 from rtamt.program.dense_lowering import compile_dense
 
 __all__ = [

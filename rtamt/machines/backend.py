@@ -64,7 +64,7 @@ class Factories:
         term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.terms.term_ranges`.
         episode_panel: ``(machines, places, reads, decided, seen, number)``, for
-            `rtamt.monitors.joint`; None where there is none, or for these machines.
+            `rtamt.monitors.monitor_sets`; None where there is none, or for these machines.
         episode_run: ``(program, reader, columns, n, end)``; None where columns are always faster.
     """
 

@@ -1,21 +1,33 @@
-"""Robustness of whole traces."""
+"""Robustness of recorded traces: one trace or a batch of samples, and events."""
 
 from __future__ import annotations
 
-from typing import Unpack
+from collections.abc import Mapping, Sequence
+from typing import Any, Unpack, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from rtamt.errors import InputError
+from rtamt.errors import InputError, InputTypeError, RtamtError, brief, no_such
+from rtamt.inputs.arrays import Floats, array_of_numbers
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Events, EventsLike
 from rtamt.inputs.frames import check_roles
-from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.inputs.samples import SampleReader, TraceColumns, wrong_shape
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.offline import run_offline
-from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
+from rtamt.machines.offline import Passes, result_alone, run_offline
+from rtamt.monitors.options import (
+    Compiled,
+    Interpolation,
+    Options,
+    SampleOptions,
+    Spec,
+    check_interpolation,
+    compiled,
+    compiled_dense,
+    listed_in_signature,
+)
 from rtamt.program.timing import Period
-
-__all__ = ["evaluate", "raw_trace", "trace_between", "whole_trace"]
 
 
 @listed_in_signature(SampleOptions)
@@ -25,50 +37,120 @@ def evaluate(
     period: Period | None = None,
     *,
     n: int | None = None,
+    lengths: ArrayLike | None = None,
     **options: Unpack[SampleOptions],
-) -> NDArray[np.float64]:
-    """Robustness at every sample of a whole trace.
+) -> Floats:
+    """Return the robustness at every sample of a recorded trace, or of a batch of traces.
 
     Windows are cut at both ends of the trace: where nothing of the window is left, ``always`` is
     +inf and ``eventually`` -inf. Operators without an end reach to the end of the trace.
 
+    The data are a batch if ``lengths`` is given, if an array has three dimensions, or if a column
+    has two. Each trace of a batch has the values that it has alone.
+
     Args:
         spec: Text, a formula, or a parsed specification.
         data: A mapping of every variable to its n values, or of a message to n messages; a data
-            frame of pandas or polars, or a table of Arrow. A variable that is not there has its
-            declared default. Other names are ignored, except the times of a frame. Or an array of
-            shape (n, variables).
+            frame of pandas or polars, or a table of Arrow. A missing variable has its declared
+            default. Other names are ignored, except the times of a frame. Or an array of shape
+            (n, variables). A batch is a mapping of every variable to an array of shape (traces,
+            samples), or an array of shape (traces, samples, variables).
         period: As for `Monitor`. A formula with bounds needs it for a frame with a column of times,
             such as ``time`` or ``Time [s]``, or with an index of dates.
-        n: The length, for a formula without variables.
+        n: The number of samples of one trace, for a formula without variables.
+        lengths: The number of samples of each trace of a batch, 1 or more; later values are never
+            read. None: every trace has all samples. Columns of shape (traces, 1) need it.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`.
+            for `Monitor`; ``nan="hold"`` keeps a value within its trace.
 
     Returns:
-        n values, one for each sample.
+        Array of shape (n,), or of shape (traces, samples) with nan after the end of a trace.
 
     Raises:
         SpecificationError: As for `Monitor`, except that a future may have no end.
         InputError: As for `Monitor`, and on missing variables, an empty trace, columns of different
             length, a nan, times of a frame that would be ignored, or a frame with the rows of
-            several objects or episodes.
-        InputTypeError: On values that are not real numbers.
+            several objects or episodes; for a batch with the number of the trace, and on shapes or
+            lengths that do not fit.
+        InputTypeError: On values that are not real numbers, or lengths that are not whole numbers.
 
     Example:
         >>> evaluate("always(x > 1)", {"x": [5, 4, 3]}).tolist()
         [2.0, 2.0, 2.0]
+        >>> evaluate("always(x > 1)", {"x": [[5, 4, 3], [1, 9, 9]]}, lengths=[2, 3])
+        array([[ 3.,  3., nan],
+               [-0.,  8.,  8.]])
     """
-    _, _, backend, nan, _, program = compiled(evaluate, spec, period, options, online=False)
-    reader = SampleReader(program, nan)
+    parts = compiled(evaluate, spec, period, options, online=False)
+    program = parts.program
+    reader = SampleReader(program, parts.nan)
+    if lengths is not None or _is_batch(data, reader.variables):
+        if n is not None:
+            raise InputError("n= is the length of one trace, got a batch. Use lengths=.")
+        return _evaluate_batch(parts, reader, data, lengths)
     columns, length = raw_trace(reader, data, n, period)
-    machine = BACKENDS[backend].discrete_machine
+    machine = BACKENDS[parts.backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
+
+
+evaluate_many = evaluate
+
+
+@listed_in_signature(Options)
+def evaluate_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    *,
+    resolution: Period = "1ns",
+    interpolation: Interpolation = "previous",
+    **options: Unpack[Options],
+) -> Events:
+    """Return the robustness over a whole trace in dense time.
+
+    Signals are right-continuous step functions: a value lasts until the variable's next event, and
+    the last event is an instant, the end. The trace is where all variables are known. Windows are
+    closed and cut to the trace: where nothing of the window is left, ``always`` is +inf and
+    ``eventually`` -inf. Operators without an end reach to the end of the trace.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: For each variable a sequence of (time, value), an array of shape (n, 2), or
+            `Events`. Other variables are ignored.
+        resolution: As for `DenseMonitor`.
+        interpolation: As for `DenseMonitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
+
+    Returns:
+        The robustness, a step function too: an event where it begins, wherever it changes, and at
+        the end if it changes there. A value that holds at a single instant inside the trace, with
+        another before and after, is left out; at the end it is given.
+
+    Raises:
+        SpecificationError: As for `DenseMonitor`, except that a future may have no end.
+        InputError: On a variable without events, times that `DenseMonitor` refuses, a nan, a term
+            that is not a number, or variables that are never known at the same time.
+        InputTypeError: On values that are not real numbers.
+
+    Example:
+        >>> signals = {"request": [(0, 0), (1, 1), (5, 1)], "grant": [(0, 0), (2.5, 1), (5, 1)]}
+        >>> spec = "request > 0.5 implies eventually[0:1](grant > 0.5)"
+        >>> list(evaluate_dense(spec, signals))
+        [(0.0, 0.5), (1.0, -0.5), (1.5, 0.5)]
+
+    Source: see `DenseMonitor`.
+    """
+    check_interpolation(interpolation)
+    _, _, backend, whole = compiled_dense(evaluate_dense, spec, resolution, options, online=False)
+    program = whole.result_alone()
+    reader = EventReader(program)
+    machine = BACKENDS[backend].dense_machine(program, reader, ())
+    return Events.unchecked(*machine.run(reader.whole(signals)))
 
 
 def raw_trace(
     reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
-) -> tuple[list[NDArray[np.float64]], int]:
-    """What `whole_trace` returns, with every nan still in it."""
+) -> tuple[list[Floats], int]:
+    """Return what `whole_trace` returns, with every nan still in it."""
     columns, length = reader.columns(data, n=n, extra=True)
     _check_trace(reader, data, length, period)
     return columns, length
@@ -76,8 +158,8 @@ def raw_trace(
 
 def trace_between(
     reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], int]:
-    """The least and the greatest values of a whole trace, and its length; see `raw_trace`.
+) -> tuple[list[Floats], list[Floats], int]:
+    """Return the least and the greatest values of a trace, and its length; see `raw_trace`.
 
     If all values are known, both are one list.
     """
@@ -88,11 +170,8 @@ def trace_between(
 
 def whole_trace(
     reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
-) -> tuple[list[NDArray[np.float64]], int]:
-    """The columns of a whole trace, in the order of the variables, and its length, 1 or more.
-
-    It raises the errors of `evaluate`.
-    """
+) -> tuple[list[Floats], int]:
+    """Return the columns of a trace in the order of the variables, and its length, 1 or more."""
     columns, length = raw_trace(reader, data, n, period)
     return reader.without_nan(columns), length
 
@@ -104,3 +183,113 @@ def _check_trace(
         raise InputError("expected a trace of at least 1 sample, got 0")
     timed = period is None and reader.program.specification.timed
     check_roles(data, reader.variables, timed=timed)
+
+
+def _is_batch(data: TraceColumns, names: Sequence[str]) -> bool:
+    if isinstance(data, Mapping):
+        return any(name in data and _depth(data[name]) == 2 for name in names)
+    return _depth(data) == 3
+
+
+def _depth(values: Any) -> int:  # noqa: ANN401 - an array or nested lists
+    """Return the number of dimensions, of lists by their first elements."""
+    depth = 0
+    while isinstance(values, list | tuple):
+        depth += 1
+        if not values:
+            return depth
+        values = values[0]
+    return depth + getattr(values, "ndim", 0)
+
+
+def _evaluate_batch(
+    parts: Compiled, reader: SampleReader, data: TraceColumns, lengths: ArrayLike | None
+) -> Floats:
+    columns, shape = _tables(reader, data, lengths)
+    ends = _ends(lengths, shape)
+    robustness = np.full(shape, np.nan)
+    if not len(ends):
+        return robustness
+    machine = BACKENDS[parts.backend].discrete_machine
+    passes = Passes(result_alone(parts.program), reader, machine, max(ends))
+    complete = not any(np.isnan(column).any() for column in columns)
+    for trace, n in enumerate(ends):
+        row = [column[trace, :n] for column in columns]
+        row += reader.rates.of_columns(row)
+        try:
+            if not complete:
+                row = reader.without_nan(row)
+            robustness[trace, :n] = passes.run(row, n)[""]
+        except RtamtError as error:
+            raise type(error)(f"trace {trace}: ", error) from None
+    return robustness
+
+
+def _tables(
+    reader: SampleReader, data: TraceColumns, lengths: ArrayLike | None
+) -> tuple[list[Floats], tuple[int, int]]:
+    """Return for each variable a table of shape (traces, samples), and that shape."""
+    names = reader.variables
+    if isinstance(data, Mapping):
+        tables = _named_tables(names, cast("Mapping[str, ArrayLike]", data))
+        shape = tables[0].shape
+        if lengths is None and shape[1] == 1 < shape[0]:
+            raise InputError(
+                f"'{names[0]}' has the shape {shape}: one trace of {shape[0]} samples, or "
+                f"{shape[0]} traces of one sample. Pass a column of one dimension, or lengths= for "
+                "a batch."
+            )
+    else:
+        table = array_of_numbers(data, "the traces")
+        if table.ndim != 3 or table.shape[2] != len(names):
+            raise wrong_shape(table, "traces, samples", names)
+        tables, shape = list(np.moveaxis(table, 2, 0)), table.shape
+    traces, samples = shape[:2]
+    if samples == 0:
+        raise InputError("expected traces of at least 1 sample, got 0")
+    return [np.ascontiguousarray(table) for table in tables], (traces, samples)
+
+
+def _named_tables(names: Sequence[str], data: Mapping[str, ArrayLike]) -> list[Floats]:
+    if not names:
+        raise InputError(
+            "the formula has no variables: say how many samples with an array of shape "
+            "(traces, samples, 0)"
+        )
+    for name in names:
+        if name not in data:
+            raise InputError(no_such("column", name, data))
+    tables = [array_of_numbers(data[name], f"'{name}'") for name in names]
+    for name, table in zip(names, tables, strict=True):
+        if table.ndim != 2:
+            raise InputError(
+                f"expected an array of shape (traces, samples) for '{name}', got {table.shape}"
+            )
+        if table.shape != tables[0].shape:
+            raise InputError(
+                f"expected arrays of one shape, got {tables[0].shape} for '{names[0]}' and "
+                f"{table.shape} for '{name}'"
+            )
+    return tables
+
+
+def _ends(lengths: ArrayLike | None, shape: tuple[int, int]) -> Sequence[int]:
+    """Return the number of samples of each trace."""
+    traces, samples = shape
+    if lengths is None:
+        return [samples] * traces
+    try:
+        ends = np.asarray(lengths)
+    except ValueError:
+        raise InputTypeError(
+            f"expected a whole number for each trace as lengths, got {brief(lengths)}"
+        ) from None
+    if ends.dtype.kind not in "iu":
+        raise InputTypeError(f"expected whole numbers as lengths, got dtype {ends.dtype}")
+    if ends.shape != (traces,):
+        raise InputError(f"expected a length for each of {traces} traces, got shape {ends.shape}")
+    if ends.size and not 1 <= ends.min() <= ends.max() <= samples:
+        odd = int(np.argmax((ends < 1) | (ends > samples)))
+        raise InputError(f"expected lengths from 1 to {samples}, got {ends[odd]} for trace {odd}")
+    counts: list[int] = ends.tolist()
+    return counts

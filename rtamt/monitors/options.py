@@ -1,11 +1,11 @@
-"""The options that monitors and evaluations share, and the program that they ask for."""
+"""The options that monitors and evaluations share, and the programs that they compile."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple, TypedDict, TypeVar, cast, get_args
+from typing import Any, Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from rtamt.errors import InputError, alternatives, brief, nearest
 from rtamt.inputs.event_reader import NO_DENSE_BOUNDS, EventReader, checked_nan
@@ -23,6 +23,10 @@ from rtamt.program.timing import Align, Period, as_align, as_period
 
 Spec = str | Formula | Specification
 """A specification: text, a formula made of combinators, or a parsed specification."""
+
+
+Interpolation = Literal["previous"]
+"""The value of a signal between events."""
 
 
 class Options(TypedDict, total=False):
@@ -190,3 +194,12 @@ def _unknown(caller: Callable[..., object], given: Options, known: Options) -> T
     names = inspect.signature(caller).parameters
     hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
     return TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")
+
+
+def check_interpolation(interpolation: str) -> None:
+    """Raise InputError on an interpolation other than ``"previous"``."""
+    if interpolation != "previous":
+        raise InputError(
+            "expected interpolation='previous' (a value lasts until the next event), "
+            f"got {interpolation!r}"
+        )

@@ -1,4 +1,4 @@
-"""Many traces in one call: what `evaluate` gives for each."""
+"""A batch of traces in one call of `evaluate`."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import INFINITIES, QUARTERS, VARIABLES, formulas
 
-from rtamt import Formula, InputError, InputTypeError, RtamtError, evaluate, evaluate_many
+from rtamt import Formula, InputError, InputTypeError, RtamtError, evaluate
 from rtamt.machines.backend import Backend
 
 NAN = math.nan
@@ -18,7 +18,7 @@ NAN = math.nan
 def test_a_nan_is_told_by_its_sample_however_many_variables_there_are(backend: Backend) -> None:
     text, short = "always(x > y or z > 0)", {"x": [[1.0]], "y": [[1.0]], "z": [[NAN]]}
     with pytest.raises(InputError, match=r"variable 'z' is nan at sample 0; "):
-        evaluate_many(text, short, backend=backend)
+        evaluate(text, short, backend=backend)
     alone = {name: values[0] for name, values in short.items()}
     with pytest.raises(InputError, match=r"^variable 'z' is nan at sample 0; "):
         evaluate(text, alone, backend=backend)
@@ -40,13 +40,14 @@ def test_each_trace_has_the_values_of_its_own(
 ) -> None:
     traces, samples = data["a"].shape
     drawing = st.lists(st.integers(1, samples), min_size=traces, max_size=traces)
-    lengths = drawn.draw(st.none() | drawing.map(lambda found: np.array(found, dtype=int)))
+    optional = st.none() if samples > 1 else st.nothing()
+    lengths = drawn.draw(optional | drawing.map(lambda counts: np.array(counts, dtype=int)))
     names = sorted(formula.variables)
     chosen: Any = data if names else np.empty((traces, samples, 0))
     if lengths is not None and names:
         for i, n in enumerate(lengths):
             data[names[0]][i, n:] = NAN
-    found = evaluate_many(formula, chosen, lengths=lengths, backend=backend)
+    found = evaluate(formula, chosen, lengths=lengths, backend=backend)
     assert found.shape == (traces, samples)
     for i in range(traces):
         n = samples if lengths is None else int(lengths[i])
@@ -64,7 +65,8 @@ def test_nan_is_held_within_its_trace(
         return
     for values in data.values():
         values[:, 0] = np.nan_to_num(values[:, 0])
-    found = evaluate_many(formula, data, nan="hold", backend=backend)
+    lengths = np.full(len(data["a"]), data["a"].shape[1])
+    found = evaluate(formula, data, lengths=lengths, nan="hold", backend=backend)
     for i, row in enumerate(found):
         alone = {name: values[i] for name, values in data.items()}
         assert row.tolist() == evaluate(formula, alone, nan="hold", backend=backend).tolist()
@@ -73,11 +75,11 @@ def test_nan_is_held_within_its_trace(
 def test_an_array_has_its_columns_in_the_order_of_the_variables(backend: Backend) -> None:
     rng = np.random.default_rng(0)
     data = rng.normal(size=(3, 20, 2))
-    found = evaluate_many("always[0:1s](x > y)", data, "500ms", backend=backend)
+    found = evaluate("always[0:1s](x > y)", data, "500ms", backend=backend)
     expected = [evaluate("always[0:1s](x > y)", each, "500ms") for each in data]
     assert np.array_equal(found, expected)
     for same in (np.asfortranarray(data), data[:, ::-1][:, ::-1], data.tolist()):
-        assert np.array_equal(evaluate_many("always[0:1s](x > y)", same, "500ms"), found)
+        assert np.array_equal(evaluate("always[0:1s](x > y)", same, "500ms"), found)
 
 
 def test_interface_aware_semantics_are_those_of_evaluate(backend: Backend) -> None:
@@ -85,7 +87,7 @@ def test_interface_aware_semantics_are_those_of_evaluate(backend: Backend) -> No
     data = {"req": [[4, 0, 0], [2, 0, 0]], "gnt": [[0, 1, 1], [0, 0, 0]]}
     arguments: dict[str, Any] = {"inputs": ["req"], "outputs": ["gnt"], "backend": backend}
     for semantics in ("output-robustness", "input-vacuity"):
-        found = evaluate_many(text, data, semantics=semantics, **arguments)
+        found = evaluate(text, data, semantics=semantics, **arguments)
         for i in range(2):
             alone = {name: values[i] for name, values in data.items()}
             expected = evaluate(text, alone, semantics=semantics, **arguments)
@@ -108,7 +110,7 @@ X = "always(sqrt(x) > 1)"
         (
             X,
             {"x": [1, 2]},
-            {},
+            {"lengths": [1, 1]},
             InputError,
             "expected an array of shape (traces, samples) for 'x', got (2,)",
         ),
@@ -121,8 +123,32 @@ X = "always(sqrt(x) > 1)"
         ),
         (
             "always(x > y)",
-            np.zeros((2, 3)),
+            {"x": [[1, 2]], "y": [1, 2]},
             {},
+            InputError,
+            "expected an array of shape (traces, samples) for 'y', got (2,)",
+        ),
+        (
+            X,
+            {"x": [[1], [2]]},
+            {},
+            InputError,
+            (
+                "'x' has the shape (2, 1): one trace of 2 samples, or 2 traces of one sample. Pass "
+                "a column of one dimension, or lengths= for a batch."
+            ),
+        ),
+        (
+            X,
+            {"x": [[1, 2]]},
+            {"n": 2},
+            InputError,
+            "n= is the length of one trace, got a batch. Use lengths=.",
+        ),
+        (
+            "always(x > y)",
+            np.zeros((2, 3)),
+            {"lengths": [3, 3]},
             InputError,
             (
                 "expected an array of shape (traces, samples, 2), a column for each of x, y, "
@@ -133,7 +159,7 @@ X = "always(sqrt(x) > 1)"
         (
             "1 < 2",
             {},
-            {},
+            {"lengths": []},
             InputError,
             (
                 "the formula has no variables: say how many samples with an array of shape "
@@ -196,5 +222,5 @@ def test_what_is_no_set_of_traces_is_refused(
     backend: Backend,
 ) -> None:
     with pytest.raises(error) as refused:
-        evaluate_many(spec, data, backend=backend, **named)
+        evaluate(spec, data, backend=backend, **named)
     assert str(refused.value) == message
