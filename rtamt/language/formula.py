@@ -166,6 +166,18 @@ class Formula(Node):
         """``self xor other``."""
         return self._with("xor", other)
 
+    def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
+        """Return the formula in plain English, as `Specification.in_words` does.
+
+        Example:
+            >>> from rtamt import variable
+            >>> (variable("speed") < 120).always().in_words({"speed": "the speed"})
+            'the speed stays below 120 at all times'
+        """
+        from rtamt.language.words import in_words
+
+        return in_words(self, names, unit=unit)
+
     def always(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
         """``always[begin:end] self``."""
         return self._with("always", interval=Interval.of(begin, end))

@@ -58,8 +58,7 @@ def run(options: argparse.Namespace) -> int:
             f"{'both' if reading.dense else 'neither'}"
         )
     spec = _requirement(options)
-    rtamt.export_fmu(
-        spec,
+    spec.export_fmu(
         options.output,
         period=reading.period,
         dense=reading.dense,

@@ -372,7 +372,7 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:
     """The messages whose fields specifications read."""
-    return {each.variable for spec in specs.values() for each in rtamt.subscriptions(spec)}
+    return {each.variable for spec in specs.values() for each in spec.subscriptions()}
 
 
 _SURE = tuple(extension for extension in extensions() if extension != ".txt")

@@ -201,7 +201,7 @@ def _added(
     """The topics of all formulas, and the topics of the verdicts."""
     added: dict[str, _Topic] = {}
     for name, judgement in judgements.items():
-        found = rtamt.publications(specs[name], name)
+        found = specs[name].publications(name)
         for each in found:
             series = judgement.series[each.formula or RESULT]
             kind, topic = _placed(each, found)

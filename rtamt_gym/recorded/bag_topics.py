@@ -184,7 +184,7 @@ def _wishes(
     wishes: dict[str, _Wish] = {}
     parts: dict[str, tuple[str, FieldPath]] = {}
     for spec in specs.values():
-        for each in rtamt.subscriptions(spec):
+        for each in spec.subscriptions():
             name = each.variable
             wish = _Wish(spec.topics.get(name), _class_of(each, spec), each.topic)
             wishes[name] = wish if name not in wishes else wishes[name].joined(wish, name)

@@ -97,7 +97,7 @@ class PlayedEpisode:
 
     def _predicates(self) -> dict[str, Floats]:
         found = {}
-        for predicate in rtamt.predicates(self.spec.formula):
+        for predicate in self.spec.predicates():
             # A term that the verdict does not need may have no value.
             with suppress(RtamtError):
                 found[str(predicate)] = rtamt.evaluate(
@@ -168,4 +168,4 @@ def in_words_of(formula: str, period: object, *, unit: str = "s", step: bool = F
     """A requirement of a record in words; without a period bounds count steps."""
     spec = rtamt.parse(formula, unit=unit)
     shown = spec.formula.always() if step else spec.formula
-    return rtamt.in_words(shown, unit="steps" if period is None else unit)
+    return shown.in_words(unit="steps" if period is None else unit)

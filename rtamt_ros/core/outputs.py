@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from rtamt import Publication, SpecificationError, publications
+from rtamt import Publication, SpecificationError
 from rtamt_ros.core.requirements import SubscribedRequirement
 
 __all__ = ["Output", "bound_topics", "outputs_of"]
@@ -46,7 +46,7 @@ def outputs_of(
     made: dict[tuple[int, str], Output] = {}
     taken = {topic for each in requirements for topic in each.specification.topics.values()}
     for requirement in requirements:
-        found = publications(requirement.specification, requirement.name)
+        found = requirement.specification.publications(requirement.name)
         for each in found:
             key = (requirement.origin, each.variable)
             if key not in made:

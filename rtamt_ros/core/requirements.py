@@ -12,7 +12,6 @@ from rtamt import (
     Specification,
     SpecificationError,
     Subscription,
-    subscriptions,
 )
 from rtamt.errors import nearest
 from rtamt_ros.core.inputs import Input
@@ -88,7 +87,7 @@ def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[
     """Makes the inputs; maps each variable to its input and its place among the input's values."""
     inputs: dict[tuple[str, float | None], Input] = {}
     cells = {}
-    for each in subscriptions(specification):
+    for each in specification.subscriptions():
         key = each.topic, _default(specification, each)
         source = inputs.setdefault(key, Input(each.variable, each.topic, settings, key[1]))
         _agree(source, each.package, each.message, each.variable)

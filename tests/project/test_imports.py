@@ -120,6 +120,7 @@ PUBLIC: dict[str, ModuleType] = {
 # Not while modules load: the released classes are loaded when first asked for.
 LATE = {
     ("rtamt", "rtamt.compat"),
+    ("rtamt.language.formula", "rtamt.language.words"),
     *(
         ("rtamt.language.specification", module)  # methods import what they run
         for module in (

@@ -81,7 +81,7 @@ def in_scales(
 
 def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
     own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
-    formula = rtamt.scaled(spec.formula, own)
+    formula = spec.scaled(own).formula
     # Named formulas of the text are no part of the new one.
     bare = replace(
         spec, formula=formula, name=None, formulas={}, positions={}, uses={}, requirement=None
@@ -90,7 +90,7 @@ def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specificatio
 
 
 def _predicates(specs: Iterable[Specification]) -> list[Formula]:
-    return list(dict.fromkeys(each for spec in specs for each in rtamt.predicates(spec.formula)))
+    return list(dict.fromkeys(each for spec in specs for each in spec.predicates()))
 
 
 def _variables(formula: Formula) -> tuple[str, ...]:
