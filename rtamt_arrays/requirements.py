@@ -23,7 +23,7 @@ from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.options.evaluation import AtTermination, Reading, View
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
-from rtamt_gym.wrappers.features import StateFeatures
+from rtamt_gym.wrappers.observing import StateFeatures
 
 __all__ = [
     "JudgedStep",

@@ -36,18 +36,14 @@ if TYPE_CHECKING:
     from rtamt_gym.search.falsification.falsify import falsify
     from rtamt_gym.search.mining.mining import Mined, mine
     from rtamt_gym.search.sweeps.sweep import Sweep, sweep
-    from rtamt_gym.signals.batches import batched
-    from rtamt_gym.signals.signals import Step
+    from rtamt_gym.signals.signals import Step, batched
     from rtamt_gym.systems.fmi import Fmus
-    from rtamt_gym.wrappers.cost import CostEnv
-    from rtamt_gym.wrappers.monitor import StlMonitor
+    from rtamt_gym.wrappers.monitor import CostEnv, StlMonitor
     from rtamt_gym.wrappers.overlay import RobustnessOverlay
-    from rtamt_gym.wrappers.parallel_monitor import ParallelStlMonitor
-    from rtamt_gym.wrappers.parallel_reward import ParallelStlReward
+    from rtamt_gym.wrappers.parallel import ParallelStlMonitor, ParallelStlReward
     from rtamt_gym.wrappers.recording import RecordViolations
     from rtamt_gym.wrappers.reward import StlReward
-    from rtamt_gym.wrappers.shared_buffers import SharedBuffers
-    from rtamt_gym.wrappers.vector_forms import as_vector_env
+    from rtamt_gym.wrappers.vector_forms import SharedBuffers, as_vector_env
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
@@ -100,14 +96,14 @@ if TYPE_CHECKING:
 _MODULES = {
     "Case": "rtamt_gym.inputs.case",
     "Comparison": "rtamt_gym.evaluation.comparison",
-    "CostEnv": "rtamt_gym.wrappers.cost",
+    "CostEnv": "rtamt_gym.wrappers.monitor",
     "Evaluation": "rtamt_gym.evaluation.evaluation",
     "Falsification": "rtamt_gym.search.falsification.falsification",
     "Fmus": "rtamt_gym.systems.fmi",
     "MethodComparison": "rtamt_gym.evaluation.methods",
     "Mined": "rtamt_gym.search.mining.mining",
-    "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
-    "ParallelStlReward": "rtamt_gym.wrappers.parallel_reward",
+    "ParallelStlMonitor": "rtamt_gym.wrappers.parallel",
+    "ParallelStlReward": "rtamt_gym.wrappers.parallel",
     "Parameter": "rtamt_gym.inputs.ranges",
     "Reading": "rtamt_gym.options.evaluation",
     "Record": "rtamt_gym.play.record",
@@ -117,7 +113,7 @@ _MODULES = {
     "Run": "rtamt_gym.play.run",
     "Runner": "rtamt_gym.play.runner",
     "SavedCase": "rtamt_gym.play.saved_case",
-    "SharedBuffers": "rtamt_gym.wrappers.shared_buffers",
+    "SharedBuffers": "rtamt_gym.wrappers.vector_forms",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Space": "rtamt_gym.inputs.space",
@@ -130,7 +126,7 @@ _MODULES = {
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
     "as_vector_env": "rtamt_gym.wrappers.vector_forms",
-    "batched": "rtamt_gym.signals.batches",
+    "batched": "rtamt_gym.signals.signals",
     "compare": "rtamt_gym.evaluation.comparison",
     "compare_methods": "rtamt_gym.evaluation.methods",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",

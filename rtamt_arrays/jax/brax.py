@@ -20,7 +20,7 @@ from rtamt_arrays.requirements import JudgedStep, RequirementOptions
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import KEY
+from rtamt_gym.wrappers.observing import KEY
 
 __all__ = ["StlWrapper", "training_wrapper"]
 

@@ -15,7 +15,7 @@ from rtamt_arrays.requirements import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import appended_space
+from rtamt_gym.wrappers.observing import appended_space
 
 __all__ = ["StlFuncEnv", "StlFuncState"]
 

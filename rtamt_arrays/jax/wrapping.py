@@ -19,7 +19,7 @@ from rtamt_arrays.requirements import RequirementOptions, RequirementState, Step
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import KEY
+from rtamt_gym.wrappers.observing import KEY
 
 __all__ = ["JaxRequirements", "RequirementState", "as_period", "of_one", "one", "with_features"]
 

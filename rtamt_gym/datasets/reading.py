@@ -17,9 +17,8 @@ from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError, NanPolicy, RtamtError
 from rtamt_gym.datasets.episodes import RecordedEpisode, part
-from rtamt_gym.signals.batches import Batched
 from rtamt_gym.signals.columns import Floats, SignalColumns
-from rtamt_gym.signals.signals import ParsedSignal, Step
+from rtamt_gym.signals.signals import Batched, ParsedSignal, Step
 
 __all__ = ["SignalReader"]
 

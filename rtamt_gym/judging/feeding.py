@@ -8,8 +8,7 @@ from typing import Any, Protocol
 
 import rtamt
 from rtamt import EpisodeMonitor, Verdict
-from rtamt_gym.signals.signals import ElementRead, Read
-from rtamt_gym.signals.slots import MovingRead, SlotRead
+from rtamt_gym.signals.signals import ElementRead, MovingRead, Read, SlotRead
 
 __all__ = ["Assessment", "Fed", "Feed", "Take", "joint_read", "one_by_one"]
 

@@ -25,8 +25,7 @@ from rtamt_gym.judging.stage_progress import StageProgress
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.signals import Read
-from rtamt_gym.signals.slots import MovingRead
+from rtamt_gym.signals.signals import MovingRead, Read
 
 __all__ = ["Monitors", "Panel", "PanelResult"]
 

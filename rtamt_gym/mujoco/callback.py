@@ -2,7 +2,7 @@
 
 MuJoCo calls ``mjcb_control`` where a controller sets its forces: once in a step, but four times
 with the integrator RK4. The first call sees the state that the step starts from, the others see
-states that are only tried, at the half of the step and at its end. Their times tell them apart.
+states that are only tried, at the half of the step and at its end, as their times show.
 """
 
 from __future__ import annotations
@@ -17,12 +17,10 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import StateError
 
-__all__ = ["attached"]
-
 
 @contextmanager
 def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:  # noqa: ANN401
-    """A context in which ``mjcb_control`` offers the states of a simulation as samples.
+    """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
 
     There is one callback in a process: one that was set before is called first, and is set again at
     the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the offers,
@@ -30,7 +28,7 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
 
     Args:
         data: The simulation; others are ignored.
-        offer: Called for the states of the simulation, those that are only tried included.
+        offer: Called for the states of the simulation, including states that are only tried.
         last: Called at the end, after the last step.
     """
     before = mujoco.get_mjcb_control()
@@ -65,12 +63,10 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
 
 
 def _called_from_python(controller: Any) -> Any:  # noqa: ANN401
-    """What calls a controller with model and data; None if there is none."""
+    """Return a function that calls a controller with model and data; None if there is none."""
     if not isinstance(controller, CFuncPtr):
         return controller
-    pointed = ctypes.cast(controller, _POINTED)  # whatever it calls its arguments
+    # MuJoCo passes pointers, whatever argument types the controller declares; Numba makes functions
+    # of ctypes too.
+    pointed = ctypes.cast(controller, ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p))
     return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001
-
-
-_POINTED = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-"""What MuJoCo calls: it gives pointers. Numba makes functions of ctypes too."""

@@ -1,4 +1,4 @@
-"""The robustness of trajectories made by `mujoco.rollout`, all in one call."""
+"""`evaluate_rollouts`: the robustness of trajectories of `mujoco.rollout`."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import ParsedSignal, SignalLike, parse_signals
 from rtamt_gym.signals.sources import MUJOCO
 
-__all__ = ["evaluate_rollouts"]
-
 Floats = NDArray[np.float64]
 
 
@@ -32,18 +30,17 @@ def evaluate_rollouts(
     sensordata: ArrayLike | None = None,
     **reading: Unpack[EvaluationKeywords],
 ) -> dict[str, Floats]:
-    """Robustness of many rollouts at every sample, offline.
+    """Return the robustness of many rollouts at every sample, offline.
 
     Samples are the states after each step, which ``mujoco.rollout`` returns; put the initial states
-    before them to have a sample 0 as in `StepMonitor`. Selectors are written as for `StepMonitor`
-    and read what is in a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and
-    similar ones from the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are
-    one step late. For anything else add a sensor to the model.
+    before them to get the sample 0 of `StepMonitor`. Selectors are written as for `StepMonitor` and
+    read a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and similar ones from
+    the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are one step late. For
+    anything else add a sensor to the model.
 
     Args:
         model: The model that was rolled out, or one with the same layout.
-        specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
-            or several with their names; of a text, every formula that no other formula uses.
+        specs: As for `StepMonitor`.
         signals: For every variable a selector.
         states: The states, shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
         sensordata: The sensors, shape (rollouts, steps, sensor data); needed if a signal reads it.
@@ -51,13 +48,12 @@ def evaluate_rollouts(
             ``inputs`` and ``outputs``, as for `StepMonitor`.
 
     Returns:
-        By name of the specification, its robustness at every sample, of shape (rollouts, steps).
+        For each specification by name, its robustness at every sample, shape (rollouts, steps).
 
     Raises:
         SpecificationError: As `rtamt.evaluate` does.
-        InputError: If a variable has no signal, a signal no variable; if a selector does not fit
-            the model or reads what is not in a rollout; on shapes that do not fit, and on nan; on
-            an unknown semantics, and on names in ``inputs`` or ``outputs`` that are no variables.
+        InputError: If a variable has no signal; if a selector does not fit the model or a rollout;
+            on shapes that do not fit, on nan, and on an option without such a value.
 
     Example:
         >>> import mujoco, mujoco.rollout, numpy as np
@@ -67,8 +63,8 @@ def evaluate_rollouts(
         >>> start = np.zeros((3, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
         >>> start[:, 2] = [1.0, 2.0, 3.0]  # time, position, velocity
         >>> states, _ = mujoco.rollout.rollout(model, mujoco.MjData(model), start, nstep=200)
-        >>> found = evaluate_rollouts(model, "always(z > 0)", {"z": "joint:up.qpos"}, states)
-        >>> found["spec"].shape, found["spec"][:, 0].round(2).tolist()
+        >>> robustness = evaluate_rollouts(model, "always(z > 0)", {"z": "joint:up.qpos"}, states)
+        >>> robustness["spec"].shape, robustness["spec"][:, 0].round(2).tolist()
         ((3, 200), [-0.39, 0.0, 0.01])
     """
     read = checked_options(reading, evaluate_rollouts, "samples")
@@ -104,10 +100,10 @@ def evaluate_rollouts(
 def _places(
     model: mujoco.MjModel, signals: tuple[ParsedSignal, ...], sensordata: ArrayLike | None
 ) -> dict[str, int]:
-    """Finds the place of every signal in a row of states and sensor data.
+    """Return the place of every signal in a row of states and sensor data.
 
-    Every number of a simulation is set to a value of its own; the place of what a selector reads
-    from this simulation is found by its value.
+    Every number of a simulation is set to a unique value, which identifies the place of the number
+    that a selector reads.
     """
     data = mujoco.MjData(model)
     counts = [1, model.nq, model.nv, model.na, model.nsensordata]

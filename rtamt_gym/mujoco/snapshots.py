@@ -14,25 +14,23 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.mujoco.step_monitor import StepMonitor
 from rtamt_gym.signals.mujoco import derive
 
-__all__ = ["Snapshot"]
-
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that MuJoCo's next steps depend on, the warm start of its solver included."""
+"""The state that MuJoCo's next steps depend on, including the warm start of its solver."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Snapshot:
     """A `StepMonitor` and its simulation at an instant.
 
-    After `restore` the simulation continues exactly as it did, bit for bit, and so do robustness,
-    bounds and verdicts; as often as wanted, in the monitor that the snapshot was taken of or in
-    another one of the same model and specifications. A snapshot holds no model and can be pickled.
+    After `restore` the simulation continues exactly as before, bit for bit, and so do robustness,
+    bounds and verdicts, any number of times, in the same monitor or in another one of the same
+    model and specifications. A snapshot holds no model and can be pickled.
 
-    What MuJoCo derives from the state (``xpos``, ``sensordata``, contacts) is not in it: the next
-    step derives it. `restore` derives it at once if the monitor has ``forward=True``; otherwise a
-    controller that reads it before the first step sees values of another branch.
+    It does not hold derived quantities (``xpos``, ``sensordata``, contacts): the next step derives
+    them. `restore` derives them at once if the monitor has ``forward=True``; otherwise a controller
+    that reads them before the first step gets values of another branch.
 
-    `simulate` makes a run of a branch, and leaves the monitor where it was.
+    `simulate` runs a branch, and does not change the monitor.
 
     Attributes:
         values: The value of every signal of the monitor; empty before sample 0.
@@ -63,10 +61,10 @@ class Snapshot:
 
     @classmethod
     def of(cls, monitor: StepMonitor) -> Snapshot:
-        """Takes a snapshot.
+        """Take a snapshot.
 
         Raises:
-            InputTypeError: If ``monitor`` is no `StepMonitor`.
+            InputTypeError: If ``monitor`` is not a `StepMonitor`.
         """
         if not isinstance(monitor, StepMonitor):
             raise InputTypeError(f"expected a StepMonitor, got {monitor!r}")
@@ -76,7 +74,7 @@ class Snapshot:
         return cls(values, simulation, monitor.state())
 
     def restore(self, monitor: StepMonitor) -> None:
-        """Sets the simulation and its monitors back to this instant.
+        """Set the simulation and its monitors back to this instant.
 
         Raises:
             InputError: If the monitor's model has another state, or its specifications differ.

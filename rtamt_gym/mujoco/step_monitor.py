@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Unpack, get_args
 
 import mujoco  # type: ignore[import-untyped]
@@ -19,14 +19,11 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
-from rtamt_gym.mujoco.clock import StepClock
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
-
-__all__ = ["Controller", "OnStepViolation", "StepMonitor"]
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""
@@ -40,46 +37,42 @@ class StepMonitor(PanelValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
     Sample 0 is the state that the first step starts from; every later sample is the state after a
-    step, whatever the integrator. Variables of the specifications are numbers of the simulation,
-    chosen by selectors that are resolved once:
+    step, with every integrator. Variables of the specifications are numbers of the simulation, by
+    selectors that are resolved once:
 
     * ``time``, ``qpos[2]``, ``qvel[0]``, ``qacc[0]``, ``act[0]``, ``ctrl[0]``, ``sensordata[3]``
-    * ``sensor:imu[0]``, ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``geom:foot.xpos[2]``,
-      ``site:grip.xpos[0]``, ``actuator:motor.force``, ``tendon:cord.length``: the fields that
-      ``MjData`` has by name; the index may be left out where there is one number
-    * ``contact:foot,floor``: 1 while the two geoms touch, else 0; ``contact:foot,floor.force``: the
-      sum of the normal forces between them, in newtons, which gives a specification a margin.
-      A name that no geom has names a body, and means all its geoms; one name alone stands for
-      the contact with anything; only contacts that MuJoCo's solver includes count
-    * a callable of model and data
+    * the fields that ``MjData`` has by name: ``sensor:imu[0]``, ``body:torso.xpos[2]``,
+      ``joint:hip.qvel``, ``geom:foot.xpos[2]``, ``site:grip.xpos[0]``, ``actuator:motor.force``,
+      ``tendon:cord.length``; a single number needs no index
+    * ``contact:foot,floor``: 1 while the two geoms touch; otherwise 0. ``contact:foot,floor.force``
+      is the sum of the normal forces between them, in newtons. A body name means all its geoms; one
+      name alone means contact with anything; only contacts that MuJoCo's solver includes count
+    * a function of model and data
 
-    A name with dots, commas, colons, brackets or blanks is written in quotes:
-    ``body:'arm.left'.xpos[2]``.
+    A name with dots, commas, colons, brackets or blanks is quoted: ``body:'arm.left'.xpos[2]``.
 
-    ``mj_step`` first derives positions, sensors, contacts and forces from the state, then advances
-    the state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived
-    quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with
-    the RK4 integrator positions come from a state that it only tried. ``forward=True`` calls
-    ``mj_forward`` after every step, which derives them again, so that all values of a sample belong
-    to one instant; the trajectory stays the same.
+    After ``mj_step``, ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived quantities
+    (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with RK4 they come
+    from a state that was only tried. ``forward=True`` calls ``mj_forward`` after every step, so all
+    values of a sample belong to one instant; the trajectory does not change.
 
     Args:
         model: A ``mujoco.MjModel``, kept as an attribute.
         data: A ``mujoco.MjData`` of the model, kept as an attribute.
         specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
-            several with their names; of a text, every formula that no other formula uses.
-        signals: For every variable a selector or a callable, see above; and whatever else is to be
-            in `values` and in the record of `simulate`.
-        forward: Whether to call ``mj_forward`` after every step, see above.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period`` (None
-            reads ``model.opt.timestep``; a different value causes a warning, except 1, which counts
-            steps), ``view``, ``nan``, ``align``, ``semantics``, ``inputs`` and ``outputs``.
+            a mapping of names to specifications. Of a text, every formula that no other formula
+            uses is a specification.
+        signals: For every variable a selector or a function, and further signals for `values` and
+            the record of `simulate`.
+        forward: Whether to call ``mj_forward`` after every step.
+        **reading: The evaluation options of `rtamt_gym.Reading`. ``period=None`` reads
+            ``model.opt.timestep``; another value causes a warning, except 1, which counts steps.
 
     Raises:
-        SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
+        SpecificationError: If a specification is wrong, depends on the first sample only, or has a
             bound that is not a multiple of the period.
-        InputError: If a variable has no signal, or a selector does not fit the model; if the
-            semantics is unknown, or a name in ``inputs`` or ``outputs`` is no variable.
+        InputError: If a variable has no signal, a selector does not fit the model, or an option has
+            no such value.
 
     Example:
         >>> import mujoco
@@ -88,10 +81,6 @@ class StepMonitor(PanelValues):
         ...     </body></worldbody></mujoco>''')
         >>> data = mujoco.MjData(model)
         >>> monitor = StepMonitor(model, data, "always(z > 0.5)", {"z": "qpos[2]"})
-        >>> for _ in range(100):
-        ...     robustness = monitor.step()
-        >>> round(robustness, 3), monitor.verdict.name, monitor.samples
-        (0.302, 'UNDECIDED', 101)
         >>> monitor.run(10.0).name, monitor.violated_at, round(data.time, 3)
         ('VIOLATED', 160, 0.32)
     """
@@ -137,9 +126,9 @@ class StepMonitor(PanelValues):
         self._check_timestep()
 
     def reset(self) -> None:
-        """Forgets every sample, and feeds the simulation as it is now as sample 0.
+        """Discard all samples, and take the state of the simulation now as sample 0.
 
-        Calls ``mj_forward`` first, which derives what signals may read.
+        Calls ``mj_forward`` first, which derives the numbers that signals may read.
 
         Raises:
             StateError: If the timestep of the model has changed since construction, ``period`` was
@@ -157,14 +146,14 @@ class StepMonitor(PanelValues):
         self._running = True
 
     def step(self) -> float:
-        """Steps the simulation, feeds one sample, and returns the robustness.
+        """Step the simulation, take one sample, and return the robustness.
 
-        The first step feeds sample 0 before, unless `reset` did.
+        The first step takes sample 0 before, unless `reset` did.
 
         Raises:
             StateError: After `finish` and after an error; and if the simulation is not at the time
-                of the sample: something else stepped or reset it, its timestep was changed, or it
-                was unstable, so that MuJoCo reset it. The time is checked every 16 samples, and
+                of the sample, because something else stepped or reset it, its timestep was changed,
+                or MuJoCo reset an unstable simulation. The time is checked every 16 samples, and
                 before any verdict is decided.
             InputError: If a signal is nan or cannot be read.
         """
@@ -185,7 +174,7 @@ class StepMonitor(PanelValues):
         *,
         on_violation: OnStepViolation = "stop",
     ) -> Verdict:
-        """Steps the simulation for some time, and returns the verdict.
+        """Step the simulation for some time, and return the verdict.
 
         Args:
             duration: Seconds of simulated time; the number of steps is the nearest.
@@ -194,7 +183,7 @@ class StepMonitor(PanelValues):
 
         Raises:
             StateError: As `step` does.
-            InputError: As `step` does; and if the duration is no positive number.
+            InputError: As `step` does; and if the duration is not a positive number.
         """
         check_choice("on_violation", on_violation, get_args(OnStepViolation))
         steps = round(check_number("duration", duration) / self.model.opt.timestep)
@@ -210,20 +199,20 @@ class StepMonitor(PanelValues):
         return self.verdict
 
     def attached(self) -> AbstractContextManager[None]:
-        """A context that monitors a program with a loop of its own.
+        """Return a context that monitors a program with a loop of its own.
 
         Samples come from ``mjcb_control``, which MuJoCo calls inside ``mj_step``, one for every
         step. The first is sample 0, unless `reset` took it. The state after the last step is
         added at the end. A controller that was set before is called too.
 
-        A sample is the state that a step starts from. A state that the program only evaluates with
-        ``mj_forward`` and then replaces is not a sample. To tell them apart, the monitor takes a
-        sample when the next one begins, so its robustness is one step late inside the context.
-        Positions belong to the sample. Forces, accelerations and their sensors belong to the
-        evaluation before it, which may be a trial: use `step` with ``forward=True`` for these.
+        A sample is the state that a step starts from, not a state that the program only evaluates
+        with ``mj_forward`` and then replaces. To distinguish them, the monitor takes a sample when
+        the next one starts, so its robustness is one step late inside the context. Positions belong
+        to the sample. Forces, accelerations and their sensors belong to the evaluation before it,
+        which may be a trial: use `step` with ``forward=True`` for these.
 
-        The callback is one for the whole process, and MuJoCo compiles no model while it is set:
-        prefer `step` where the loop can be changed.
+        The callback is global for the process, and MuJoCo compiles no model while it is set: prefer
+        `step` where the loop can be changed.
 
         Raises:
             StateError: At the end of the context, if a sample was missed: the program changed the
@@ -246,9 +235,9 @@ class StepMonitor(PanelValues):
         return attached(self.data, self._offer, self._offer_last)
 
     def finish(self) -> float:
-        """Ends the trace with the last sample, and returns its robustness.
+        """End the trace with the last sample, and return its robustness.
 
-        A run that is cut short by a time limit has not ended: leave its verdict open. `step` raises
+        A run that a time limit cuts short has not ended: leave its verdict open. `step` raises
         until `reset`.
 
         Raises:
@@ -262,14 +251,14 @@ class StepMonitor(PanelValues):
 
     @property
     def values(self) -> dict[str, float]:
-        """The value of every signal now, of those that no specification reads too."""
+        """The value of every signal now, also of signals that no specification reads."""
         return {
             signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
 
     @property
     def judging(self) -> Judging:
-        """What it monitors and how; the signals are its own."""
+        """Specifications and evaluation options; the signals are its own."""
         return Judging(self.specs, None, self.reading)
 
     @property
@@ -279,17 +268,17 @@ class StepMonitor(PanelValues):
 
     @contextmanager
     def recorded(self, keep: Callable[[list[float]], object]) -> Iterator[None]:
-        """A context in which the values of all signals are handed over when a sample is fed.
+        """Call ``keep`` with the values of all signals at every sample in this context.
 
-        Every signal is read once for a sample: a callable may count its calls.
+        Every signal is read once for a sample: a function may count its calls.
         """
         feed = self.panel.feeder(self.signals, decide=self._decide)
 
         def read_and_feed() -> Assessment:
             values = [read() for read in self._reads]
-            fed = feed(values)
+            assessment = feed(values)
             keep(values)
-            return fed
+            return assessment
 
         before, self._feed = self._feed, read_and_feed
         try:
@@ -298,7 +287,7 @@ class StepMonitor(PanelValues):
             self._feed = before
 
     def begin(self) -> None:
-        """Feeds sample 0, unless it was fed; then the simulation must be at the last sample.
+        """Take sample 0, unless it was taken; then the simulation must be at the last sample.
 
         Raises:
             StateError: After `finish` and after an error; if something else stepped or reset it.
@@ -310,12 +299,12 @@ class StepMonitor(PanelValues):
             self._begin()
 
     def state(self) -> tuple[Any, ...]:
-        """The state of the monitors, for `restore`, without the state of the simulation."""
+        """Return the state of the monitors for `restore`, without the state of the simulation."""
         offers = self._pending, self._offered
         return self.panel.state(), replace(self._clock), self._running, offers
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state` of a monitor of the same specifications.
+        """Restore a `state` of a monitor of the same specifications.
 
         Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
@@ -335,9 +324,9 @@ class StepMonitor(PanelValues):
         return f"<StepMonitor of {', '.join(self.monitors)}, {self.verdict.name}>"
 
     def _bind_signals(self) -> None:
-        """Makes the functions that read this simulation, which pickle cannot carry."""
+        """Make the functions that read this simulation, which pickle cannot carry."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
-        read = slice(self._count)  # what no specification reads costs nothing in a step
+        read = slice(self._count)  # a step does not read signals without a specification
         self._feed = self.panel.feeder(self.signals[read], self._reads[read], decide=self._decide)
         self._feed_values = self.panel.feeder(self.signals[read], decide=self.panel.note)
 
@@ -350,7 +339,7 @@ class StepMonitor(PanelValues):
         self.reset()
 
     def _take(self) -> float:
-        """Feeds a sample; returns the robustness."""
+        """Take a sample; return the robustness."""
         try:
             return self._feed()[0]
         except BaseException:
@@ -397,8 +386,8 @@ class StepMonitor(PanelValues):
     def _offer(self) -> None:
         """Keep the state inside ``mj_step`` as the next sample, unless it is only tried.
 
-        The time tells which states were tried. The last state offered at a time is the one that the
-        simulation continued from, so a sample is fed when the time has moved on.
+        The time distinguishes tried states. The simulation continued from the last state that was
+        offered at a time, so a sample is taken when the time has moved on.
         """
         now, clock = self.data.time, self._clock
         if self.samples == 0 and self._pending is None:
@@ -421,7 +410,7 @@ class StepMonitor(PanelValues):
         # Otherwise reset() or step() took this sample before.
 
     def _offer_last(self) -> None:
-        """Feed the state after the last ``mj_step``."""
+        """Take the state after the last ``mj_step`` as a sample."""
         self._tries = False
         # A state that was evaluated since the last step may not be the present one.
         evaluated = self._pending is not None and (
@@ -435,7 +424,7 @@ class StepMonitor(PanelValues):
         self._offered = False
 
     def _feed_pending(self) -> None:
-        """Feed the sample that was kept; its time was checked when it was offered."""
+        """Take the pending sample, whose time was checked when it was offered."""
         values, self._pending, self._offered = self._pending, None, True
         try:
             self._feed_values(values)
@@ -444,7 +433,7 @@ class StepMonitor(PanelValues):
             raise
 
     def _decide(self) -> None:
-        """Records new verdicts, if the simulation is at the time of the sample."""
+        """Record new verdicts, if the simulation is at the time of the sample."""
         self._check_time(self.samples - 1)
         self.panel.note()
 
@@ -457,7 +446,47 @@ class StepMonitor(PanelValues):
             raise
 
 
+@dataclass(slots=True)
+class StepClock:
+    """The times of samples, counted from the last sample whose time was checked.
+
+    Attributes:
+        time: Time of that sample.
+        sample: Number of that sample.
+        timestep: Time between samples.
+    """
+
+    time: float = math.nan
+    sample: int = 0
+    timestep: float = math.nan
+
+    def start(self, now: float, timestep: float) -> None:
+        """Set the time of sample 0."""
+        self.time, self.sample, self.timestep = now, 0, timestep
+
+    def ahead(self, now: float, sample: int) -> float:
+        """Return the number of timesteps from the due time of a sample to ``now``."""
+        return (now - self.time) / self.timestep - (sample - self.sample)
+
+    def near(self, ahead: float, place: float) -> bool:
+        """Whether a number of timesteps equals ``place``, up to rounding."""
+        return abs(ahead - place) < _TOLERANCE
+
+    def check(self, now: float, sample: int) -> None:
+        """Raise a `StateError` at another time than the sample's: samples are missing or extra."""
+        if not self.near(self.ahead(now, sample), 0.0):
+            due = self.time + (sample - self.sample) * self.timestep
+            raise StateError(
+                f"expected the time {due:.12g} s at sample {sample}, got {now:.12g} s: the "
+                "simulation was stepped or reset by others, its timestep was changed, or it was "
+                "unstable, so that MuJoCo reset it (data.warning); call reset()"
+            )
+        self.time, self.sample = now, sample  # rounding does not add up
+
+
 _mj_step = mujoco.mj_step
+_TOLERANCE = 0.01
+"""In timesteps; the time of a simulation is a sum of timesteps, which rounding changes by less."""
 _CHECKED = 16
 """Samples between two checks of the time; a check costs as much as a sample."""
 _MOVED = 0.25

@@ -1,4 +1,4 @@
-"""The robustness, bounds and verdicts of a `StepMonitor`, over all of its specifications."""
+"""The robustness, bounds and verdicts of a `StepMonitor`, for modules that run without MuJoCo."""
 
 from __future__ import annotations
 
@@ -8,34 +8,33 @@ from typing import Any
 from rtamt import Verdict
 from rtamt_gym.judging.panel import Monitors, Panel
 
-__all__ = ["PanelValues"]
-
 
 class PanelValues:
     """The values of a panel as read-only attributes.
 
     Attributes:
-        panel: The monitors, fed together.
+        panel: The monitors of all specifications.
     """
 
     panel: Panel
 
     @property
     def robustness(self) -> float:
-        """The least robustness over the specifications, if the run ended now; nan before sample 0.
+        """The minimum robustness over all specifications if the run ended now.
 
-        With ``view="step"`` the least robustness at the newest instant whose horizon has passed.
+        It is nan before sample 0. With ``view="step"`` it is the minimum robustness at the newest
+        instant whose horizon has passed.
         """
         return self.panel.robustness
 
     @property
     def lower(self) -> float:
-        """The least that the robustness can still become."""
+        """The lower bound of the robustness."""
         return self.panel.lower
 
     @property
     def upper(self) -> float:
-        """The greatest that it can become; negative, -0.0 included: a specification is violated."""
+        """The upper bound of the robustness; negative, -0.0 included: a violation is certain."""
         return self.panel.upper
 
     @property
@@ -45,17 +44,17 @@ class PanelValues:
 
     @property
     def violated_by(self) -> str | None:
-        """The specification that was violated first; None while none is."""
+        """The specification that was violated first; None if there is none."""
         return self.panel.violated_by
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None while there is none."""
+        """The sample that showed the first violation; None if there is none."""
         return self.panel.violated_at
 
     @property
     def samples(self) -> int:
-        """Samples fed since the reset, sample 0 included."""
+        """The number of samples since the reset, including sample 0."""
         return self.panel.samples
 
     @property
@@ -73,7 +72,7 @@ class PanelValues:
         """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
 
         ``decided_at`` is the sample that decided the verdict; it is absent while the verdict is
-        open. If only the end decided it, ``ended_at``, the last sample, stands in its place.
+        open. If only the end decided it, ``ended_at`` is the last sample.
         """
         return self.panel.outcomes()
 

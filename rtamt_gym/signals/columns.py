@@ -1,50 +1,55 @@
 """Signals of a vector environment: each is a column with a number for every environment.
 
 `rtamt_gym.signals.signals` lists the selectors. ``obs[2]`` reads column 2 of the batched
-observations, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
-be true for every environment that takes a sample, and at a reset says which have the key, and which
-the default. A function is called for each environment, and one that is marked with
-`rtamt_gym.batched` once, with the whole batch: see `rtamt_gym.signals.lanes`. Selectors that read
-simulations, such as ``qpos[1]``, read the environments of a `SyncVectorEnv` one by one.
+observations, and ``info['speed']`` the array of that key. Its mask ``_speed``, if there is one,
+must be true for every environment that takes a sample; at a reset it tells where the default
+applies. A function is called for each environment; a function that `rtamt_gym.batched` marks is
+called once with the batch. Selectors that read simulations, such as ``qpos[1]``, read the
+environments of a `SyncVectorEnv` one by one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import compress
+from typing import Any, NoReturn
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv, VectorEnv
+from gymnasium.vector.utils import iterate
 from numpy.typing import NDArray
 
 from rtamt import InputError, RtamtError, StateError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.batches import Batched
-from rtamt_gym.signals.lanes import Apart, AtOnce, EachLane
-from rtamt_gym.signals.signals import AbsentError, ParsedSignal, Step
+from rtamt_gym.signals.signals import AbsentError, Batched, ParsedSignal, Step, batch_of_one
 from rtamt_gym.signals.spaces import fit
-
-__all__ = ["Batch", "Floats", "Lanes", "SignalColumns"]
 
 Batch = VectorEnv[Any, Any, Any]
 Floats = NDArray[np.float64]
 Lanes = NDArray[np.bool_]
-"""A mask of environments: true for those that are meant."""
+"""A mask of environments."""
 
 _Read = Callable[[Step, Lanes], Any]
-"""Reads a column from a step of all environments; only numbers of the mask are used."""
+"""Reads a column from a step of all environments; only numbers inside the mask are used."""
+
+_WRAP_EACH = "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor"
+_RESET_EARLY = "AutoresetMode.SAME_STEP they are reset before the end is seen"
 
 
 class SignalColumns:
     """Reads the signals of all environments at once.
 
     Args:
-        signals: What to read, in the order of the columns.
+        signals: The signals, in the order of the columns.
         env: The vector environment.
         same_step: Whether it resets an environment in the step that ends its episode.
         compare: Whether the first calls of functions that are marked with `rtamt_gym.batched` are
             compared with calls for each environment.
+
+    Attributes:
+        reads_obs: Whether a signal reads observations.
+        reads_info: Whether a signal reads infos.
 
     Raises:
         InputError: If a selector does not fit the environment.
@@ -59,13 +64,13 @@ class SignalColumns:
         compare: bool = True,
     ) -> None:
         self._signals = signals
-        given: Any = env  # of recorded episodes there is none
-        self._env: Any = env if isinstance(given, VectorEnv) else None
+        played: Any = env  # recorded episodes have no environment
+        self._env: Any = env if isinstance(played, VectorEnv) else None
         self._all: Lanes = np.ones(env.num_envs, np.bool_)
-        self._apart = Apart(env, same_step=same_step)
-        self._compare = compare
+        self._singles = _Singles(env, same_step=same_step)
         self._reads = [
-            _without_nan(signal, self._bind(signal, env, same_step=same_step)) for signal in signals
+            _without_nan(signal, self._bind(signal, env, same_step=same_step, compare=compare))
+            for signal in signals
         ]
         sources = [signal.source for signal in signals]
         self.reads_obs = any(source in {"obs", None} for source in sources)
@@ -80,18 +85,18 @@ class SignalColumns:
         infos: dict[str, Any],
         begun: Lanes | None = None,
     ) -> Floats:
-        """Reads the signals from a step: an array with a row for every environment.
+        """Read the signals from a step: an array with a row for every environment.
 
         The step has reset the environments ``begun``: their rows hold first samples of episodes.
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
         reset = step if begun is None else Step(obs, None, None, infos, self._env)
-        self._apart.forget()
+        self._singles.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
-            as_ever = signal.default is None and signal.source not in {None, "info"}
-            if begun is None or as_ever:
+            same_at_reset = signal.default is None and signal.source not in {None, "info"}
+            if begun is None or same_at_reset:
                 table[:, column] = read(step, lanes)
                 continue
             if lanes.any():
@@ -100,35 +105,50 @@ class SignalColumns:
         return table
 
     def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
-        """Reads the signals from a reset; rows of environments outside the mask mean nothing."""
+        """Read the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
-        self._apart.forget()
+        self._singles.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
             table[:, column] = _at_reset(signal, read, step, lanes)
         return table
 
-    def _bind(self, signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
-        if isinstance(signal.reads, Batched):
-            return AtOnce(signal, self._apart, compare=self._compare)
-        if signal.source is None:
-            return EachLane(signal, self._apart)
-        return _bind(signal, env, same_step=same_step)
+    def _bind(self, signal: ParsedSignal, env: Batch, *, same_step: bool, compare: bool) -> _Read:
+        match signal.source:
+            case None if isinstance(signal.reads, Batched):
+                return _BatchRead(signal, self._singles, compare=compare)
+            case None:
+                return _EachRead(signal, self._singles)
+            case "obs":
+                space = env.single_observation_space
+                pick = _picker(
+                    space, fit(signal, space, "the observation space of one environment")
+                )
+                return lambda step, _: pick(step.obs)
+            case "action":
+                space = env.single_action_space
+                pick = _picker(space, fit(signal, space, "the action space of one environment"))
+                return lambda step, _: pick(step.action)
+            case "reward":
+                return lambda step, lanes: _from_rewards(signal, step.reward, len(lanes))
+            case "info":
+                return lambda step, lanes: _from_infos(signal, step.info, lanes)
+        return _bind_simulations(signal, env, same_step=same_step)
 
     def _table(self) -> Floats:
-        """A new table in Fortran's order: it is filled and read by columns."""
+        """A new table in Fortran's order, because it is filled and read by columns."""
         return np.empty((len(self._signals), len(self._all))).T
 
     def check_untouched(self, table: Floats, before: Floats, others: Lanes) -> None:
-        """Refuses a reset that has changed the observations of other environments than it should.
+        """Refuse a reset that has changed the observations of environments outside its mask.
 
         Args:
             table: The signals after the reset.
             before: The signals before it.
-            others: The environments that it should leave alone.
+            others: The environments outside the mask.
 
         Raises:
-            StateError: If it has reset one of these, as far as signals see it.
+            StateError: If a signal of one of them has changed.
         """
         now, then = table[:, self._observed], before[:, self._observed]
         changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
@@ -142,7 +162,7 @@ class SignalColumns:
 
 
 def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
-    """The column of a reset: what is read, or the default where there is one."""
+    """Return the column of a reset: the numbers of the reset, or the default."""
     if signal.default is None:
         try:
             return read(step, lanes)
@@ -159,7 +179,6 @@ def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> An
 
 
 def _without_nan(signal: ParsedSignal, read: _Read) -> _Read:
-    """The function, which refuses nan where the signal does."""
     if not signal.refuses_nan:
         return read
 
@@ -172,26 +191,8 @@ def _without_nan(signal: ParsedSignal, read: _Read) -> _Read:
     return read_numbers
 
 
-def _bind(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
-    match signal.source:
-        case "obs":
-            space = env.single_observation_space
-            pick = _picker(space, fit(signal, space, "the observation space of one environment"))
-            return lambda step, _: pick(step.obs)
-        case "action":
-            space = env.single_action_space
-            pick = _picker(space, fit(signal, space, "the action space of one environment"))
-            return lambda step, _: pick(step.action)
-        case "reward":
-            return lambda step, lanes: _from_rewards(signal, step.reward, len(lanes))
-        case "info":
-            return lambda step, lanes: _from_infos(signal, step.info, lanes)
-        case _:
-            return _bind_simulations(signal, env, same_step=same_step)
-
-
 def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
-    """Makes the function that takes the number at a path, of all environments, from a batch."""
+    """Return a function that takes the numbers at a path from a batch."""
     parts: list[Any] = []
     while isinstance(space, spaces.Dict | spaces.Tuple):
         part, *rest = path
@@ -209,27 +210,21 @@ def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], 
 
 
 def _bind_simulations(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
-    way_out = (
-        "read obs[...], or wrap each environment: "
-        "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor"
-    )
     base = env.unwrapped
-    if not isinstance(base, SyncVectorEnv):
-        raise InputError(
-            f"signal {signal.name!r}: {signal} reads the simulations of a SyncVectorEnv, got "
-            f"{base}; {way_out}"
-        )
-    if same_step:
-        raise InputError(
-            f"signal {signal.name!r}: {signal} reads the simulations, and with "
-            f"AutoresetMode.SAME_STEP they are reset before the end is seen; {way_out}"
-        )
-    reads = [signal.bind(each) for each in base.envs]
-    return lambda *_: np.array([read(None, None, None, {}) for read in reads])
+    if isinstance(base, SyncVectorEnv) and not same_step:
+        reads = [signal.bind(single) for single in base.envs]
+        return lambda *_: np.array([read(None, None, None, {}) for read in reads])
+    problem = f"reads the simulations of a SyncVectorEnv, got {base}"
+    if isinstance(base, SyncVectorEnv):
+        problem = f"reads the simulations, and with {_RESET_EARLY}"
+    raise InputError(
+        f"signal {signal.name!r}: {signal} {problem}; read obs[...], or wrap each environment: "
+        f"{_WRAP_EACH}"
+    )
 
 
 def _present(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Lanes:
-    """The environments of the mask whose info has all keys of the selector."""
+    """Return the environments of the mask whose info has all keys of the selector."""
     values: Any = infos
     for part in signal.path:
         if not isinstance(values, Mapping):
@@ -271,16 +266,195 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> An
                 f"has no {signal}"
             )
         values = values[part]
-    found, where = np.asarray(values), tuple[Any, ...](path)
+    column, where = np.asarray(values), tuple[Any, ...](path)
     try:
-        if found.dtype == object:  # an object for each environment: a list, a tuple
+        if column.dtype == object:  # an object for each environment: a list, a tuple
             numbers = np.zeros(len(lanes))
             for lane in np.flatnonzero(lanes):
-                numbers[lane] = np.asarray(found[lane])[where]
+                numbers[lane] = np.asarray(column[lane])[where]
             return numbers
-        found = found[(slice(None), *where)]
+        column = column[(slice(None), *where)]
     except (IndexError, TypeError, ValueError):
         raise InputError(
             f"signal {signal.name!r}: the infos have no number at {signal}; they have {values!r}"
         ) from None
-    return signal.numbers(found, len(lanes))
+    return signal.numbers(column, len(lanes))
+
+
+class _Singles:
+    """Splits a step of a vector environment into steps of single environments, once for all.
+
+    The steps are those of the last call until `forget`: at a reset there are no actions and
+    rewards, and observations and infos are shared with the step.
+    """
+
+    def __init__(self, env: Any, *, same_step: bool) -> None:  # noqa: ANN401
+        self._env = env
+        base = getattr(env, "unwrapped", None)
+        self._envs: list[Any]
+        if isinstance(base, SyncVectorEnv) and not same_step:
+            self._envs = [*base.envs]
+        else:
+            why = f"with {_RESET_EARLY}" if same_step else "its environments cannot be looked into"
+            self._envs = [_Hidden(env, lane, why) for lane in range(env.num_envs)]
+        self._steps: dict[bool, list[Step]] = {}
+
+    def forget(self) -> None:
+        """Forget the last step, because the environment may write into the same arrays."""
+        self._steps = {}
+
+    def steps(self, step: Step) -> list[Step]:
+        """Return the step of each environment."""
+        begins = step.action is None
+        if begins not in self._steps:
+            num, env = self._env.num_envs, self._env
+            other = self._steps.get(not begins)
+            if other is None:
+                observations = list(iterate(env.observation_space, step.obs))
+                infos = _single_infos(step.info, num)
+            else:
+                observations = [single.obs for single in other]
+                infos = [single.info for single in other]
+            nothing = [None] * num
+            actions = nothing if begins else list(iterate(env.action_space, step.action))
+            rewards = nothing if step.reward is None else list(step.reward)
+            columns = zip(observations, actions, rewards, infos, self._envs, strict=True)
+            self._steps[begins] = [Step(*row) for row in columns]
+        return self._steps[begins]
+
+    def alone(self, step: Step, lane: int) -> Step:
+        """Return the step of one environment as a batch of one."""
+        observations = self._env.single_observation_space
+        actions = self._env.single_action_space
+        return batch_of_one(self.steps(step)[lane], observations, actions, step.env)
+
+
+class _EachRead:
+    """Reads a function of one environment, called for each environment of the mask."""
+
+    def __init__(self, signal: ParsedSignal, singles: _Singles) -> None:
+        self._signal, self._singles = signal, singles
+        self._function: Any = signal.reads
+
+    def __call__(self, step: Step, lanes: Lanes) -> Floats:
+        """Return the column; 0 outside of the mask."""
+        function, num = self._function, len(lanes)
+        steps: Iterable[Step] = self._singles.steps(step)
+        if not lanes.all():
+            steps = compress(steps, lanes.tolist())
+        try:
+            values = [function(single) for single in steps]
+        except Exception as error:
+            self._hint_at_batched(step, num, error)
+            raise self._signal.raised(error) from error
+        column = np.zeros(num)
+        column[lanes] = self._numbers(step, values, num)
+        return column
+
+    def _numbers(self, step: Step, values: list[Any], num: int) -> Any:  # noqa: ANN401
+        try:
+            numbers = np.array(values)
+        except ValueError:  # arrays of several shapes
+            numbers = np.array(None)
+        if numbers.shape == (len(values),) and numbers.dtype.kind in "biuf":
+            return numbers
+        way_out = (
+            "; a function is given the rtamt_gym.Step of one environment, such as lambda step: "
+            "step.obs[0]"
+        )
+        try:
+            return [self._signal.number(value, way_out) for value in values]
+        except RtamtError as error:
+            self._hint_at_batched(step, num, error)
+            raise
+
+    def _hint_at_batched(self, step: Step, num: int, error: Exception) -> None:
+        """Raise an error that names `batched` if the function reads the whole batch."""
+        signal = self._signal
+        try:
+            signal.numbers(signal.call(step), num)
+        except RtamtError:
+            return
+        raise InputError(
+            f"{signal.raised(error)}; the function is called for each environment, and for the "
+            f"batch of all it gives {num} numbers: mark it, rtamt_gym.batched({signal})"
+        ) from error
+
+
+class _BatchRead:
+    """Reads a function of all environments.
+
+    Its first calls, at a reset and at a step, are compared with calls for each environment.
+    """
+
+    def __init__(self, signal: ParsedSignal, singles: _Singles, *, compare: bool) -> None:
+        self._signal, self._singles = signal, singles
+        self._uncompared = {True, False} if compare else set()
+
+    def __call__(self, step: Step, lanes: Lanes) -> NDArray[Any]:
+        """Return the column."""
+        column = self._signal.numbers(self._signal.call(step), len(lanes))
+        at_reset = step.action is None
+        if at_reset in self._uncompared:
+            self._compare(step, column, lanes.nonzero()[0].tolist())
+            self._uncompared.discard(at_reset)
+        return column
+
+    def _compare(self, step: Step, column: NDArray[Any], lanes: Iterable[int]) -> None:
+        signal, num = self._signal, len(column)
+
+        def refuse(lane: int, what: str, cause: Exception | None = None) -> NoReturn:
+            raise InputError(
+                f"signal {signal.name!r}: {signal} gives {column[lane]:.6g} for environment "
+                f"{lane} among all {num}, and {what}; a function of batches keeps environments "
+                "apart, as lambda step: step.obs[:, 0] does; leave batched out for a function of "
+                "one environment"
+            ) from cause
+
+        for lane in lanes:
+            try:
+                alone = np.asarray(signal.call(self._singles.alone(step, lane)), np.float64)
+            except (RtamtError, TypeError, ValueError) as error:
+                what = str(error).removeprefix(f"signal {signal.name!r}: ")
+                refuse(lane, f"for it alone: {what}", error)
+            # A function that reads the vector environment itself still reads all of them.
+            if alone.shape == (num,) and num > 1:
+                alone = alone[lane : lane + 1]
+            if alone.shape != (1,):
+                refuse(lane, f"for it alone an array of shape {alone.shape}")
+            # Sums of a batch are rounded in another order than sums of one environment.
+            if not np.allclose(alone, column[lane], rtol=1e-4, atol=1e-6, equal_nan=True):
+                refuse(lane, f"{alone[0]:.6g} for it alone")
+
+
+class _Hidden:
+    """Stands for an environment of a vector environment that cannot be looked into."""
+
+    def __init__(self, env: Any, lane: int, why: str) -> None:  # noqa: ANN401
+        self._hidden = env, lane, why
+
+    def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):  # a protocol asks for it
+            raise AttributeError(name)
+        env, lane, why = self._hidden
+        raise InputError(
+            f"step.env.{name} of environment {lane} cannot be read from {env}: {why}; read "
+            f"step.obs or step.info, or wrap each environment: {_WRAP_EACH}"
+        )
+
+
+def _single_infos(infos: Mapping[str, Any], num: int) -> list[dict[str, Any]]:
+    singles: list[dict[str, Any]] = [{} for _ in range(num)]
+    for key, value in infos.items():
+        if key.startswith("_") or key in {"final_info", "final_obs"}:
+            continue
+        there = infos.get(f"_{key}")
+        values: Any = value
+        if isinstance(value, Mapping):
+            values = _single_infos(value, num)
+        elif not hasattr(value, "__len__") or len(value) != num:  # one for all
+            values = [value] * num
+        for lane in range(num):
+            if there is None or there[lane]:
+                singles[lane][key] = values[lane]
+    return singles

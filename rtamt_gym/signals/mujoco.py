@@ -1,7 +1,7 @@
 """Selectors of a MuJoCo simulation, resolved once to views of its arrays.
 
-`rtamt_gym.StepMonitor` lists them. Objects are those with access by name in MuJoCo's Python
-bindings: ``data.body("torso").xpos`` is ``body:torso.xpos``.
+`rtamt_gym.StepMonitor` lists them. Named objects are those of MuJoCo's Python bindings:
+``data.body("torso").xpos`` is ``body:torso.xpos``.
 """
 
 from __future__ import annotations
@@ -15,26 +15,14 @@ import numpy as np
 from rtamt import InputError, InputTypeError
 from rtamt.errors import nearest
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Number, ParsedSignal
-from rtamt_gym.signals.slots import MovingRead, SlotRead
-
-__all__ = [
-    "StepSignal",
-    "bind_signal",
-    "bind_simulation",
-    "check_pair",
-    "derive",
-    "field_of",
-    "fields_of",
-    "index_in",
-]
+from rtamt_gym.signals.signals import MovingRead, Number, ParsedSignal, SlotRead
 
 StepSignal = str | Callable[[Any, Any], float]
-"""A selector, or a callable of model and data."""
+"""A selector, or a function of model and data."""
 
 
 def check_pair(model: object, data: object) -> None:
-    """Raises an `InputTypeError` unless the two are an ``MjModel`` and an ``MjData``."""
+    """Raise an `InputTypeError` unless the two are an ``MjModel`` and an ``MjData``."""
     if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
         raise InputTypeError(
             f"expected an MjModel and its MjData, got {type(model).__name__} and "
@@ -43,11 +31,11 @@ def check_pair(model: object, data: object) -> None:
 
 
 def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:  # noqa: ANN401
-    """Makes the function that reads a signal, a selector or a callable, from ``data``.
+    """Return the function that reads a signal from ``data``.
 
     Raises:
         InputError: If the model has no such name, the object no such field, or the field no such
-            index; with those that there are.
+            index; the message lists what exists.
     """
     if isinstance(signal.reads, Selector):
         return _bind_selector(f"signal {signal.name!r}", signal.reads, model, data)
@@ -55,11 +43,7 @@ def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:  # noqa:
 
 
 def bind_simulation(signal: ParsedSignal, simulation: Any) -> MovingRead:  # noqa: ANN401
-    """Makes the function that reads a signal from ``simulation.data``, also if that is built anew.
-
-    Raises:
-        InputError: As `bind_signal` does.
-    """
+    """Return the function that reads a signal from ``simulation.data``, which may be replaced."""
     return MovingRead(
         lambda: simulation.data,
         lambda: bind_signal(signal, simulation.model, simulation.data),
@@ -67,7 +51,7 @@ def bind_simulation(signal: ParsedSignal, simulation: Any) -> MovingRead:  # noq
 
 
 def derive(model: Any, data: Any) -> None:  # noqa: ANN401
-    """Derives positions, sensors, contacts and forces from the state, which stays as it is."""
+    """Derive positions, sensors, contacts and forces from the state, which does not change."""
     warmstart = data.qacc_warmstart.copy()  # some versions of MuJoCo write it here
     mujoco.mj_forward(model, data)
     data.qacc_warmstart[:] = warmstart
@@ -88,11 +72,10 @@ def _bind_selector(what: str, selector: Selector, model: Any, data: Any) -> Numb
 
 
 def index_in(what: str, selector: Selector, size: int) -> int:
-    """The index of a selector in an array of a size.
+    """Return the index of a selector in an array; a single number needs no index.
 
     Raises:
-        InputError: If it has another number of indices than one, or the array no such index; one
-            number alone needs none.
+        InputError: If it has another number of indices than one, or the index is out of range.
     """
     path = selector.path
     if not path and size == 1:
@@ -106,13 +89,13 @@ def index_in(what: str, selector: Selector, size: int) -> int:
     return path[0]
 
 
-def field_of(what: str, selector: Selector, of: Any) -> Any:  # noqa: ANN401
-    """The array of a named object's field, of a model or of its data.
+def field_of(what: str, selector: Selector, holder: Any) -> Any:  # noqa: ANN401
+    """Return the array of a named object's field, in a model or its data.
 
     Raises:
         InputError: If there is no such object, or it has no such field.
     """
-    named = _named(what, selector, selector.source, selector.names[0], of)
+    named = _named(what, selector, selector.source, selector.names[0], holder)
     fields = fields_of(named)
     field = selector.field or "data"
     if field not in fields:
@@ -124,21 +107,20 @@ def field_of(what: str, selector: Selector, of: Any) -> Any:  # noqa: ANN401
 
 
 def fields_of(named: Any) -> list[str]:  # noqa: ANN401
-    """The fields of a named object of a simulation that can be read: arrays of its data."""
-    return [field for field in dir(named) if not field.startswith("_") and _held(named, field)]
+    """Return the fields of a named object that are arrays of the simulation, not copies."""
+
+    def is_view(field: str) -> bool:
+        array = getattr(named, field)
+        return isinstance(array, np.ndarray) and (
+            not array.size or np.may_share_memory(array, getattr(named, field))
+        )
+
+    return [field for field in dir(named) if not field.startswith("_") and is_view(field)]
 
 
-def _held(named: Any, field: str) -> bool:  # noqa: ANN401
-    """Whether a field is an array of the simulation, and not a copy made when it is read."""
-    array = getattr(named, field)
-    return isinstance(array, np.ndarray) and (
-        not array.size or np.may_share_memory(array, getattr(named, field))
-    )
-
-
-def _named(what: str, selector: Selector, kind: str, wanted: str, of: Any) -> Any:  # noqa: ANN401
+def _named(what: str, selector: Selector, kind: str, wanted: str, holder: Any) -> Any:  # noqa: ANN401
     try:
-        return getattr(of, kind)(wanted)
+        return getattr(holder, kind)(wanted)
     except KeyError as error:
         raise InputError(f"{what}: {selector} names no {kind}: {error.args[0]}") from None
 
@@ -150,16 +132,16 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:  #
             f"{Selector('contact', selector.names)}, which is 1 or 0, or "
             f"{Selector('contact', selector.names, 'force')}"
         )
-    first, *rest = (_geoms(what, selector, each, model) for each in selector.names)
+    first, *rest = (_geoms(what, selector, name, model) for name in selector.names)
     second = rest[0] if rest else frozenset(range(model.ngeom))
     pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
 
     def touching() -> list[int]:
         if not data.ncon:
             return []
-        contacts = data.contact  # made anew by every step
-        found = [i for i, pair in enumerate(contacts.geom.tolist()) if tuple(pair) in pairs]
-        return [i for i in found if contacts.efc_address[i] >= 0]
+        contacts = data.contact  # every step replaces it
+        between = [i for i, pair in enumerate(contacts.geom.tolist()) if tuple(pair) in pairs]
+        return [i for i in between if contacts.efc_address[i] >= 0]
 
     if selector.field == "force":
         wrench = np.zeros(6)
@@ -176,6 +158,7 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:  #
 
 
 def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401
+    """The geom of this name, or all geoms of the body of this name."""
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
     if geom >= 0:
         return frozenset([geom])

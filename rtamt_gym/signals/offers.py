@@ -1,9 +1,9 @@
-"""The selectors that an environment offers; `rtamt_gym.signals.signals` says what they select."""
+"""The selectors that an environment offers."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
@@ -15,14 +15,12 @@ from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Env
 from rtamt_gym.signals.sources import MUJOCO
 
-__all__ = ["Offer", "offers"]
-
 Path = tuple[int | str, ...]
 
 
 @dataclass(slots=True)
 class Offer:
-    """Selectors that begin with one word.
+    """Selectors that start with the same word.
 
     Attributes:
         common: The selectors that most specifications read.
@@ -34,14 +32,14 @@ class Offer:
 
 
 def offers(env: Env, info: Mapping[str, Any]) -> dict[str, Offer]:
-    """Finds the selectors of an environment whose episode has begun, by the word they begin with.
+    """Return the selectors of an environment in mid-episode, by their first word.
 
     Args:
         env: The environment.
-        info: An info of a step: no space describes it, so that its keys say what there is.
+        info: The info of a step. No space describes it, so its keys are the only evidence.
     """
     simulation: Any = env.unwrapped
-    found = {
+    offer = {
         "obs": Offer([Selector("obs", path=path) for path in _in_space(env.observation_space)]),
         "action": Offer([Selector("action", path=path) for path in _in_space(env.action_space)]),
         "reward": Offer([Selector("reward")]),
@@ -49,14 +47,14 @@ def offers(env: Env, info: Mapping[str, Any]) -> dict[str, Offer]:
     }
     mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
     if mujoco is not None and isinstance(getattr(simulation, "data", None), mujoco.MjData):
-        found |= _in_mujoco(simulation.model, simulation.data)
+        offer |= _in_mujoco(simulation.model, simulation.data)
     if hasattr(simulation, "vehicle"):
-        found["vehicle"] = _of_vehicle(simulation.vehicle)
-    return {word: offer for word, offer in found.items() if offer.common or offer.others}
+        offer["vehicle"] = _of_vehicle(simulation.vehicle)
+    return {word: each for word, each in offer.items() if each.common or each.others}
 
 
 def _in_space(space: spaces.Space[Any]) -> Iterator[Path]:
-    """The paths of the numbers in the values of a space."""
+    """Yield the paths of the numbers in the values of a space."""
     parts: Any = ()
     match space:
         case spaces.Dict():
@@ -72,19 +70,19 @@ def _in_space(space: spaces.Space[Any]) -> Iterator[Path]:
 
 
 def _in_value(value: object) -> Iterator[Path]:
-    """The paths of the numbers in a value that no space describes."""
+    """Yield the paths of the numbers in a value."""
+    parts: Any = ()
     match value:
         case Real() | np.bool_():
             yield ()
         case np.ndarray() if value.dtype.kind in "biuf":
             yield from np.ndindex(value.shape)
-        case Mapping():
-            for key, part in value.items():
-                if isinstance(key, str) and not {"'", '"'} & set(key):  # a selector can spell it
-                    yield from ((key, *path) for path in _in_value(part))
+        case Mapping():  # only keys that a selector can quote
+            parts = ((k, v) for k, v in value.items() if isinstance(k, str) and not {*"'\""} & {*k})
         case list() | tuple():
-            for i, part in enumerate(value):
-                yield from ((i, *path) for path in _in_value(part))
+            parts = enumerate(value)
+    for key, part in parts:
+        yield from ((key, *path) for path in _in_value(part))
 
 
 _FIELDS = {
@@ -98,49 +96,48 @@ _FIELDS = {
     "camera": [],
     "light": [],
 }
-"""The objects of a MuJoCo model that have names, with the fields that most specifications read."""
+"""The named objects of a MuJoCo model, with the fields that most specifications read."""
 
 _COUNTS = {"joint": "njnt", "camera": "ncam", "actuator": "nu"}
-"""How MuJoCo calls the number of objects of a kind, where that is not "n" and the kind."""
+"""MuJoCo's name for the number of objects of a kind, if it is not "n" and the kind."""
 
 
 def _in_mujoco(model: Any, data: Any) -> dict[str, Offer]:  # noqa: ANN401
-    found = {"time": Offer([Selector("time")])}
+    offer = {"time": Offer([Selector("time")])}
     for word in MUJOCO:
         array = getattr(data, word, None)
         if isinstance(array, np.ndarray):
             elements = _elements(Selector(word), array)
-            found[word] = Offer(elements) if word in {"qpos", "qvel"} else Offer(others=elements)
-    for kind, common in _FIELDS.items():
-        found[kind] = _named(model, data, kind, common)
+            offer[word] = Offer(elements) if word in {"qpos", "qvel"} else Offer(others=elements)
+    for kind in _FIELDS:
+        offer[kind] = _named(model, data, kind)
     geoms = [model.geom(i).name for i in range(model.ngeom)]
-    found["contact"] = Offer(
+    offer["contact"] = Offer(
         [Selector("contact", (name,)) for name in geoms if name],
         [Selector("contact", (name,), "force") for name in geoms if name],
     )
-    return found
+    return offer
 
 
-def _named(model: Any, data: Any, kind: str, common: Sequence[str]) -> Offer:  # noqa: ANN401
+def _named(model: Any, data: Any, kind: str) -> Offer:  # noqa: ANN401
     from rtamt_gym.signals.mujoco import fields_of
 
     offer = Offer()
     for i in range(getattr(model, _COUNTS.get(kind, f"n{kind}"))):
         named = getattr(data, kind)(i)
-        for each in fields_of(named) if named.name else ():
-            whole = Selector(kind, (named.name,), "" if kind == "sensor" else each)
-            still = kind == "body" and i == 0  # the world does not move
-            held = offer.common if each in common and not still else offer.others
-            held += _elements(whole, getattr(named, each))
+        for name in fields_of(named) if named.name else ():
+            whole = Selector(kind, (named.name,), "" if kind == "sensor" else name)
+            world = kind == "body" and i == 0  # it does not move
+            held = offer.common if name in _FIELDS[kind] and not world else offer.others
+            held += _elements(whole, getattr(named, name))
     return offer
 
 
 def _elements(whole: Selector, array: Any) -> list[Selector]:  # noqa: ANN401
-    """The selectors of the numbers in an array; one alone needs no index."""
-    parts = whole.source, whole.names, whole.field
+    """Return the selectors of the numbers in an array; a single number needs no index."""
     if array.size == 1:
         return [whole]
-    return [Selector(*parts, (i,)) for i in range(array.size)]
+    return [Selector(whole.source, whole.names, whole.field, (i,)) for i in range(array.size)]
 
 
 _VEHICLE = {"position", "heading", "speed", "velocity", "crashed", "on_road"}
@@ -148,7 +145,7 @@ _VEHICLE = {"position", "heading", "speed", "velocity", "crashed", "on_road"}
 
 
 def _of_vehicle(vehicle: object) -> Offer:
-    """The attributes of highway-env's vehicle that are numbers."""
+    """Return the attributes of highway-env's vehicle that are numbers."""
     offer = Offer()
     for name in dir(vehicle):
         if name.startswith("_"):

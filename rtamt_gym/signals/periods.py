@@ -1,35 +1,22 @@
-"""The period of an environment: the seconds between two of its steps, and what states them."""
+"""The time of an environment: the period of its steps, the attributes that state it, its clock."""
 
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import gymnasium as gym
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import MaxAndSkipObservation
+from gymnasium.wrappers import MaxAndSkipObservation, TimeLimit
 
 from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.signals.simulation_time import clock_of
-
-__all__ = [
-    "StatedTime",
-    "StatedTimes",
-    "ask_another",
-    "conflicting_times",
-    "find_period",
-    "frames_per_action",
-    "read_period",
-    "simulations",
-    "unverified_period",
-    "warn_of_unverified_period",
-    "why_no_period",
-]
 
 AnyEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
@@ -41,33 +28,32 @@ _SKIPPING: tuple[type[Any], ...] = (
 )
 """The wrappers that make several steps in one."""
 
-_CONTROL_PERIODS = ("control_timestep", "control_dt", "ctrl_dt", "step_dt", "policy_dt")
-_CONTROL_RATES = (
-    "control_hz",
-    "control_freq",
-    "control_frequency",
-    "control_rate",
-    "ctrl_freq",
-    "policy_freq",
-    "policy_frequency",
-)
-"""Names of the time between two actions and of its inverse: the time of a step."""
+_Kind = Literal["control", "step", "physics"]
 
-_STEP_PERIODS = ("dt", "tau")
-"""Names that mean the time of a step in some environments and of a physics step in others."""
 
-_PHYSICS_PERIODS = ("sim_dt", "physics_dt", "sim_timestep", "physics_timestep", "model_timestep")
-_PHYSICS_RATES = (
-    "sim_hz",
-    "sim_freq",
-    "sim_frequency",
-    "simulation_frequency",
-    "physics_freq",
-    "physics_hz",
-)
-"""Names of the time of a physics step and of its inverse."""
+def _names(kind: _Kind, *, times: str = "", rates: str = "") -> dict[str, tuple[_Kind, bool]]:
+    return dict.fromkeys(times.split(), (kind, False)) | dict.fromkeys(rates.split(), (kind, True))
 
-_NAMES = _CONTROL_PERIODS + _CONTROL_RATES + _STEP_PERIODS + _PHYSICS_PERIODS + _PHYSICS_RATES
+
+_NAMES: dict[str, tuple[_Kind, bool]] = {
+    **_names(
+        "control",
+        times="control_timestep control_dt ctrl_dt step_dt policy_dt",
+        rates="control_hz control_freq control_frequency control_rate ctrl_freq policy_freq "
+        "policy_frequency",
+    ),
+    **_names("step", times="dt tau"),
+    **_names(
+        "physics",
+        times="sim_dt physics_dt sim_timestep physics_timestep model_timestep",
+        rates="sim_hz sim_freq sim_frequency simulation_frequency physics_freq physics_hz",
+    ),
+}
+"""The attributes that state a time: its kind, and whether it is a rate, the inverse of a time.
+
+``"control"`` is the time between two actions, which is the time of a step; ``"physics"`` is the
+time of a physics step. ``dt`` and ``tau`` are either, depending on the environment.
+"""
 
 _SLACK = 1e-6
 """Relative difference between two times that counts as rounding; some are 32-bit floats."""
@@ -92,7 +78,7 @@ class StatedTime(NamedTuple):
 
 
 class _Stated(NamedTuple):
-    """The period that an environment states, or why there is none.
+    """The period that an environment states, or the reason why there is none.
 
     Attributes:
         time: The time of a step; None if it is not known.
@@ -106,21 +92,19 @@ class _Stated(NamedTuple):
 
 
 def read_period(env: AnyEnv) -> float | None:
-    """Read the seconds between two steps of an environment; None if they are not known.
+    """Return the seconds between two steps of an environment; None if they are not known.
 
-    The control rate of the environment comes first, such as ``control_hz`` or
-    ``control_timestep``, as an attribute or an entry of ``unwrapped.config``. In highway-env a step
-    lasts ``(simulation_frequency // policy_frequency) / simulation_frequency`` seconds. Without a
-    control rate, the period is ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot) or ``unwrapped.tau``
-    (CartPole). If ``unwrapped`` has none of these, and holds one environment that takes the same
-    actions (PointMaze, AntMaze), its period counts. ``metadata["render_fps"]`` is the frame rate of
-    the pictures, not the rate of the samples: Pendulum renders 30 frames and makes 20 steps a
-    second.
+    The control rate comes first, such as ``control_hz`` or ``control_timestep``, as an attribute or
+    an entry of ``unwrapped.config``. In highway-env a step lasts ``(simulation_frequency //
+    policy_frequency) / simulation_frequency`` seconds. Without a control rate, the period is
+    ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot) or ``unwrapped.tau`` (CartPole). If ``unwrapped``
+    has none of these and holds one environment with the same actions (PointMaze, AntMaze), the
+    period of that environment counts. ``metadata["render_fps"]`` is the frame rate of pictures:
+    Pendulum renders 30 frames and makes 20 steps a second.
 
     A `SyncVectorEnv` has the period of its environments; `ask_another` reads the period of an
-    `AsyncVectorEnv`. The period is not known below a `MaxAndSkipObservation` or a `RepeatAction`,
-    which make several steps in one, nor where the times that the environment states contradict
-    each other; `why_no_period` names the reason.
+    `AsyncVectorEnv`. The period is not known below a wrapper that makes several steps in one, nor
+    if the environment states contradictory times; `why_no_period` returns the reason.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` have different periods, or if an
@@ -130,7 +114,7 @@ def read_period(env: AnyEnv) -> float | None:
     if isinstance(simulation, AsyncVectorEnv) or _skips(env):
         return None
     if isinstance(simulation, SyncVectorEnv):
-        periods = {read_period(each) for each in simulation.envs}
+        periods = {read_period(single) for single in simulation.envs}
         if len(periods) > 1:
             raise InputError(
                 f"expected environments of one period, got {', '.join(sorted(map(str, periods)))} "
@@ -141,12 +125,12 @@ def read_period(env: AnyEnv) -> float | None:
                 " to count steps",
             )
         return periods.pop()
-    found = find_period(simulation)
-    return None if found is None else found[0]
+    source = find_period(simulation)
+    return None if source is None else source[0]
 
 
 def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
-    """Return the seconds between two steps of a simulation and what states them, or None."""
+    """Return the seconds between two steps of a simulation and the attribute that states them."""
     for path, inner in simulations(simulation):
         stated = _stated(inner)
         if stated.time is not None:
@@ -157,10 +141,10 @@ def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - 
 
 
 def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - any environment
-    """Yield an environment, and the environment that it holds and whose actions it takes.
+    """Yield an environment and the environment that it holds, with their paths.
 
-    Each comes with its path, which is empty or ends with a dot. An environment that takes other
-    actions, as below a hierarchy of policies, may step more often.
+    A path is empty or ends with a dot. The inner environment must have the same actions: with other
+    actions, as below a hierarchy of policies, it may step more often.
     """
     yield "", simulation
     inside = [
@@ -178,12 +162,12 @@ def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 -
 
 
 def ask_another(env: AnyEnv) -> float | None:
-    """Read the period of an `AsyncVectorEnv` from another environment; None for all other forms.
+    """Return the period of an `AsyncVectorEnv`, read from one more environment; otherwise None.
 
-    Its environments cannot be asked: they are shut down when they lack an attribute. So the first
-    of the functions that made them makes another, in this process, as the vector environment
-    itself does at construction; it is not reset, and closed at once. That takes the time and
-    memory of an environment. Environments of different periods are not noticed.
+    Gymnasium shuts the workers down if they lack an attribute that is asked for. So the first
+    function of ``env_fns`` makes one more environment in this process, as the vector environment
+    does at construction; it is never reset, and closed at once. Different periods of the
+    environments go unnoticed.
     """
     simulation = env.unwrapped
     if not isinstance(simulation, AsyncVectorEnv):
@@ -202,7 +186,7 @@ def ask_another(env: AnyEnv) -> float | None:
 
 
 def why_no_period(env: AnyEnv) -> str:
-    """Return where the period of an environment was looked for, or why it is not known."""
+    """Return the reason why the period of an environment is not known."""
     if skipping := _skips(env):
         return f"a {skipping} makes several steps in one"
     simulation = env.unwrapped
@@ -210,14 +194,16 @@ def why_no_period(env: AnyEnv) -> str:
     one = simulation.envs[0].unwrapped if isinstance(simulation, SyncVectorEnv) else simulation
     if conflict := conflicting_times(one):
         return conflict
-    lacking = "there is no dt, tau or config['policy_frequency']"
-    if many:
-        return f"{lacking} in its environments, or in an environment inside these"
-    return f"{lacking} in it, or in an environment inside it"
+    where = (
+        "its environments, or in an environment inside these"
+        if many
+        else ("it, or in an environment inside it")
+    )
+    return f"there is no dt, tau or config['policy_frequency'] in {where}"
 
 
 def conflicting_times(simulation: Any) -> str:  # noqa: ANN401
-    """Return which times of a step contradict each other, as a clause; empty without a conflict."""
+    """Return the contradictory times of a step as a clause; empty without a conflict."""
     for path, inner in simulations(simulation):
         if conflict := _stated(inner).conflict:
             return f"in {path.removesuffix('.')}, {conflict}" if path else conflict
@@ -242,8 +228,7 @@ def unverified_period(env: Any) -> StatedTime | None:  # noqa: ANN401 - an envir
     """Return the period of an environment if it is a ``dt`` or ``tau`` that nothing verifies.
 
     In many simulators ``dt`` is the time of a physics step, of which an action takes several. A
-    control rate or a clock of the simulation verifies it, and the environments of Gymnasium are
-    known.
+    control rate or a clock of the simulation verifies it, and Gymnasium's environments are known.
     """
     simulation = env.unwrapped
     if isinstance(simulation, SyncVectorEnv):
@@ -256,26 +241,22 @@ def unverified_period(env: Any) -> StatedTime | None:  # noqa: ANN401 - an envir
             return None
         time, assumed, _ = _stated(inner)
         if time is not None:
-            made_by = getattr(getattr(type(inner), "step", None), "__module__", "")
-            known = not assumed or made_by.startswith(_TESTED)
+            module = getattr(getattr(type(inner), "step", None), "__module__", "")
+            known = not assumed or module.startswith(_TESTED)
             return None if known else StatedTime(f"{path}{time.name}", time.period)
     return None
 
 
 class StatedTimes:
-    """The attributes of an environment on which its period depends, quick to read again.
-
-    Args:
-        env: The environment; which attributes it has is read now.
-    """
+    """The attributes of an environment that its period depends on, quick to read again."""
 
     def __init__(self, env: AnyEnv) -> None:
         inside = [inner for _, inner in simulations(env.unwrapped)]
-        named = [each for name in _NAMES for each in _spellings(name)]
+        spelled = [spelling for name in _NAMES for spelling in _spellings(name)]
         self._named = [
             (inner, name)
             for inner in inside
-            for name in named
+            for name in spelled
             if getattr(inner, name, None) is not None
         ]
         self._configured = [
@@ -319,53 +300,50 @@ def _stated(simulation: Any) -> _Stated:  # noqa: ANN401
     config = getattr(simulation, "config", None)
     config = config if isinstance(config, Mapping) else {}
     frames = frames_per_action(config)
-    if frames is not None:
+    if frames is not None:  # highway-env
         time = frames / float(config["simulation_frequency"])
         controls = [StatedTime("config['policy_frequency']", time)]
-        physics = _times(simulation, {}, _STEP_PERIODS)
+        steps = physics = _times(simulation, {}, "step")
     else:
-        controls = _times(simulation, config, _CONTROL_PERIODS, _CONTROL_RATES)
-        physics = _times(simulation, config, (*_STEP_PERIODS, *_PHYSICS_PERIODS), _PHYSICS_RATES)
-    steps = [each for each in physics if each.name in _STEP_PERIODS]
+        controls = _times(simulation, config, "control")
+        steps = _times(simulation, config, "step")
+        physics = steps + _times(simulation, config, "physics")
     if not controls and not steps:
         return _Stated()
     first, *others = controls or steps
     for other in others:
         if not math.isclose(first.period, other.period, rel_tol=_SLACK):
             return _Stated(conflict=f"{first} and {other} are different times of a step")
-    for each in physics if controls else ():
-        count = first.period / each.period
+    for part in physics if controls else ():
+        count = first.period / part.period
         if not round(count) or not math.isclose(count, round(count), rel_tol=_SLACK):
             return _Stated(
-                conflict=f"{first} is not a multiple of {each}, so the time of a step depends on "
+                conflict=f"{first} is not a multiple of {part}, so the time of a step depends on "
                 "how the environment rounds"
             )
     return _Stated(first, assumed=not controls)
 
 
-def _times(
-    simulation: Any,  # noqa: ANN401
-    config: Mapping[str, Any],
-    periods: tuple[str, ...],
-    rates: tuple[str, ...] = (),
-) -> list[StatedTime]:
-    """Read the times of these names from attributes, where most may be in capitals, and ``config``.
+def _times(simulation: Any, config: Mapping[str, Any], kind: _Kind) -> list[StatedTime]:  # noqa: ANN401
+    """Read the times of a kind from attributes, of which most may be in capitals, and ``config``.
 
     A ``dt`` in a configuration may be anything, and is not read.
     """
     times = []
-    for name in (*periods, *rates):
-        values = {each: _attribute(simulation, each) for each in _spellings(name)}
-        if name not in _STEP_PERIODS:
+    for name, (kind_of_name, is_rate) in _NAMES.items():
+        if kind_of_name != kind:
+            continue
+        values = {spelling: _attribute(simulation, spelling) for spelling in _spellings(name)}
+        if kind != "step":
             values[f"config[{name!r}]"] = _positive(config.get(name))
-        for at, number in values.items():
+        for place, number in values.items():
             if number is not None:
-                times.append(StatedTime(at, 1.0 / number if name in rates else number))
+                times.append(StatedTime(place, 1.0 / number if is_rate else number))
     return times
 
 
 def _spellings(name: str) -> tuple[str, ...]:
-    return (name,) if name in _STEP_PERIODS else (name, name.upper())
+    return (name,) if _NAMES[name][0] == "step" else (name, name.upper())
 
 
 def _attribute(simulation: Any, name: str) -> float | None:  # noqa: ANN401
@@ -389,3 +367,71 @@ def _positive(value: object) -> float | None:
         return None
     number = float(value)
     return number if 0.0 < number < math.inf else None
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationClock:
+    """The time of a MuJoCo simulation, which each step of the physics advances.
+
+    Attributes:
+        simulation: The environment without wrappers.
+        what: The name of the clock, for messages.
+    """
+
+    simulation: Any
+    what: ClassVar[str] = "data.time"
+
+    def read(self) -> float:
+        """Return the time in seconds."""
+        return float(self.simulation.data.time)
+
+
+class _RoadClock(SimulationClock):
+    """The time of highway-env's roads, whose physics steps `steps` counts.
+
+    highway-env's own ``time`` grows by ``1 / policy_frequency`` an action, whatever the physics do.
+    """
+
+    what = "its physics steps"
+
+    def read(self) -> float:
+        return float(self.simulation.steps / self.simulation.config["simulation_frequency"])
+
+
+@dataclass(frozen=True, slots=True)
+class StepCount(SimulationClock):
+    """The steps that a `TimeLimit` counts, each of the period that the environment states."""
+
+    period: float
+    what = "the steps that its TimeLimit counts"
+
+    @classmethod
+    def of(cls, env: Any, period: float) -> StepCount | None:  # noqa: ANN401
+        """Return the count of the innermost `TimeLimit`; None without one."""
+        limit: Any = None
+        while isinstance(env, gym.Wrapper):
+            if isinstance(env, TimeLimit):
+                limit = env
+            env = env.env
+        if limit is None or not isinstance(getattr(limit, "_elapsed_steps", None), int | None):
+            return None
+        return cls(limit, period)
+
+    def read(self) -> float:
+        """Return the time in seconds."""
+        return (self.simulation._elapsed_steps or 0) * self.period  # noqa: SLF001 - no public count
+
+
+def clock_of(simulation: Any) -> SimulationClock | None:  # noqa: ANN401 - an environment without wrappers
+    """Return the clock of a simulation of MuJoCo or highway-env; None for all others."""
+    mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
+    if mujoco is not None and isinstance(getattr(simulation, "data", None), mujoco.MjData):
+        return SimulationClock(simulation)
+    config = getattr(simulation, "config", None)
+    if (
+        isinstance(config, Mapping)
+        and {"policy_frequency", "simulation_frequency"} <= config.keys()
+        and isinstance(getattr(simulation, "steps", None), int)
+    ):
+        return _RoadClock(simulation)
+    return None

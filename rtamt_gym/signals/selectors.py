@@ -1,10 +1,10 @@
-"""The grammar of text selectors: ``obs[2]``, ``info['speed']``, ``body:torso.xpos[2]``.
+"""The grammar of selectors: ``obs[2]``, ``info['speed']``, ``body:torso.xpos[2]``.
 
 A selector is the word of a source, then names, a field and indices as its `Syntax` allows::
 
     [agent ":"]  source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
 
-Only selectors of several agents have an agent in front: ``agent_0: obs[2]``. A name is text without
+Only selectors of several agents start with an agent: ``agent_0: obs[2]``. A name is text without
 blanks, quotes and ``. , : [ ]``, or any text in quotes: ``body:'arm.left'.xpos[2]``. Nothing is
 ever evaluated as Python.
 """
@@ -18,18 +18,16 @@ from typing import Final, Literal, NoReturn
 
 from rtamt import InputError
 
-__all__ = ["Selector", "Syntax", "hint", "parse_selector"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Syntax:
-    """How the selectors of a source are written.
+    """How selectors of a source are written.
 
     Attributes:
         example: A selector, for messages.
-        names: The most names that may stand behind the colon.
+        names: The maximum number of names after the colon.
         field: Whether a field follows.
-        brackets: What stands in brackets: indices and keys, or first a key.
+        brackets: The contents of the brackets: indices and keys, or a key first.
         common: Whether hints show the example.
     """
 
@@ -45,11 +43,11 @@ class Selector:
     """A parsed selector.
 
     Attributes:
-        source: The word that it begins with.
-        names: The names behind the colon.
-        field: The word behind the dot, or an empty string.
+        source: The first word.
+        names: The names after the colon.
+        field: The word after the dot, or an empty string.
         path: The indices and keys in brackets.
-        agent: The agent in front, or an empty string.
+        agent: The agent, or an empty string.
     """
 
     source: str
@@ -73,29 +71,36 @@ class Selector:
 def parse_selector(
     what: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
 ) -> Selector:
-    """Parses a selector, which begins with one of the sources.
-
-    Where there are agents, one of them stands in front.
+    """Parse a selector; with agents, it starts with one of them.
 
     Args:
-        what: Whose selector it is, for messages, such as ``"signal 'x'"``.
+        what: The owner of the selector, for messages, such as ``"signal 'x'"``.
         text: The selector.
-        sources: The words that it may begin with.
+        sources: The words that it may start with.
         agents: The agents, if there are any.
 
     Raises:
-        InputError: With the column, what was expected there, and a caret.
+        InputError: With the column, the expected text, and a caret.
     """
     scan = _Scanner(what, text, sources)
-    agent = _agent(scan, agents) if agents else ""
+    agent = ""
+    if agents:
+        agent = _unquoted(scan.peek(_NAME))
+        if agent not in agents:
+            scan.refuse(f"one of the agents {', '.join(map(_written, agents))}, and ':'")
+        scan.next(_NAME)
+        scan.expect(":", "':' behind the agent")
     source = scan.peek()
     if source not in sources:
         scan.refuse(f"one of {', '.join(sources)}")
     scan.next()
     syntax = sources[source]
-    names = _names(scan, syntax) if syntax.names else ()
-    field = _field(scan, syntax)
-    path: list[int | str] = []
+    names, field, path = scan.names(syntax), "", list[int | str]()
+    if syntax.field != "none" and scan.peek() == ".":
+        scan.next()
+        field = scan.word()
+    elif syntax.field == "required":
+        scan.refuse(f"'.' and a field, {syntax.example}")
     while scan.peek():
         scan.expect("[", "'[' or the end of the selector")
         if syntax.brackets == "key" and not path and scan.peek()[:1] not in {"'", '"'}:
@@ -108,36 +113,9 @@ def parse_selector(
 
 
 def hint(sources: Mapping[str, Syntax]) -> str:
-    """Lists common selectors of some sources."""
+    """List common selectors of these sources."""
     *examples, last = [syntax.example for syntax in sources.values() if syntax.common]
     return f"{', '.join(examples)} or {last}"
-
-
-def _agent(scan: _Scanner, agents: Collection[str]) -> str:
-    agent = _unquoted(scan.peek(_NAME))
-    if agent not in agents:
-        scan.refuse(f"one of the agents {', '.join(map(_written, agents))}, and ':'")
-    scan.next(_NAME)
-    scan.expect(":", "':' behind the agent")
-    return agent
-
-
-def _names(scan: _Scanner, syntax: Syntax) -> tuple[str, ...]:
-    scan.expect(":", f"':' and a name, {syntax.example}")
-    names = [scan.name()]
-    while len(names) < syntax.names and scan.peek() == ",":
-        scan.next()
-        names.append(scan.name())
-    return tuple(names)
-
-
-def _field(scan: _Scanner, syntax: Syntax) -> str:
-    if syntax.field != "none" and scan.peek() == ".":
-        scan.next()
-        return scan.word()
-    if syntax.field == "required":
-        scan.refuse(f"'.' and a field, {syntax.example}")
-    return ""
 
 
 _TOKEN: Final = re.compile(r"\s*([A-Za-z_]\w*|[+-]?\d+|'[^']*'|\"[^\"]*\"|.|$)")
@@ -145,12 +123,10 @@ _NAME: Final = re.compile(r"\s*([^\s.,:\[\]'\"]+|'[^']*'|\"[^\"]*\"|.|$)")
 
 
 class _Scanner:
-    """Reads a text token by token; an empty token is its end."""
+    """Reads a text token by token; the end of the text is an empty token."""
 
     def __init__(self, what: str, text: str, sources: Mapping[str, Syntax]) -> None:
-        self._what = what
-        self._text = text
-        self._sources = sources
+        self._what, self._text, self._sources = what, text, sources
         self._at = 0
 
     def peek(self, kind: re.Pattern[str] = _TOKEN) -> str:
@@ -162,9 +138,8 @@ class _Scanner:
         return match[1]
 
     def _match(self, kind: re.Pattern[str]) -> re.Match[str]:
-        """The token at this place, which may be empty."""
         match = kind.match(self._text.rstrip(), self._at)
-        assert match is not None  # noqa: S101 - the empty token is one of any kind
+        assert match is not None  # noqa: S101 - both patterns match an empty token
         return match
 
     def expect(self, token: str, expected: str) -> None:
@@ -185,13 +160,22 @@ class _Scanner:
             self.refuse("the name of a field")
         return self.next()
 
+    def names(self, syntax: Syntax) -> tuple[str, ...]:
+        if not syntax.names:
+            return ()
+        self.expect(":", f"':' and a name, {syntax.example}")
+        names = [self.name()]
+        while len(names) < syntax.names and self.peek() == ",":
+            self.next()
+            names.append(self.name())
+        return tuple(names)
+
     def name(self) -> str:
         token = self.peek(_NAME)
         quoted = len(token) > 1 and token[0] in "'\""
         if token[1:-1] == "" if quoted else token in {"", *".,:[]'\""}:
             self.refuse("a name")
-        self.next(_NAME)
-        return _unquoted(token)
+        return _unquoted(self.next(_NAME))
 
     def refuse(self, expected: str) -> NoReturn:
         token = self.peek()
@@ -210,7 +194,7 @@ def _unquoted(token: str) -> str:
 
 
 def _written(name: str) -> str:
-    plain = name[:1] not in {*".,:[]'\""}  # a quote would be taken for the end of one
+    plain = name[:1] not in {*".,:[]'\""}  # otherwise it looks like the start of a quote
     if plain and (match := _NAME.fullmatch(name)) and match[1] == name:
         return name
     return f'"{name}"' if "'" in name else f"'{name}'"

@@ -1,31 +1,29 @@
 """Signals: the named numbers of a formula, read from an environment or its simulation.
 
-A signal is a text selector, a callable, or a pair of one of them and its value at reset:
+A signal is a text selector, a function, or a pair of one of them and its value at reset:
 
 | selector | selects | value at reset |
 |---|---|---|
 | ``obs[2]``, ``obs[0][1]``, ``obs['key'][0]``, ``obs`` | one number of the observation | read |
-| ``action[0]``, ``action`` | one number of the action | to be given |
-| ``reward`` | the reward | to be given |
-| ``info['key']``, ``info['key'][0]`` | one number of the info | read, else what is given |
+| ``action[0]``, ``action`` | one number of the action | required |
+| ``reward`` | the reward | required |
+| ``info['key']``, ``info['key'][0]`` | one number of the info | read; otherwise the given value |
 | ``qpos[1]``, ``sensor:imu[0]``, ... | one number of a MuJoCo simulation | read |
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
-| a function | what it returns for a `Step` | called, unless it has a default |
+| a function | its result for a `Step` | called, unless a value is given |
 
-The value at reset is a number, or None where nothing is known of it: then the sample of the reset
-is unknown. A function is for one environment, in a vector environment too; `rtamt_gym.batched`
-marks one that reads all of a batch at once.
+The value at reset is a number, or None if nothing is known: the sample of the reset is unknown
+then. A function reads one environment, in a vector environment too; `rtamt_gym.batched` marks a
+function that reads a batch at once. With several agents, a selector starts with the agent:
+``agent_0: obs[2]``.
 
-Where there are several agents a selector says whose it is, ``agent_0: obs[2]``: see
-`rtamt_gym.signals.agents`.
-
-Selectors are parsed by the grammar of `rtamt_gym.signals.selectors`, and bound to an environment by
-the rows of `rtamt_gym.signals.sources`.
+`rtamt_gym.signals.selectors` parses selectors; the rows of `rtamt_gym.signals.sources` bind them.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -33,28 +31,14 @@ from typing import Any, Final, Literal, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import concatenate, create_empty_array
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, Message, nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.batches import Batched, batch_of_one
 from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
-
-__all__ = [
-    "AbsentError",
-    "ElementRead",
-    "Env",
-    "Number",
-    "ParsedSignal",
-    "Read",
-    "SignalLike",
-    "Source",
-    "Step",
-    "own_signals",
-    "parse_signals",
-    "unknown_at_reset",
-]
 
 Env = gym.Env[Any, Any]
 
@@ -63,10 +47,13 @@ _NUMBERS: Final = (float, int, np.floating, np.integer, np.bool_)
 Read = Callable[[Any, Any, Any, dict[str, Any]], float]
 """Reads a signal from observation, action, reward and info; action and reward are None at reset."""
 
+Number = Callable[..., float]
+"""Reads a signal from the current state of a simulation; ignores its arguments."""
+
 
 @dataclass(frozen=True, slots=True)
 class ElementRead:
-    """The `Read` of an element of the observation; who knows it reads without a call.
+    """A `Read` of one element of the observation, which C++ reads without a call.
 
     Attributes:
         index: The index or key of the element.
@@ -75,19 +62,60 @@ class ElementRead:
     index: Any
 
     def __call__(self, obs: Any, _action: Any, _reward: Any, _info: Any) -> float:  # noqa: ANN401
-        """Reads the element."""
+        """Read the element."""
         return float(obs[self.index])
 
 
-Number = Callable[..., float]
-"""Reads a signal from a simulation as it is now; takes any arguments and ignores them."""
+@dataclass(frozen=True, slots=True)
+class SlotRead:
+    """A `Number` in an array that a simulation updates, which C++ reads without a call.
+
+    Attributes:
+        array: The array, of one dimension. It is held, not a ``memoryview`` of it: Python before
+            3.11.8 crashes when its collector clears a view that something else still reads.
+        index: The index of the element, 0 or more.
+    """
+
+    array: NDArray[np.float64]
+    index: int
+
+    def __call__(self, *_: object) -> float:
+        """Read the element."""
+        return float(self.array.item(self.index))
+
+
+class MovingRead:
+    """A `Number` of a simulation that may replace its arrays.
+
+    Attributes:
+        home: Returns the object that holds the arrays now.
+
+    Args:
+        home: As above.
+        bind: Returns a function that reads the number from the current arrays.
+    """
+
+    def __init__(self, home: Callable[[], object], bind: Callable[[], Number]) -> None:
+        self.home = home
+        self._bind = bind
+        self._bound, self._read = home(), bind()
+
+    def now(self) -> Number:
+        """Return the function that reads the current arrays."""
+        if self.home() is not self._bound:
+            self._bound, self._read = self.home(), self._bind()
+        return self._read
+
+    def __call__(self, *_: object) -> float:
+        """Read the number."""
+        return self.now()()
 
 
 class Step(NamedTuple):
     """The argument of a function that is a signal.
 
-    It is of one environment, of each lane of a vector environment too; a function that is marked
-    with `rtamt_gym.batched` gets the batch of all.
+    It describes one environment, in a vector environment too. A function that is marked with
+    `rtamt_gym.batched` gets the batch of all environments.
 
     Attributes:
         obs: The observation that `reset` or `step` returned.
@@ -95,8 +123,8 @@ class Step(NamedTuple):
         reward: The reward of the step; None at reset.
         info: The environment's own info.
         env: The monitored environment; ``env.unwrapped`` is the simulation. In a vector
-            environment the lane's own, which only a `SyncVectorEnv` has; of a batch the vector
-            environment.
+            environment, the single environment, which only a `SyncVectorEnv` can provide; for a
+            batch, the vector environment.
     """
 
     obs: Any
@@ -107,16 +135,17 @@ class Step(NamedTuple):
 
 
 SignalLike = str | Callable[[Step], float] | Sequence[Any]
-"""A selector, a callable, or a pair of one of them and its value at reset, None for unknown."""
+"""A selector, a function, or a pair of one of them and its value at reset, None for unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source(Syntax):
-    """A word that selectors begin with.
+    """The first word of selectors.
 
     Attributes:
-        bind: Makes the function that reads a signal with such a selector from an environment.
-        at_reset: Whether there is a value at reset; ``"maybe"``: it raises `AbsentError` where not.
+        bind: Returns the function that reads a signal with this selector from an environment.
+        at_reset: Whether a reset provides a value; ``"maybe"``: the function raises `AbsentError`
+            if it does not.
     """
 
     bind: Callable[[ParsedSignal, Env], Read]
@@ -124,7 +153,109 @@ class Source(Syntax):
 
 
 class AbsentError(InputError):
-    """What a signal reads is not there: a key of the info, or an agent."""
+    """The source of a signal is absent: a key of the info, or an agent."""
+
+
+class Batched:
+    """A function that reads all environments at once; `batched` returns one.
+
+    Attributes:
+        function: The function.
+    """
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function = function
+        self.__module__ = getattr(function, "__module__", None) or type(self).__module__
+        self.__qualname__ = f"batched({getattr(function, '__qualname__', None) or repr(function)})"
+        self.__doc__ = function.__doc__
+
+    def __call__(self, step: Any) -> Any:  # noqa: ANN401 - a `Step` of a batch; an array
+        """Call the function."""
+        return self.function(step)
+
+    def __repr__(self) -> str:
+        return self.__qualname__
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Batched) and self.function == other.function
+
+    def __hash__(self) -> int:
+        return hash(self.function)
+
+    def __reduce__(self) -> Any:  # noqa: ANN401 - as `pickle` has it
+        # A decorator takes the name of the function, under which pickle would look up the function.
+        name = getattr(self.function, "__qualname__", "")
+        if getattr(sys.modules.get(self.__module__), name, None) is self:
+            return name
+        return Batched, (self.function,)
+
+
+def batched(function: Callable[[Any], Any]) -> Batched:
+    """Mark a function as a signal that reads all environments of a vector environment at once.
+
+    Other functions are called once for each environment. A marked function gets the
+    `rtamt_gym.Step` of all environments, in which observations, actions, rewards and infos are
+    batches in the form of vector environments, and returns an array with a number for each
+    environment. It must keep environments apart and depend on its argument alone: its first
+    calls, at a reset and at a step, are compared with calls for each environment, and different
+    numbers are an error. A single environment gives a batch of one; `rtamt_gym.relabel` gives all
+    samples of an episode.
+
+    Args:
+        function: The function. ``@batched`` marks it where it is defined.
+
+    Raises:
+        InputTypeError: If it is not a function.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> import numpy as np
+        >>> from rtamt_gym import VectorStlMonitor, batched
+        >>> envs = gym.make_vec("CartPole-v1", 3, vectorization_mode="vector_entry_point")
+        >>> energy = batched(lambda step: np.square(step.obs[:, 1]) + np.square(step.obs[:, 3]))
+        >>> envs = VectorStlMonitor(envs, "always(energy < 1)", {"energy": energy})
+        >>> _, infos = envs.reset(seed=123)
+        >>> infos["robustness"].round(3)
+        array([0.997, 0.999, 0.998])
+    """
+    if isinstance(function, Batched):
+        return function
+    if not callable(function):
+        raise InputTypeError(
+            f"expected a function of a rtamt_gym.Step to mark with batched, got {function!r}; "
+            "selectors such as 'obs[2]' read all environments at once as they are"
+        )
+    return Batched(function)
+
+
+def batch_of_one(
+    step: Step, observations: spaces.Space[Any], actions: spaces.Space[Any], env: object
+) -> Step:
+    """Return the step of one environment as a vector environment of one returns it."""
+
+    def stacked(space: spaces.Space[Any], value: Any) -> Any:  # noqa: ANN401
+        if value is None:
+            return None
+        room: Any = create_empty_array(space, 1)
+        return concatenate(space, [value], room)
+
+    reward = None if step.reward is None else np.array([step.reward], np.float64)
+    obs, action = stacked(observations, step.obs), stacked(actions, step.action)
+    return Step(obs, action, reward, _batched_info(step.info), env)
+
+
+def _batched_info(info: Mapping[str, Any]) -> dict[str, Any]:
+    batch: dict[str, Any] = {}
+    for key, value in info.items():
+        if isinstance(value, Mapping):
+            batch[key] = _batched_info(value)
+        elif isinstance(value, np.ndarray | np.number | bool | int | float):
+            batch[key] = np.asarray(value)[None]
+        else:
+            batch[key] = np.empty(1, object)
+            batch[key][0] = value
+        batch[f"_{key}"] = np.ones(1, np.bool_)
+    return batch
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +264,11 @@ class ParsedSignal:
 
     Attributes:
         name: Variable of the formulas.
-        reads: A selector, or a callable.
-        default: Value at reset, nan if nothing is known of it; None where reset gives one.
-        row: The row of the selector's first word; None for a callable.
-        refuses_nan: Whether a nan that is read is refused, which the monitors would take for
-            unknown, as they do with a default of nan.
+        reads: A selector, or a function.
+        default: Value at reset, nan if it is unknown; None if reset provides it.
+        row: The row of the selector's first word; None for a function.
+        refuses_nan: Whether a nan is an error. The monitors would take it for an unknown value, as
+            they do with a default of nan.
     """
 
     name: str
@@ -154,14 +285,12 @@ class ParsedSignal:
         sources: Mapping[str, Source],
         agents: Collection[str] = (),
     ) -> ParsedSignal:
-        """Parses one entry of ``signals=``; ``sources`` are the words selectors may begin with.
-
-        Where there are agents, one of them stands in front of a selector.
+        """Parse one entry of ``signals=``; with agents, a selector starts with one of them.
 
         Raises:
-            InputError: On a selector that the grammar does not read, on a default that is nan, and
-                where a default is missing or stands for a value that reset gives.
-            InputTypeError: On anything else than a selector, a callable, or a pair.
+            InputError: On a syntax error, a default of nan, a missing default, or a default that
+                hides a value of the reset.
+            InputTypeError: If it is not a selector, a function, or a pair.
         """
         default = None
         # JSON knows no tuples: an environment made again from its specification has lists.
@@ -184,7 +313,7 @@ class ParsedSignal:
         row = sources[selector.source]
         if default is None and not row.at_reset:
             what = f"signal {name!r}: {value} has no value at reset"
-            raise InputError(*_to_give(name, value, what, "there"))
+            raise InputError(*_asks_for_default(name, value, what, "there"))
         if default is not None and row.at_reset is True:
             raise InputError(
                 f"signal {name!r}: {value} has a value at reset, which "
@@ -200,7 +329,7 @@ class ParsedSignal:
 
     @property
     def source(self) -> str | None:
-        """The word that the selector begins with; None for a callable."""
+        """The first word of the selector; None for a function."""
         return self.reads.source if isinstance(self.reads, Selector) else None
 
     @property
@@ -208,8 +337,13 @@ class ParsedSignal:
         """The indices and keys of the selector."""
         return self.reads.path if isinstance(self.reads, Selector) else ()
 
+    @property
+    def maybe_at_reset(self) -> bool:
+        """Whether only some resets provide a value; the default stands in for it."""
+        return self.row is not None and self.row.at_reset == "maybe"
+
     def bind(self, env: Env) -> Read:
-        """Makes the function that reads the signal from a step of an environment.
+        """Return the function that reads the signal from a step of an environment.
 
         Raises:
             InputError: If the selector does not fit the environment.
@@ -231,19 +365,20 @@ class ParsedSignal:
             return self.row.bind(self, env)
         if isinstance(self.reads, Batched):
             shown, does = env.observation_space, env.action_space
-            return lambda obs, action, reward, info: float(
-                self.numbers(
-                    self.call(batch_of_one(Step(obs, action, reward, info, env), shown, does)), 1
-                )[0]
-            )
+
+            def read_batch(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
+                batch = batch_of_one(Step(obs, action, reward, info, env), shown, does, env)
+                return float(self.numbers(self.call(batch), 1)[0])
+
+            return read_batch
         return lambda obs, action, reward, info: self.number(
-            self.call(Step(obs, action, reward, info, env)), _OF_STEP
+            self.call(Step(obs, action, reward, info, env)), _FUNCTION_HINT
         )
 
     def bind_reset(self, env: Env) -> Read:
-        """Makes the function that reads the signal at reset: its default, where it has one.
+        """Return the function that reads the signal at reset: its default, if it has one.
 
-        The default of an info stands for what the info of the reset does not have.
+        The default of an info stands in for a key that the info of the reset lacks.
         """
         default = self.default
         if default is not None and not self.maybe_at_reset:
@@ -265,92 +400,74 @@ class ParsedSignal:
         return read_or_default
 
     def absent(self, error: AbsentError) -> AbsentError:
-        """The error of a reset that does not give the value: with what to write."""
-        return AbsentError(*_to_give(self.name, str(self.reads), str(error), "at reset"))
+        """Return the error of a reset that lacks the value, with the fix."""
+        return AbsentError(*_asks_for_default(self.name, str(self.reads), str(error), "at reset"))
 
     def at_reset(self, error: RtamtError) -> RtamtError:
-        """The error of a function at a reset: with the way out if it has met a None there."""
-        said = str(error)
-        if self.row is not None or not ("NoneType" in said or f"from {self}, got None" in said):
+        """Return the error of a function at a reset, with the fix if it has read a None."""
+        text = str(error)
+        if self.row is not None or not ("NoneType" in text or f"from {self}, got None" in text):
             return error
         return type(error)(
-            f"{said}; at a reset there is no action and no reward: say what it is there, "
+            f"{text}; at a reset there is no action and no reward: say what it is there, "
             f'"{self.name}": (FUNCTION, VALUE), or "{self.name}": (FUNCTION, None) where that is '
             "not known: then no always over it can be satisfied"
         )
 
     def is_nan(self) -> InputError:
-        """The error of a value that is nan beside one that is unknown at reset."""
+        """Return the error of a nan where another signal is unknown at reset."""
         return InputError(
             f"signal {self.name!r}: expected a number from {self}, got nan; pass ",
             Argument("nan", "unknown"),
             " if nothing is known of it then",
         )
 
-    @property
-    def maybe_at_reset(self) -> bool:
-        """Whether resets of some environments give a value, in the place of the default."""
-        return self.row is not None and self.row.at_reset == "maybe"
-
     def call(self, *args: object) -> Any:  # noqa: ANN401 - whatever a callable gives
-        """Calls the callable.
-
-        Raises:
-            InputError: If it raises anything; names the signal and the error, its cause.
-        """
+        """Call the function; whatever it raises becomes an `InputError` that names the signal."""
         try:
             return cast("Callable[..., Any]", self.reads)(*args)
         except Exception as error:
             raise self.raised(error) from error
 
     def raised(self, error: Exception) -> RtamtError:
-        """The error of a callable that has raised one: names the signal, unless it does already."""
+        """Return the error of a function, with the name of the signal."""
         if isinstance(error, RtamtError) and str(error).startswith(f"signal {self.name!r}"):
             return error
         what = ": ".join(filter(None, (type(error).__name__, str(error))))
         return InputError(f"signal {self.name!r}: {self} raised {what}")
 
-    def _element(self, value: object) -> str:
-        """The hint of a message about a selector that reads an array or a sequence."""
-        held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
-        if not held or not isinstance(self.reads, Selector):
-            return ""
-        return f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
-
     def number(self, value: object, way_out: str = "") -> float:
-        """Turns the value that was read into a float.
+        """Return the value as a float.
 
         Args:
             value: The value.
-            way_out: The end of the message about one that is no number.
+            way_out: The end of the error message; by default a hint to choose an element.
 
         Raises:
-            InputTypeError: If it is no number.
+            InputTypeError: If it is not a number.
         """
         if not isinstance(value, _NUMBERS) and not _is_scalar(value):
+            held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
+            if not way_out and held and isinstance(self.reads, Selector):
+                way_out = f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
             raise InputTypeError(
-                f"signal {self.name!r}: expected a number from {self}, got {value!r}"
-                + (way_out or self._element(value))
+                f"signal {self.name!r}: expected a number from {self}, got {value!r}{way_out}"
             )
         return float(cast("float", value))
 
     def numbers(self, values: object, num: int) -> NDArray[Any]:
-        """Turns what was read of many environments into an array.
-
-        Args:
-            values: The values.
-            num: The number of environments.
+        """Return the values of ``num`` environments as an array.
 
         Raises:
             InputTypeError: If they are not a number for each environment.
         """
-        found = np.asarray(values)
-        if found.shape != (num,) or found.dtype.kind not in "biuf":
+        column = np.asarray(values)
+        if column.shape != (num,) or column.dtype.kind not in "biuf":
             raise InputTypeError(
                 f"signal {self.name!r}: expected {num} numbers from {self}, one for every "
-                f"environment, got shape {found.shape} and dtype {found.dtype}"
+                f"environment, got shape {column.shape} and dtype {column.dtype}"
             )
-        return found
+        return column
 
 
 def _is_scalar(value: object) -> bool:
@@ -358,7 +475,7 @@ def _is_scalar(value: object) -> bool:
     return isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf"
 
 
-_OF_STEP = "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
+_FUNCTION_HINT = "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
 
 
 def parse_signals(
@@ -371,43 +488,41 @@ def parse_signals(
     own: Mapping[str, Any] | None = None,
     refuse_nan: bool = False,
 ) -> tuple[ParsedSignal, ...]:
-    """Parses ``signals=``: the signals of the variables in their order, then all others.
+    """Parse ``signals=``: the signals of the variables in their order, then all others.
 
     Args:
-        signals: Selector, callable, or pair with a value at reset, for every variable; see
-            `SignalLike`.
+        signals: A `SignalLike` for every variable.
         variables: Names that the specifications read.
-        sources: The words that selectors may begin with.
-        agents: The agents, one of which stands in front of every selector, if there are any.
+        sources: The words that selectors may start with.
+        agents: The agents, one of which starts every selector, if there are any.
         extra: Whether signals that no specification reads are recorded.
-        own: The signals that the environment names itself, for variables without another.
-        refuse_nan: Whether each of them refuses what it reads and is nan.
+        own: The environment's own signals, for variables without another.
+        refuse_nan: Whether a nan is an error.
 
     Raises:
-        InputError: If a variable has no signal, or a signal has nearly the name of one without a
-            signal of its own here. Others without a variable are for others, and not read.
-        InputTypeError: If ``signals`` is no mapping.
+        InputError: If a variable has no signal, or if a signal's name is close to a variable
+            without a signal. Other signals may serve other specifications, and are not read.
+        InputTypeError: If ``signals`` is not a mapping.
     """
     if not isinstance(signals, Mapping):
         raise InputTypeError(
             f'expected a mapping such as signals={{"x": "obs[0]"}}, got {signals!r}'
         )
     names = list(dict.fromkeys(variables))
-    example = (f"{next(iter(agents))}: " if agents else "") + (
-        "obs[INDEX]" if "obs" in sources else "qpos[INDEX]"
-    )  # a number might be taken for the right one
     others = [name for name in signals if name not in names]
     known = {**(own or {}), **signals}
     for name in names:
         if name not in known:
-            given = f"; the signals are {listing(known)}" if known else ""
-            meant = nearest(name, [*others, *(own or {})])
-            way_out = meant or Message(
+            # Not a number: it could be taken for the right one.
+            example = "obs[INDEX]" if "obs" in sources else "qpos[INDEX]"
+            example = f"{next(iter(agents))}: {example}" if agents else example
+            existing = f"; the signals are {listing(known)}" if known else ""
+            way_out = nearest(name, [*others, *(own or {})]) or Message(
                 "; give one: ",
                 Argument("signals", {name: example}, words=f'"{name}": "{example}"'),
                 f", or if it is a constant declare it: const float {name} = VALUE",
             )
-            raise InputError(f"variable {name!r} has no signal{given}", way_out)
+            raise InputError(f"variable {name!r} has no signal{existing}", way_out)
     silent = [name for name in names if name not in signals]
     for name in () if extra else others:
         if meant := nearest(name, silent):
@@ -418,20 +533,26 @@ def parse_signals(
     if extra:
         names += others
     parsed = (ParsedSignal.parse(name, known[name], sources, agents) for name in names)
-    return tuple(replace(each, refuses_nan=refuse_nan) for each in parsed)
+    return tuple(replace(signal, refuses_nan=refuse_nan) for signal in parsed)
 
 
 def unknown_at_reset(signals: Mapping[str, Any]) -> list[str]:
-    """The names of the signals that are given with None as their value at reset."""
+    """Return the names of the signals whose value at reset is None."""
     return [
         name
-        for name, each in signals.items()
-        if isinstance(each, list | tuple) and len(each) == 2 and each[1] is None
+        for name, signal in signals.items()
+        if isinstance(signal, list | tuple) and len(signal) == 2 and signal[1] is None
     ]
 
 
-def _to_give(name: str, selector: str, what: str, where: str) -> tuple[object, ...]:
-    """The pieces of an error about a value at reset that is to be given."""
+def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many
+    """Return the attribute ``signals`` of an environment, such as ``{"speed": "obs[0]"}``."""
+    own = getattr(getattr(env, "unwrapped", env), "signals", None)
+    return own if isinstance(own, Mapping) else {}
+
+
+def _asks_for_default(name: str, selector: str, what: str, where: str) -> tuple[object, ...]:
+    """The pieces of an error about a missing value at reset."""
     pair = f'"{name}": ("{selector}", '
     return (
         f"{what}; say what it is {where}, ",
@@ -440,15 +561,6 @@ def _to_give(name: str, selector: str, what: str, where: str) -> tuple[object, .
         Argument("signals", {name: (selector, "unknown")}, words=f"{pair}None)"),
         " where that is not known: then no always over it can be satisfied",
     )
-
-
-def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many
-    """The signals that an environment names itself: its attribute ``signals``, if it is a mapping.
-
-    A scenario of `rtamt_envs` has one, and any environment may: ``{"speed": "obs[0]"}``.
-    """
-    own = getattr(getattr(env, "unwrapped", env), "signals", None)
-    return own if isinstance(own, Mapping) else {}
 
 
 def _default(name: str, value: object) -> float:

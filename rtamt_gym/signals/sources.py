@@ -1,18 +1,23 @@
-"""The words that selectors begin with, a row for each: how it is written, and what binds it.
+"""The first words of selectors, a row for each: its syntax, and the function that binds it.
 
-To add the selectors of a simulator, write a file beside `mujoco` and `vehicle` that binds them, and
-a row here for each word.
+To add the selectors of a simulator, bind them here or in a file next to `mujoco`, and add a row for
+each word.
 """
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Hashable, Mapping
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+from typing import Any, Final, cast
 
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import (
     AbsentError,
     ElementRead,
@@ -23,9 +28,6 @@ from rtamt_gym.signals.signals import (
     Source,
 )
 from rtamt_gym.signals.spaces import fit
-from rtamt_gym.signals.vehicle import bind_vehicle
-
-__all__ = ["MUJOCO", "SOURCES", "STEP"]
 
 
 def _bind_obs(signal: ParsedSignal, env: Env) -> Read:
@@ -62,7 +64,7 @@ def _bind_reward(signal: ParsedSignal, _env: Env) -> Read:
 
 
 def _bind_info(signal: ParsedSignal, _env: Env) -> Read:
-    """Binds to the info; each reading is checked, for no space describes it."""
+    """No space describes an info, so every reading is checked."""
 
     def read(_obs: object, _action: object, _reward: object, info: dict[str, Any]) -> float:
         value: Any = info
@@ -70,11 +72,10 @@ def _bind_info(signal: ParsedSignal, _env: Env) -> Read:
             try:
                 value = value[part]
             except (KeyError, IndexError, TypeError):
-                held = (
-                    f"its keys are {listing(value)}{nearest(part, value)}"
-                    if isinstance(value, Mapping)
-                    else f"it has {value!r} before {part!r}"
-                )
+                if isinstance(value, Mapping):
+                    held = f"its keys are {listing(value)}{nearest(part, value)}"
+                else:
+                    held = f"it has {value!r} before {part!r}"
                 kind = AbsentError if isinstance(value, Mapping) else InputError
                 raise kind(f"signal {signal.name!r}: the info has no {signal}; {held}") from None
         return signal.number(value)
@@ -95,6 +96,30 @@ def _bind_mujoco(signal: ParsedSignal, env: Env) -> Number:
     return bind_simulation(signal, simulation)
 
 
+def _bind_vehicle(signal: ParsedSignal, env: Env) -> Number:
+    """Bind an attribute of the vehicle that highway-env's agent drives, and read it once."""
+    simulation: Any = env.unwrapped
+    selector = cast("Selector", signal.reads)
+
+    # Every reset makes a new vehicle.
+    def read(*_: object) -> float:
+        try:
+            value = getattr(simulation.vehicle, selector.field)
+            for part in selector.path:
+                value = value[part]
+        except (AttributeError, IndexError, KeyError, TypeError) as error:
+            vehicle = getattr(simulation, "vehicle", None)
+            known = hasattr(vehicle, selector.field)
+            raise InputError(
+                f"signal {signal.name!r}: cannot read {signal} of {type(simulation).__name__}: "
+                f"{error}{'' if known else nearest(selector.field, dir(vehicle))}"
+            ) from None
+        return signal.number(value)
+
+    read()
+    return read
+
+
 def _of_mujoco(example: str, **syntax: Any) -> Source:  # noqa: ANN401
     return Source(example=example, bind=_bind_mujoco, **syntax)
 
@@ -111,7 +136,7 @@ STEP: Final = {
         example="info['key']", bind=_bind_info, brackets="key", at_reset="maybe", common=True
     ),
 }
-"""What `reset` and `step` of an environment give."""
+"""The results of `reset` and `step` of an environment, in the order of a `Read`."""
 
 MUJOCO: Final = {
     "time": _of_mujoco("time"),
@@ -132,12 +157,63 @@ MUJOCO: Final = {
     "sensor": _of_mujoco("sensor:imu[0]", names=1, field="optional", common=True),
     "contact": _of_mujoco("contact:foot,floor", names=2, field="optional"),
 }
-"""What a MuJoCo simulation gives: its state, and what is read by name."""
+"""A MuJoCo simulation: its state, and its named objects."""
 
 VEHICLE: Final = {
-    "vehicle": Source(example="vehicle.speed", bind=bind_vehicle, field="required", common=True),
+    "vehicle": Source(example="vehicle.speed", bind=_bind_vehicle, field="required", common=True),
 }
-"""What a simulation of highway-env gives."""
+"""A simulation of highway-env."""
 
 SOURCES: Final = {**STEP, **MUJOCO, **VEHICLE}
-"""What the selectors of an environment may begin with."""
+"""The words that selectors of an environment may start with."""
+
+
+def agent_sources(agents: Mapping[str, Hashable], *, hold: bool) -> dict[str, Source]:
+    """Return the words that may follow an agent in a selector, such as ``agent_0: obs[2]``.
+
+    Args:
+        agents: The agents by the names that selectors use.
+        hold: Whether the signal of an absent agent is nan; otherwise it is an error.
+    """
+    first = next(iter(agents))
+    sources = {}
+    for place, (word, row) in enumerate(STEP.items()):
+        bind = partial(_bind_agent, row, place, agents, hold=hold)
+        sources[word] = replace(row, example=f"{first}: {row.example.split(', ')[0]}", bind=bind)
+    return sources
+
+
+_ACTION = 1
+"""The place of the actions among the arguments of a `Read`; they are None at reset."""
+
+
+def _bind_agent(  # a function of the module, for pickle
+    row: Source,
+    place: int,
+    agents: Mapping[str, Hashable],
+    signal: ParsedSignal,
+    env: Any,  # noqa: ANN401 - of PettingZoo's form
+    *,
+    hold: bool,
+) -> Read:
+    """Bind a selector to its agent's part of the arguments of a `Read`, at this place."""
+    agent = agents[cast("Selector", signal.reads).agent]
+    seat: Any = SimpleNamespace(
+        observation_space=env.observation_space(agent), action_space=env.action_space(agent)
+    )
+    read = row.bind(signal, seat)
+
+    def read_part(*parts: Any) -> float:  # noqa: ANN401
+        part = parts[place]
+        if agent in part:
+            own: list[Any] = [None] * len(parts)
+            own[place] = part[agent]
+            return read(*own)
+        if hold and not (signal.maybe_at_reset and parts[_ACTION] is None):
+            return math.nan
+        raise AbsentError(
+            f"signal {signal.name!r}: {signal} has no value, for the agents of this step are "
+            f"{listing(part)}; nan='hold' keeps the last value of an agent that left"
+        )
+
+    return read_part

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NoReturn, cast
 
 from gymnasium import spaces
@@ -12,40 +11,42 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.signals.signals import ParsedSignal
 
-__all__ = ["described", "fit"]
-
 AnySpace = spaces.Space[Any]
 
 
 def fit(signal: ParsedSignal, space: AnySpace, what: str) -> tuple[Any, ...]:
-    """Turns the path of a selector into the indices of one number in the values of a space.
+    """Return the indices of the selector's number in the values of a space.
 
     Args:
-        signal: Has the selector.
-        space: What the values are elements of.
-        what: The space's name, for messages.
+        signal: A signal with a selector.
+        space: The space of the values.
+        what: The name of the space, for messages.
 
     Raises:
         InputError: If there is no such number.
     """
-    refuse = partial(_refuse, signal, space, what)
-    fitted: list[Any] = []
-    path = list(signal.path)
-    while path and isinstance(space, spaces.Dict | spaces.Tuple):
+
+    def refuse(reason: str, way_out: str = "") -> NoReturn:
+        raise InputError(
+            f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
+            f"{described(space)}{way_out}"
+        )
+
+    inner, fitted, path = space, list[Any](), list(signal.path)
+    while path and isinstance(inner, spaces.Dict | spaces.Tuple):
         part = path.pop(0)
         fitted.append(part)
-        if isinstance(space, spaces.Tuple):
-            _check_range(part, len(space.spaces), refuse)
-        elif part not in space.spaces:
-            refuse(f"has no key {part!r}", nearest(part, space.spaces))
-        space = cast("Any", space.spaces)[part]
-    if not isinstance(
-        space, spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary
-    ):
+        if isinstance(inner, spaces.Tuple):
+            _check_range(part, len(inner.spaces), refuse)
+        elif part not in inner.spaces:
+            refuse(f"has no key {part!r}", nearest(part, inner.spaces))
+        inner = cast("Any", inner.spaces)[part]
+    numeric = spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary
+    if not isinstance(inner, numeric):
         refuse("has no number there")
-    shape = space.shape or ()
+    shape = inner.shape or ()
     if len(path) != len(shape):
-        refuse(f"needs {_count(len(shape), 'index')} there")
+        refuse(f"needs {len(shape) or 'no'} {'index' if len(shape) == 1 else 'indices'} there")
     for part, size in zip(path, shape, strict=True):
         _check_range(part, size, refuse)
     if path:
@@ -57,25 +58,12 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
     if isinstance(part, str):
         refuse(f"has no key {part!r}")
     if not -size <= part < size:
-        refuse(f"has {_count(size, 'element')} there, 0 to {size - 1}")
-
-
-def _refuse(
-    signal: ParsedSignal, space: AnySpace, what: str, reason: str, way_out: str = ""
-) -> NoReturn:
-    raise InputError(
-        f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
-        f"{described(space)}{way_out}"
-    )
-
-
-def _count(number: int, noun: str) -> str:
-    plural = {"index": "indices", "element": "elements"}[noun]
-    return f"{number or 'no'} {noun if number == 1 else plural}"
+        count = f"{size or 'no'} element{'' if size == 1 else 's'}"
+        refuse(f"has {count} there, 0 to {size - 1}")
 
 
 def described(space: AnySpace) -> str:
-    """Describes a space without its bounds, which fill a page for a robot."""
+    """Describe a space without its bounds, which fill a page for a robot."""
     match space:
         case spaces.Dict():
             inner = ", ".join(f"{key!r}: {described(part)}" for key, part in space.spaces.items())
@@ -84,5 +72,4 @@ def described(space: AnySpace) -> str:
             return f"Tuple({', '.join(described(part) for part in space.spaces)})"
         case spaces.Box():
             return f"Box(shape={space.shape}, dtype={space.dtype})"
-        case _:
-            return str(space)
+    return str(space)

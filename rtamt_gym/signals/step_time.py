@@ -1,4 +1,4 @@
-"""A comparison of the period of samples with what an environment states and what its time shows."""
+"""A comparison of the period of samples with the stated period and the clock of an environment."""
 
 from __future__ import annotations
 
@@ -13,49 +13,52 @@ from numpy.typing import NDArray
 from rtamt import StateError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.signals.periods import StatedTimes, simulations
-from rtamt_gym.signals.simulation_time import SimulationClock, StepCount, clock_of
-
-__all__ = ["AGAIN", "STEPS", "ReadPeriod", "StepTime", "StepTimes"]
+from rtamt_gym.signals.periods import (
+    SimulationClock,
+    StatedTimes,
+    StepCount,
+    clock_of,
+    simulations,
+)
 
 ReadPeriod = Callable[[Any], float | None]
-"""A function that reads the period that an environment states now."""
+"""Returns the period that an environment states now."""
 
 STEPS = 10
-"""How many steps of the first episode are compared."""
+"""The number of steps of the first episode that are compared."""
 
 AGAIN = 2
-"""How many steps of each later episode are compared, as a reset may change the time of a step."""
+"""The number of steps of each later episode, as a reset may change the time of a step."""
 
 _SLACK = 0.001
-"""How much of a period a time may differ from what it should be: it is a sum, which is rounded."""
+"""The tolerance in periods, because the time is a rounded sum."""
 
 
 class StepTime:
-    """Compares a period with the environment at each reset, and with its time in the first steps.
+    """Compares a period with the environment at each reset, and with its clock in the first steps.
 
-    A period that was read, and that a bound depends on, must stay what it was: a change is an
-    error. All other differences are warnings, each once. A period of 1 that was set counts steps,
-    and is compared with nothing.
+    A period that was read from the environment, and that a bound depends on, must not change: a
+    change is an error. All other differences are warnings, each once. A period of 1 that the user
+    has set counts steps, and is compared with nothing.
 
-    The time of MuJoCo is ``data.time``, the time of highway-env is
+    The clock of MuJoCo is ``data.time``, the clock of highway-env is
     ``steps / config["simulation_frequency"]``. For all others, the innermost `TimeLimit` counts
-    steps, which shows a wrapper inside the monitor that repeats actions.
+    steps, which reveals a wrapper inside the monitor that repeats actions.
 
     Args:
-        env: The environment, one or a vector.
+        env: The environment, or a vector environment.
         period: Seconds between samples.
-        read: What reads the period that the environment states.
+        read: Reads the period that the environment states.
         was_read: Whether the period was read, not set.
         timed: Whether a specification has bounds in time.
         substeps: Whether there are several samples in a step.
-        stated: What the environment states now; None if it states nothing, or to read it at the
-            first reset.
+        stated: The period that the environment states now; None if there is none, or to read it at
+            the first reset.
 
     Attributes:
-        samples: The samples since the reset without the sample of the reset.
-        left: How many more steps are compared in this episode; 0 until a reset.
-        reported: The times of a step that warnings have reported; many environments share it.
+        samples: The samples since the reset, without the sample of the reset.
+        left: The number of steps that are still to be compared in this episode; 0 until a reset.
+        reported: The times of a step in earlier warnings; many environments share the list.
     """
 
     def __init__(
@@ -78,28 +81,28 @@ class StepTime:
         self._clock: SimulationClock | None = None
         self._counts_steps = period == 1.0 and not was_read
         if not self._counts_steps:
-            inside = [clock_of(each) for _, each in simulations(env.unwrapped)]
+            inside = [clock_of(inner) for _, inner in simulations(env.unwrapped)]
             self._clock = next(filter(None, inside), None)
-        self._states_time = self._clock is not None
+        self._has_clock = self._clock is not None
         if self._clock is None and was_read and not substeps:
             self._clock = StepCount.of(env, period)
-        self._begun, self._due = 0.0, STEPS
+        self._start, self._due = 0.0, STEPS
         self.samples = self.left = 0
         self.reported: list[float] = []
 
     def begin(self) -> None:
-        """Compare the period after a reset, and take the time of sample 0.
+        """Compare the period after a reset; the clock shows the time of sample 0.
 
         Raises:
-            StateError: If the environment states another period than the one that was read.
+            StateError: If the environment states another period than before.
         """
         self._compare_stated()
         if self._clock is not None:
-            self._begun, self.samples = self._clock.read(), 0
+            self._start, self.samples = self._clock.read(), 0
             self.left, self._due = self._due, AGAIN
 
     def step(self, samples: int = 1) -> None:
-        """Compare the time after a step, in which so many samples were taken.
+        """Compare the clock after a step in which so many samples were taken.
 
         Raises:
             StateError: If it differs from the period that was read and a bound depends on it.
@@ -107,13 +110,20 @@ class StepTime:
         if not self.left or self._clock is None:
             return
         self.samples += samples
-        elapsed = self._clock.read() - self._begun
-        # A time that stands still, or was set back, is not a time.
+        elapsed = self._clock.read() - self._start
+        # A clock that stands still, or was set back, is not a clock.
         if elapsed <= 0.0 or abs(elapsed - self.samples * self._period) <= _SLACK * self._period:
             self.left -= 1
             return
         lasts = elapsed / self.samples
-        error = self._error(lasts, self._clock.what)
+        source = f"{self._env.unwrapped} says" if self._was_read else "period= says"
+        error = StateError(
+            f"expected samples {self._period:g} s apart, as {source}, got {lasts:g} s by "
+            f"{self._clock.what}: bounds last {lasts / self._period:g} times what they say; where "
+            "a wrapper inside makes several steps in one, give ",
+            Argument("period", round(lasts, 9)),
+            ", or put the monitor inside of it",
+        )
         if self._was_read and self._timed:
             raise error
         self.left = 0
@@ -135,7 +145,7 @@ class StepTime:
             self._values = values
             return
         self._stated, self._values = stated, values
-        if self._states_time or stated is None or before is None or math.isclose(stated, before):
+        if self._has_clock or stated is None or before is None or math.isclose(stated, before):
             return
         if not math.isclose(stated, self._period):
             self._warn(
@@ -147,53 +157,37 @@ class StepTime:
 
     def _warn(self, lasts: float, text: str) -> None:
         """Warn of a time of a step, unless a warning has reported it."""
-        if not any(math.isclose(lasts, each, rel_tol=_SLACK) for each in self.reported):
+        if not any(math.isclose(lasts, time, rel_tol=_SLACK) for time in self.reported):
             self.reported.append(lasts)
             warnings.warn(text, UserWarning, stacklevel=caller_level())
 
-    def _error(self, lasts: float, time: str) -> StateError:
-        says = f"{self._env.unwrapped} says" if self._was_read else "period= says"
-        return StateError(
-            f"expected samples {self._period:g} s apart, as {says}, got {lasts:g} s by "
-            f"{time}: bounds last {lasts / self._period:g} times what they say; where a "
-            "wrapper inside makes several steps in one, give ",
-            Argument("period", round(lasts, 9)),
-            ", or put the monitor inside of it",
-        )
-
 
 class StepTimes:
-    """The same for a vector environment: each environment of a `SyncVectorEnv` by itself.
+    """The `StepTime` of each environment of a `SyncVectorEnv`.
 
-    All other vector environments state one period, which is compared at every reset of some.
+    All other vector environments have one, which is compared at every reset of some environments.
 
     Args:
         env: The vector environment.
-        make: Makes the comparison of an environment, one or a vector; None: there is no period.
+        make: Returns the `StepTime` of an environment or a vector; None if there is no period.
     """
 
     def __init__(self, env: Any, make: Callable[[Any], StepTime] | None) -> None:  # noqa: ANN401
         base = env.unwrapped
-        self._alone: StepTime | None = None
+        self._shared: StepTime | None = None
         self._times: Sequence[StepTime] = ()
-        if make is None:
-            pass
-        elif isinstance(base, SyncVectorEnv):
-            self._times = [make(each) for each in base.envs]
+        if make is not None and isinstance(base, SyncVectorEnv):
+            self._times = [make(single) for single in base.envs]
             for time in self._times:
                 time.reported = self._times[0].reported
-        else:
-            self._alone = make(env)
+        elif make is not None:
+            self._shared = make(env)
         self._compared: set[int] = set()
 
     def begin(self, lanes: NDArray[Any]) -> None:
-        """Compare the environments of a mask, which were reset.
-
-        Raises:
-            StateError: As `StepTime.begin` does.
-        """
-        if self._alone is not None:
-            self._alone.begin()
+        """Compare the environments of a mask after their reset."""
+        if self._shared is not None:
+            self._shared.begin()
         if self._times:
             for lane in lanes.nonzero()[0].tolist():
                 self._times[lane].begin()
@@ -201,14 +195,7 @@ class StepTimes:
                     self._compared.add(lane)
 
     def step(self, again: NDArray[Any] | None) -> None:
-        """Compare the step of all environments.
-
-        Args:
-            again: The environments that the step has reset; None: none.
-
-        Raises:
-            StateError: As `StepTime.step` does.
-        """
+        """Compare the step of all environments; ``again`` are those that it has reset."""
         if self._compared:
             for lane in sorted(self._compared):
                 if again is None or not again[lane]:

@@ -1,4 +1,4 @@
-"""What stands between two wrappers and keeps what passes; and what rescales observations there."""
+"""Wrappers that rescale observations, and taps that read the observations beneath them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,13 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.signals.signals import ParsedSignal
 
-__all__ = ["StaysOpen", "Tap", "VectorTap", "rescaling", "tapped"]
-
 
 class Tap(gym.Wrapper[Any, Any, Any, Any]):
-    """Stands around an environment, and keeps what it has shown last.
+    """A wrapper that keeps the last results of an environment.
 
     Attributes:
-        seen: Observation, action, reward and info of the last step; at a reset action and reward
-            are None.
+        seen: Observation, action, reward and info of the last step; action and reward are None
+            after a reset.
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
@@ -30,28 +28,28 @@ class Tap(gym.Wrapper[Any, Any, Any, Any]):
         self.seen: tuple[Any, Any, Any, Any] = None, None, None, {}
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
-        """Resets the environment."""
+        """Reset the environment."""
         obs, info = self.env.reset(**options)
         self.seen = obs, None, None, info
         return obs, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Steps the environment."""
+        """Step the environment."""
         result = self.env.step(action)
         self.seen = result[0], action, result[1], result[4]
         return result
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
-        """The spec of the environment, without this wrapper: outer wrappers add theirs to it."""
+        """The spec without this wrapper, to which outer wrappers add theirs."""
         return self.env.spec
 
 
 class StaysOpen:
-    """A part of vector environments: they stay open when they are collected.
+    """A mixin for vector environments that stay open when they are collected.
 
-    Gymnasium before 1.3 closes a collected vector environment, also the environment in a wrapper
-    whose constructor failed.
+    Gymnasium before 1.3 closes a collected vector environment, and the environment in a wrapper
+    whose constructor has failed.
     """
 
     def __del__(self) -> None:
@@ -59,12 +57,12 @@ class StaysOpen:
 
 
 class VectorTap(StaysOpen, VectorWrapper):
-    """Stands around a vector environment, and keeps what it has shown last.
+    """A wrapper that keeps the last results of a vector environment.
 
     Attributes:
         shown: Observations and infos of the last reset.
         actions: The actions of the last step.
-        result: What the last step has given.
+        result: The result of the last step.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
@@ -74,12 +72,12 @@ class VectorTap(StaysOpen, VectorWrapper):
         self.result: Any = None
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
-        """Resets the environment."""
+        """Reset the environment."""
         obs, infos = self.shown = self.env.reset(**options)
         return obs, infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:  # noqa: ANN401
-        """Steps the environment."""
+        """Step the environment."""
         self.actions = actions
         result = self.result = self.env.step(actions)
         return result
@@ -91,7 +89,7 @@ _RESCALING = (
     wrappers.vector.NormalizeObservation,
     wrappers.vector.RescaleObservation,
 )
-"""The wrappers that are recognised: they keep the shape of observations and change their units."""
+"""Wrappers that keep the shape of observations and change their units."""
 
 
 def rescaling(
@@ -101,20 +99,20 @@ def rescaling(
     below: bool,
     rescaled: bool,
 ) -> Any:  # noqa: ANN401
-    """The innermost wrapper inside that rescales observations, if signals are read beneath it.
+    """Return the innermost wrapper that rescales observations, if signals are read beneath it.
 
     Args:
         env: The environment.
-        signals: What is read from it.
-        below: Whether they are to be read beneath such wrappers.
-        rescaled: Whether what such wrappers give is meant.
+        signals: The signals.
+        below: Whether they are read beneath these wrappers, in the ``env`` of the returned one.
+        rescaled: Whether they are read from the rescaled observations.
 
     Returns:
-        The wrapper, in whose ``env`` the signals are read; None: they are read in ``env``.
+        The wrapper; None if the signals are read in ``env``.
 
     Raises:
-        InputError: If a signal would read rescaled observations, and nobody has said that it is to;
-            if both is asked for, or there is nothing beneath which to read.
+        InputError: If a signal would read rescaled observations and neither option is set; if both
+            are set; or if there is no rescaling wrapper for ``below``.
     """
     if below and rescaled:
         raise InputError(
@@ -125,10 +123,10 @@ def rescaling(
         )
     if rescaled:
         return None
-    found = _innermost(env)
-    if below and isinstance(found, _RESCALING):
-        return found
-    inside = None if found is not None else _in_each(env)
+    rescaler = _innermost(env)
+    if below and rescaler is not None:
+        return rescaler
+    inside = None if rescaler is not None else _in_each(env)
     if below:
         where = "" if inside is None else f", but for a {inside} in each of its environments"
         raise InputError(
@@ -137,11 +135,10 @@ def rescaling(
             f", got none in {env}{where}; "
             + ("leave it out" if inside is None else "wrap each environment with StlMonitor"),
         )
-    name = type(found).__name__ if found is not None else inside
-    reading = [each for each in signals if each.source in {"obs", None}]
-    if name is None or not reading:
+    name = type(rescaler).__name__ if rescaler is not None else inside
+    signal = next((each for each in signals if each.source in {"obs", None}), None)
+    if name is None or signal is None:
         return None
-    signal = reading[0]
     what = f"{signal} is given" if signal.source is None else f"{signal} reads"
     below_it = Argument("below", value=True)
     ways: tuple[object, ...] = ("pass ", below_it, " to read beneath it, ")
@@ -158,7 +155,7 @@ def rescaling(
 
 
 def tapped(rescaler: Any) -> Any:  # noqa: ANN401
-    """The tap between a wrapper and its environment, which is made where there is none."""
+    """Return the tap between a wrapper and its environment; add one if necessary."""
     inner = rescaler.env
     if not isinstance(inner, Tap | VectorTap):
         inner = rescaler.env = VectorTap(inner) if isinstance(inner, VectorEnv) else Tap(inner)
@@ -166,17 +163,17 @@ def tapped(rescaler: Any) -> Any:  # noqa: ANN401
 
 
 def _innermost(env: Any) -> Any:  # noqa: ANN401
-    found = None
+    rescaler = None
     while isinstance(env, gym.Wrapper | VectorWrapper):
         if isinstance(env, _RESCALING):
-            found = env
+            rescaler = env
         env = env.env
-    return found
+    return rescaler
 
 
 def _in_each(env: Any) -> str | None:  # noqa: ANN401
-    """The name of the wrapper that rescales in an environment of a `SyncVectorEnv`."""
+    """Return the name of the rescaling wrapper in an environment of a `SyncVectorEnv`."""
     base = getattr(env, "unwrapped", env)
     inside: Collection[Any] = base.envs if isinstance(base, SyncVectorEnv) else ()
-    names = [type(found).__name__ for each in inside if (found := _innermost(each)) is not None]
-    return names[0] if names else None
+    rescalers = (_innermost(single) for single in inside)
+    return next((type(each).__name__ for each in rescalers if each is not None), None)

@@ -1,11 +1,8 @@
-"""The contracts of what other packages add: trace formats, optimizers, systems.
+"""The contracts of trace formats, optimizers and systems of other packages.
 
-The tests of such a package call these functions, as ours do; an `AssertionError` says what is not
-kept, and by which file, points or samples.
+The tests of such a package call these functions; an `AssertionError` states the broken claim.
 """
 
-from rtamt_gym.testing.formats import check_trace_format
-from rtamt_gym.testing.optimizers import check_optimizer
-from rtamt_gym.testing.systems import check_system
+from rtamt_gym.testing.contracts import check_optimizer, check_system, check_trace_format
 
 __all__ = ["check_optimizer", "check_system", "check_trace_format"]

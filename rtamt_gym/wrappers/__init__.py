@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 from rtamt_gym.checks.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from rtamt_gym.signals.batches import batched
-    from rtamt_gym.wrappers.shared_buffers import SharedBuffers
-    from rtamt_gym.wrappers.vector_forms import as_vector_env
+    from rtamt_gym.signals.signals import batched
+    from rtamt_gym.wrappers.vector_forms import SharedBuffers, as_vector_env
 
 __all__ = [
     "SharedBuffers",
@@ -19,8 +18,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
-            "SharedBuffers": "rtamt_gym.wrappers.shared_buffers.SharedBuffers",
+            "SharedBuffers": "rtamt_gym.wrappers.vector_forms.SharedBuffers",
             "as_vector_env": "rtamt_gym.wrappers.vector_forms.as_vector_env",
-            "batched": "rtamt_gym.signals.batches.batched",
+            "batched": "rtamt_gym.signals.signals.batched",
         },
     )

@@ -1,4 +1,4 @@
-"""What the monitors of one environment share: its samples, its end, the record of an episode."""
+"""The core of the monitors of one environment: its samples, its end, the record of an episode."""
 
 from __future__ import annotations
 
@@ -21,28 +21,23 @@ from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap
 from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
 
-__all__ = ["EpisodeMonitoring"]
-
-EpisodeOutcomes = tuple[dict[str, Any], bool, str | None, int | None]
-"""The outcomes; whether a specification is violated, which was first, and at which sample."""
-
 
 class EpisodeMonitoring(Monitoring):
-    """The base of `StlMonitor` and `ParallelStlMonitor`."""
+    """The base of `StlMonitor` and `ParallelStlMonitor`: one episode at a time."""
 
     stl_episodes: deque[dict[str, Any]]
     _panel: Panel
     _history: bool
-    _watch: StepTime | None = None
-    """What compares the period with the environment; None without a period."""
+    _time: StepTime | None = None
+    """Compares the period with the environment; None without a period."""
     _comparing: Feed
-    """Feeds in the first steps of an episode, and compares the time."""
+    """Updates the monitors in the first steps of an episode, and compares the time."""
     _newest: dict[str, float] | None = None
 
     def newest_signals(self) -> dict[str, float]:
-        """The signals of the newest sample by name, in a dictionary that every sample changes.
+        """Return the signals of the newest sample, in a dictionary that every sample changes.
 
-        They are kept from the first call on, so it is empty until the next sample.
+        They are recorded from the first call on, so it is empty until the next sample.
         """
         if self._newest is None:
             self._newest = {}
@@ -56,7 +51,7 @@ class EpisodeMonitoring(Monitoring):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The least and the greatest that the robustness can still become."""
+        """The lower and the upper bound of the robustness of the episode."""
         return self._panel.lower, self._panel.upper
 
     @property
@@ -67,7 +62,7 @@ class EpisodeMonitoring(Monitoring):
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, counting the sample of the reset."""
+        """The number of samples since :meth:`reset`, including the sample of the reset."""
         return self._panel.samples
 
     @property
@@ -76,17 +71,17 @@ class EpisodeMonitoring(Monitoring):
         return dict(self._panel.monitors)
 
     def explain(self, name: str | None = None) -> Explanation:
-        """Which sub-formulas and samples decided the robustness of the episode so far.
+        """Return the sub-formulas and samples that decided the robustness of the episode so far.
 
-        It needs ``history=True``. After the last step it is about the whole episode, until the next
-        :meth:`reset`; inside a vector environment that resets by itself, that is too late. Below
-        other wrappers it is ``env.get_wrapper_attr("explain")()``. With ``view="step"`` it is about
-        the worst instant: about ``always`` of the formula. A violation that ``at_termination=
-        "failure"`` makes changes no robustness, and so no explanation.
+        Needs ``history=True``. After the last step it explains the whole episode, until the next
+        :meth:`reset`, which is too late in a vector environment that resets by itself. Below other
+        wrappers, call ``env.get_wrapper_attr("explain")()``. With ``view="step"`` it explains
+        ``always`` of the formula, that is, the worst instant. A violation by
+        ``at_termination="failure"`` changes no robustness, and so no explanation.
 
         Args:
-            name: The specification. None: the one that was violated first, or if none was the one
-                with the least robustness.
+            name: The specification. None: the one that was violated first, or the one with the
+                minimum robustness if none was violated.
 
         Raises:
             InputError: If there is no such specification.
@@ -120,8 +115,8 @@ class EpisodeMonitoring(Monitoring):
         return Panel(specs, self._of_monitors, self._cost, history=self._history)
 
     @property
-    def _told_period(self) -> np.float64 | None:
-        """What the info of a reset says of the period."""
+    def _period_info(self) -> np.float64 | None:
+        """The period in the info of a reset."""
         period = self._panel.period
         return None if period is None else np.float64(period)
 
@@ -138,38 +133,38 @@ class EpisodeMonitoring(Monitoring):
         self._feed_reset: Feed = feed_reset
 
     def _compared(self, feed: Feed, *, substeps: bool = False) -> Feed:
-        """Return the function that feeds; in the first steps of an episode it compares the time."""
-        watch, panel = self._watch, self._panel
-        if watch is None:
+        """Return a `Feed` that also compares the time in the first steps of an episode."""
+        time, panel = self._time, self._panel
+        if time is None:
             return feed
 
         def compare_and_feed(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
-            watch.step(panel.samples - 1 - watch.samples if substeps else 1)
-            if not watch.left:
+            time.step(panel.samples - 1 - time.samples if substeps else 1)
+            if not time.left:
                 self._feed = feed
             return feed(*step)
 
         self._comparing = compare_and_feed
-        return compare_and_feed if watch.left else feed
+        return compare_and_feed if time.left else feed
 
     def _begin_times(self) -> None:
-        """Compare the period after a reset of the environment; the time now is that of sample 0.
+        """Compare the period after a reset of the environment, at the time of sample 0.
 
         Raises:
             StateError: If the environment has changed its period since construction.
         """
-        if self._watch is not None:
-            self._watch.begin()
-            if self._watch.left:
+        if self._time is not None:
+            self._time.begin()
+            if self._time.left:
                 self._feed = self._comparing
 
     def _readings(self) -> Sequence[ParsedSignal]:
-        """The signals; where somebody wants to see them, such that their values are kept."""
+        """Return the signals, which record their values after a call of `newest_signals`."""
         newest = self._newest
         if newest is None:
             return self._signals
         return [
-            _Kept(each.name, each.reads, each.default, each.row, each.refuses_nan, newest)
+            _Recorded(each.name, each.reads, each.default, each.row, each.refuses_nan, newest)
             for each in self._signals
         ]
 
@@ -182,7 +177,7 @@ class EpisodeMonitoring(Monitoring):
             )
 
     def _how_to_end(self) -> str:
-        """What a verdict on all specifications, certain before any end, does to the episode."""
+        """Return how verdicts that are certain before any end change the episode."""
         panel = self._panel
         if panel.violated_by is not None:
             words = [self._on_violation[name] for name in panel.violated]
@@ -190,63 +185,75 @@ class EpisodeMonitoring(Monitoring):
         return self._on_satisfaction if panel.all_decided else "report"
 
     def _finish(self, terminated: bool) -> Assessment:  # noqa: FBT001 - as Gymnasium has it
-        """Reads the end that the environment has made; returns robustness and bounds after it."""
+        """Evaluate the environment's own end; return robustness and bounds after it."""
         panel = self._panel
         if not terminated:
             return panel.finish(self._at_truncation)
-        if not self._unasked:
+        if not self._warns_of_open_end:
             return panel.finish(self._at_termination)
         undecided, windows = panel.undecided, panel.cut_windows()
-        found = panel.finish(self._at_termination)
+        assessment = panel.finish(self._at_termination)
         self._assumed = assumed([name for name in undecided if panel.satisfies(name)], windows)
-        return found
+        return assessment
 
-    def _add_last(self, info: dict[str, Any], found: EpisodeOutcomes) -> None:
-        """Adds the keys that only a last info has; an ``is_success`` that it has already stays."""
-        panel, reported = self._panel, "is_success" in info
-        info.update(present(last_info(*found, panel.success, bool(panel.undecided), reported)))
-        self._seen_success |= reported
+    def _conclude(self, infos: Sequence[dict[str, Any]], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
+        """Add the keys of last infos, keep an own ``is_success``, and record the episode."""
+        panel, violation = self._panel, self._violation()
+        for info in infos:
+            own = "is_success" in info
+            last = last_info(*violation, panel.success, bool(panel.undecided), own)
+            info.update(present(last))
+            self._seen_success |= own
+        self._record(violation, terminated=terminated, truncated=truncated)
 
-    def _found(self) -> EpisodeOutcomes:
+    def _violation(self) -> tuple[dict[str, Any], bool, str | None, int | None]:
+        """Return outcomes, whether there is a violation, the first violated name, its sample."""
         panel = self._panel
         by = panel.violated_by
         return panel.outcomes(), by is not None, by, panel.violated_at
 
-    def _record(self, found: EpisodeOutcomes, *, terminated: bool, truncated: bool) -> None:
-        made = record(*found, self._panel.samples, bool(terminated), bool(truncated))
-        self.stl_episodes.append(present(made))
+    def _record(
+        self,
+        violation: tuple[dict[str, Any], bool, str | None, int | None],
+        *,
+        terminated: bool,
+        truncated: bool,
+    ) -> None:
+        samples = self._panel.samples
+        episode = record(*violation, samples, bool(terminated), bool(truncated))
+        self.stl_episodes.append(present(episode))
 
     def _abandon(self) -> bool:
-        """Records an episode that goes on as truncated; returns whether there was one."""
+        """Record a running episode as truncated; return whether there was one."""
         running, self._running = self._running and self._panel.samples > 1, False
         if running:
             self._panel.finish(self._at_truncation)
-            self._record(self._found(), terminated=False, truncated=True)
+            self._record(self._violation(), terminated=False, truncated=True)
         return running
 
 
 def _fed_by(tap: Tap, feed: Feed) -> Feed:
-    """The function that feeds what a tap has kept, whatever it is given."""
+    """Return a `Feed` of the last results of a tap, which ignores its arguments."""
     return lambda *_: feed(*tap.seen)
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept(ParsedSignal):
-    """A signal whose newest value is kept: read once, for the monitors and for who looks on."""
+class _Recorded(ParsedSignal):
+    """A signal whose newest value is recorded: it is read once, for all readers."""
 
     newest: dict[str, float] = field(default_factory=dict)
 
     def bind(self, env: Env) -> Read:
-        return self._keeping(ParsedSignal.bind(self, env))
+        return self._recording(ParsedSignal.bind(self, env))
 
     def bind_reset(self, env: Env) -> Read:
-        return self._keeping(ParsedSignal.bind_reset(self, env))
+        return self._recording(ParsedSignal.bind_reset(self, env))
 
-    def _keeping(self, read: Read) -> Read:
+    def _recording(self, read: Read) -> Read:
         newest, name = self.newest, self.name
 
-        def kept(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
+        def read_and_record(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
             value = newest[name] = read(obs, action, reward, info)
             return value
 
-        return kept
+        return read_and_record

@@ -1,39 +1,61 @@
-"""What the wrappers share that append the state of monitors to observations."""
+"""The state of monitors as bounded numbers, appended to observations.
+
+For every specification, in their order:
+
+| number | range |
+|---|---|
+| robustness, times the weight | [-clip, clip] |
+| lower and upper bound of the robustness of the episode, times the weight | [-clip, clip] |
+| time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
+| the verdict: 1 certainly satisfied, -1 certainly violated, 0 undecided | [-1, 1] |
+| for each temporal operator in `StateFeatures.operators`, its clock | [0, 1] |
+| and the newest known robustness of each operand, times the weight | [-clip, clip] |
+
+The functions take floats of one environment, or arrays of shape (environments,); the features of
+several environments are an array of shape (environments, features).
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Any, Literal, get_args
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.judging.clocks import Owed
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.shaping import Numeric, scaled
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.wrappers.clipping import ObservedWatch
-from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
-
-__all__ = ["Observe", "Observing"]
 
 Observe = Literal["state", "obligations"]
-"""What is appended to the observation."""
+"""The numbers that are appended to the observation."""
+
+KEY = "stl"
+"""The key of the features in a dictionary of observations."""
+
+_NAMES = ("robustness", "lower", "upper", "time left", "verdict")
 
 
 class Observing:
-    """A base of wrappers of one environment, and of wrappers of many."""
+    """The base of the wrappers that can append the state of monitors to observations."""
 
     _state: StateFeatures | None = None
-    """What is appended to the observation; None if nothing is."""
+    """The features; None if nothing is appended."""
     _observe: Observe | None
-    _shown_of: tuple[str, ...]
+    _shown_specs: tuple[str, ...]
 
     def _set_up_observations(
         self,
@@ -46,25 +68,25 @@ class Observing:
         *,
         whole: bool = False,
     ) -> None:
-        """Checks what is to be observed, and makes the spaces of it.
+        """Check ``observe`` and ``clip``, and make the observation spaces.
 
         Args:
             env: The environment inside of the wrapper.
             observe: The argument of the wrapper.
-            clip: The argument of the wrapper: the bound of the numbers appended.
+            clip: The argument of the wrapper: the bound of the appended numbers.
             monitors: The monitors of each specification: ``(robustness source, judge)``.
-            track: Makes the monitors follow what temporal operators owe.
+            track: Makes the monitors track pending obligations.
             weights: A factor of the robustness of each specification; None: 1.
-            whole: Whether the robustness shown judges the whole episode in every view.
+            whole: Whether the robustness is the robustness of the whole episode in every view.
 
         Raises:
-            InputError: If ``observe`` or ``clip`` is not what it can be, if nothing can be
-                appended, or if a wrapper inside appends the state already.
+            InputError: If an argument is wrong, if nothing can be appended, or if a wrapper inside
+                appends the state already.
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
-        self._state, self._observe, self._shown_of = None, observe, tuple(monitors)
-        self._looking: ObservedWatch | None = None
+        self._state, self._observe, self._shown_specs = None, observe, tuple(monitors)
+        self._observed_watch: ObservedWatch | None = None
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__, observe)
@@ -73,7 +95,7 @@ class Observing:
         operators = tuple(map(tuple, track())) if observe == "obligations" else None
         self._state = StateFeatures(factors, bound, horizons, whole=whole, operators=operators)
         num = env.num_envs if isinstance(env, VectorEnv) else 1
-        self._looking = ObservedWatch(observe, self._shown_of, factors, bound, num)
+        self._observed_watch = ObservedWatch(observe, self._shown_specs, factors, bound, num)
         wrapper: Any = self  # of one environment, or of many
         if isinstance(env, VectorEnv):
             space = appended_space(env.single_observation_space, self._state.box, observe)
@@ -87,7 +109,7 @@ class Observing:
     def _follow_monitors(
         self, monitors: Mapping[str, tuple[Any, Any]], track: Callable[[], list[list[Obligation]]]
     ) -> None:
-        """Shows other monitors from now on, of as many operators: constants have changed."""
+        """Observe other monitors with as many operators, after a change of constants."""
         state = self._state
         if state is not None:
             operators = None if state.operators is None else tuple(map(tuple, track()))
@@ -95,7 +117,7 @@ class Observing:
 
     @property
     def observed(self) -> list[str]:
-        """What each number is that is appended to the observation, in their order.
+        """The names of the numbers that are appended to the observation, in their order.
 
         Example:
             >>> import gymnasium as gym
@@ -106,8 +128,8 @@ class Observing:
             ...     {"x": "obs[0]"},
             ...     observe="obligations",
             ... )
-            >>> for what in env.observed:
-            ...     print(what)
+            >>> for name in env.observed:
+            ...     print(name)
             spec: robustness
             spec: lower
             spec: upper
@@ -116,50 +138,50 @@ class Observing:
             spec: clock of eventually[0:1](x > 0)
             spec: margin of x > 0
         """
-        return [] if self._state is None else self._state.names(self._shown_of)
+        return [] if self._state is None else self._state.names(self._shown_specs)
 
     def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
-        """The observation, or the batch of them, with what is to be appended."""
+        """Return the observation, or a batch of them, with the features."""
         return obs if self._state is None else append(obs, self._state.read(values))
 
-    def _look_at_reset(self, values: MonitorValues[Any], lanes: Lanes | None = None) -> None:
-        """Sees what is observed at the resets of the environments of the mask; None: of all."""
-        if self._looking is not None:
-            self._looking.reset(self._shown_robustness(values), lanes)
-            self._tell_of_clip()
+    def _watch_reset(self, values: MonitorValues[Any], lanes: Lanes | None = None) -> None:
+        """Count the features of the reset of the environments of the mask; None: of all."""
+        if self._observed_watch is not None:
+            self._observed_watch.reset(self._shown_robustness(values), lanes)
+            self._warn_of_clip()
 
-    def _look(self, values: MonitorValues[Any], ended: Any) -> None:  # noqa: ANN401 - a bool, or many
-        """Sees what is observed after a step, which has ended some episodes."""
-        watch = self._looking
+    def _watch_step(self, values: MonitorValues[Any], ended: Any) -> None:  # noqa: ANN401 - a bool, or many
+        """Count the features of a step, which has ended some episodes."""
+        watch = self._observed_watch
         if watch is None:
             return
         robustness = self._shown_robustness(values)
         watch.step(robustness)
         if ended is not False and np.any(ended):
             watch.end(robustness, np.atleast_1d(ended))
-            self._tell_of_clip()
+            self._warn_of_clip()
 
     def _shown_robustness(self, values: MonitorValues[Any]) -> Sequence[Any]:
         whole = self._state is not None and self._state.whole
         return values.judged if whole else values.robustness
 
-    def _tell_of_clip(self) -> None:
-        """Warns once ten episodes have ended, if most samples were clipped."""
-        watch = self._looking
+    def _warn_of_clip(self) -> None:
+        """Warn once ten episodes have ended, if most samples were clipped."""
+        watch = self._observed_watch
         if watch is not None and watch.finished:
-            self._looking = None
+            self._observed_watch = None
             if watch.report is not None:
                 warnings.warn(watch.report, UserWarning, stacklevel=caller_level())
 
-    def _observed_last(
+    def _append_to_final(
         self,
         infos: dict[str, Any],
         values: MonitorValues[Any] | None,
         ended: Lanes | None,
     ) -> None:
-        """Appends to the observations from before the resets in a step: ``final_obs``.
+        """Append features to ``final_obs``, the observations from before the resets in a step.
 
-        ``values`` are those from before the resets, ``ended`` says where; None: there were none.
+        ``values`` are the values before the resets, ``ended`` is the mask; None: no resets.
         """
         if self._state is None or values is None or ended is None or "final_obs" not in infos:
             return
@@ -187,3 +209,147 @@ def _refuse_twice(env: Any, name: str, observe: Observe) -> None:  # noqa: ANN40
                 f"the {inner} inside of it has appended already; give observe= to one of them"
             )
         env = env.env
+
+
+@dataclass(frozen=True, slots=True)
+class StateFeatures:
+    """The numbers that are appended to observations.
+
+    Attributes:
+        weights: A factor of the numbers of each specification.
+        clip: The bound to which they are clipped.
+        horizons: For each specification, the samples after the first that it depends on.
+        whole: Whether the robustness is the robustness of the whole episode in every view.
+        operators: For each specification, the temporal operators whose clocks and margins are
+            included; None: no operators.
+    """
+
+    weights: tuple[float, ...]
+    clip: float
+    horizons: tuple[int | None, ...]
+    whole: bool = False
+    operators: tuple[tuple[Obligation, ...], ...] | None = None
+
+    @property
+    def box(self) -> spaces.Box:
+        """The space of the features."""
+        bound = self.clip
+        low: list[float] = []
+        high: list[float] = []
+        for operators in self.operators or ((),) * len(self.weights):
+            low += [-bound, -bound, -bound, 0.0, -1.0]
+            high += [bound, bound, bound, 1.0, 1.0]
+            for operator in operators:
+                margins = [bound] * len(operator.operands)
+                low += [0.0, *(-margin for margin in margins)]
+                high += [1.0, *margins]
+        return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+
+    def names(self, specs: Iterable[str]) -> list[str]:
+        """Return a name for each feature, for a reader."""
+        names = []
+        for spec, operators in zip(specs, self.operators or repeat(()), strict=False):
+            names += [f"{spec}: {name}" for name in _NAMES]
+            for operator in operators:
+                names.append(f"{spec}: clock of {operator.formula}")
+                names += [f"{spec}: margin of {operand}" for operand in operator.operands]
+        return names
+
+    def read(self, values: MonitorValues[Numeric]) -> NDArray[np.float32]:
+        """Return the features of all specifications."""
+        if not isinstance(values.samples, np.ndarray):
+            return np.array(self._of_one(values), np.float32)
+        return np.array(self.rows(values), np.float32).T
+
+    def rows(self, values: MonitorValues[Any]) -> list[Any]:
+        """Return the features of many environments, an array of any library for each feature."""
+        robustness = values.judged if self.whole else values.robustness
+        numbers = [
+            scaled(column, self.weights, self.clip)
+            for column in (robustness, values.lower, values.upper)
+        ]
+        sample = values.samples - 1.0
+        left = [time_left(sample, horizon) for horizon in self.horizons]
+        owed = None if self.operators is None else values.owed
+        rows: list[Any] = []
+        for place, state in enumerate(zip(*numbers, left, values.verdicts, strict=True)):
+            rows += state
+            weight = self.weights[place]
+            for clock, margins in () if owed is None else owed[place]:
+                rows += [clock, *scaled(margins, [weight] * len(margins), self.clip)]
+        return rows
+
+    def _of_one(self, values: MonitorValues[Any]) -> list[float]:
+        """The features of one environment, in loops: calls would take twice the time."""
+        high, low, numbers = self.clip, -self.clip, list[float]()
+        owed: Sequence[Iterable[Owed]] | None = None if self.operators is None else values.owed
+        robustness = values.judged if self.whole else values.robustness
+        shown = (robustness, values.lower, values.upper)
+        for place, weight in enumerate(self.weights):
+            for column in shown:
+                number = weight * column[place]
+                numbers.append(low if number < low else high if number > high else number)  # noqa: FURB136
+            numbers.append(time_left(values.samples - 1.0, self.horizons[place]))
+            numbers.append(values.verdicts[place])
+            for clock, margins in () if owed is None else owed[place]:
+                numbers.append(clock)
+                for margin in margins:
+                    number = weight * margin
+                    numbers.append(low if number < low else high if number > high else number)  # noqa: FURB136
+        return numbers
+
+
+def time_left(sample: Numeric, horizon: int | None) -> Numeric:
+    """Return ``1 - sample / horizon``, 0 from the horizon on; 1 without a horizon.
+
+    Args:
+        sample: The number of the newest sample; the reset has sample 0.
+        horizon: The samples after the first on which the robustness depends.
+
+    Example:
+        >>> time_left(0, 4), time_left(3, 4), time_left(9, 4), time_left(9, None)
+        (1.0, 0.25, 0.0, 1.0)
+    """
+    left = sample * 0.0 + 1.0 if horizon is None else (horizon - sample) / max(horizon, 1)
+    if isinstance(left, float | int):
+        return max(left, 0.0)
+    return left * (left > 0.0)
+
+
+def appended_space(
+    space: spaces.Space[Any], box: spaces.Box, observe: str
+) -> spaces.Box | spaces.Dict:
+    """Return the space of observations with features; ``observe`` is the argument, for messages.
+
+    A ``Box`` of one dimension grows, and holds floats; a ``Dict`` gets one more key.
+
+    Raises:
+        InputError: If the space is neither, or the ``Dict`` has the key.
+    """
+    match space:
+        case spaces.Dict() if KEY not in space.spaces:
+            # Pairs, so that Gymnasium keeps the order.
+            return spaces.Dict([*space.spaces.items(), (KEY, box)])
+        case spaces.Dict():
+            raise InputError(
+                f"expected an observation space without the key {KEY!r}, which the monitor's "
+                "state takes; rename it"
+            )
+        case spaces.Box(shape=(_,)):
+            dtype: Any = np.result_type(space.dtype, np.float32)
+            low = np.concatenate([space.low, box.low]).astype(dtype)
+            high = np.concatenate([space.high, box.high]).astype(dtype)
+            return spaces.Box(low, high, dtype=dtype)
+    raise InputError(
+        f"expected observations as a Box of one dimension or a Dict for observe={observe!r}, got "
+        f"{space}; flatten them first: gymnasium.wrappers.FlattenObservation"
+    )
+
+
+def append(observation: Any, numbers: NDArray[np.float32]) -> Any:  # noqa: ANN401
+    """Return an observation or a batch of them, arrays or dictionaries, with features."""
+    if isinstance(observation, dict):
+        return {**observation, KEY: numbers}
+    if observation.dtype != np.float32:
+        numbers = numbers.astype(np.result_type(observation.dtype, np.float32))
+    return np.concatenate([observation, numbers], axis=-1)

@@ -1,4 +1,4 @@
-"""`RecordViolations`: videos of the episodes that violate a requirement, and of no other."""
+"""`RecordViolations`: videos of the episodes that violate a requirement."""
 
 from __future__ import annotations
 
@@ -16,15 +16,12 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-import rtamt
-from rtamt import InputError
+from rtamt import InputError, Verdict
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
-
-__all__ = ["Keep", "RecordViolations"]
 
 Keep = Literal["violation"] | Callable[[dict[str, Any]], bool]
 """Which episodes are kept."""
@@ -34,36 +31,34 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
     """Writes a video of every episode that violates a specification, when the episode has ended.
 
     Gymnasium's ``RecordVideo`` decides at the start of an episode. This wrapper renders every step
-    and holds the newest frames, at most :attr:`capacity` of them: when the episode ends they are
-    written or forgotten. The video of a violated episode begins ``before`` seconds before the
-    sample that showed the violation and ends ``after`` seconds after it; the video of another
-    episode that ``keep`` chooses has its last frames. An episode that goes on at :meth:`reset` or
-    :meth:`close` ends there.
+    and holds the newest :attr:`capacity` frames until the episode ends. The video of a violated
+    episode starts ``before`` seconds before the sample that showed the violation and ends ``after``
+    seconds after it; the video of another episode that ``keep`` chooses has its last frames. A
+    :meth:`reset` or :meth:`close` ends a running episode.
 
-    A video is an MP4, written as ``RecordVideo`` writes it, with moviepy (the extra ``video``). Its
-    name has the prefix, the seed, the specification that was violated first and the number of the
-    episode: ``violation-seed-3-upright-episode-7.mp4``. Beside it is a JSON file:
+    A video is an MP4, written with moviepy (the extra ``video``), as ``RecordVideo`` does. Its name
+    has the prefix, the seed, the specification that was violated first and the number of the
+    episode: ``violation-seed-3-upright-episode-7.mp4``. A JSON file next to it has
 
-    * ``episode``: its number, the first being 0
-    * ``seed``, ``resets``: the last seed that a reset was given, or null, and how many resets came
-      after that one
+    * ``episode``: its number, from 0; ``seed``, ``resets``: the last seed of a reset, or null, and
+      the number of resets after that one
     * ``violated_by``, ``violated_at``, ``sample``: the specification that was violated first, the
       time in seconds and the number of the sample that showed it; null if none was
-    * ``robustness``, ``verdict``: of every specification, at the end; infinite ones are ``"inf"``
+    * ``robustness``, ``verdict``: of every specification, at the end; infinite values are ``"inf"``
       and ``"-inf"``
-    * ``by_end``: the specifications that the end alone violates, at a robustness that holds
-      (``at_termination="failure"``); ``of_instant``: true with ``view="step"``, where the
-      robustness is that of the newest instant; both only where there is something to say
+    * ``by_end``, if there are any: the specifications that the end alone violates
+      (``at_termination="failure"``); ``of_instant``, with ``view="step"``: true, the robustness is
+      that of the newest instant
     * ``ended``: ``"terminated"``, ``"truncated"``, ``"reset"`` or ``"closed"``
     * ``first_step``, ``frames``, ``fps``: the step after which the first frame was rendered (0 is
-      the reset), and how many there are in all and in a second
+      the reset), the number of frames, and frames per second
 
     The environment needs a :class:`StlMonitor` or :class:`StlReward` inside, and
     ``render_mode="rgb_array"``. With a :class:`RobustnessOverlay` inside, frames have its panel.
 
     Attributes:
-        capacity: How many frames are held at most: one of 480 x 480 pixels takes 0.7 MB.
-        videos: The paths of the videos that were written.
+        capacity: The maximum number of frames in memory: one of 480 x 480 pixels takes 0.7 MB.
+        videos: The paths of the videos.
 
     Change logs:
      * v0.5.0 - Initially added
@@ -80,23 +75,23 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         name_prefix: str = "violation",
         fps: float | None = None,
     ) -> None:
-        """Finds the monitor inside, and makes the folder.
+        """Find the monitor inside, and make the folder.
 
         Args:
             env: The environment to apply the wrapper
-            video_folder: The folder of the videos; one of the same name is written over
+            video_folder: The folder of the videos; a video of the same name is overwritten
             keep: ``"violation"`` keeps the episodes whose last info has a true ``stl_violated``; a
                 function of the last info keeps those for which it is true, such as
                 ``lambda info: info["robustness"] < 0.1``
             before: Seconds shown before the violation, 0 or more
             after: Seconds shown after it, 0 or more, as far as the episode goes on
-            name_prefix: The beginning of the names
-            fps: Frames that a video shows in a second; ``None``: as many as the environment makes
-                steps in a second of its own time, or its ``render_fps`` if it does not say
+            name_prefix: The start of the names
+            fps: Frames per second of a video; ``None``: the environment's steps per second of its
+                own time, or its ``render_fps`` if that is unknown
 
         Raises:
             InputError: If there is no monitor inside, if the environment renders no single
-                pictures, if ``keep`` is neither, or if a number is out of its range
+                pictures, or if an argument is wrong
             ModuleNotFoundError: If moviepy is not installed; names the extra
         """
         RecordConstructorArgs.__init__(
@@ -141,7 +136,7 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[ObsType, dict[str, Any]]:
-        """Resets the environment; an episode that goes on is judged as it is."""
+        """Reset the environment; a running episode ends as it is."""
         self._finish("reset")
         obs, info = self.env.reset(seed=seed, options=options)
         self._frames.clear()
@@ -149,32 +144,32 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         self._steps = 0
         self._episode += 1
         self._seed, self._resets = (self._seed, self._resets + 1) if seed is None else (seed, 0)
-        self._look(info)
+        self._store(info)
         return obs, info
 
     def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Steps through the environment; the end of an episode that is kept writes the video."""
+        """Step the environment; write the video at the end of an episode that is kept."""
         obs, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        self._look(info)
+        self._store(info)
         if terminated or truncated:
             self._finish("terminated" if terminated else "truncated")
         return obs, reward, terminated, truncated, info
 
     def close(self) -> None:
-        """Closes the environment; an episode that goes on is judged as it is."""
+        """Close the environment; a running episode ends as it is."""
         self._finish("closed")
         super().close()
 
     def _period(self) -> float | None:
-        """Seconds between two steps; with samples inside of steps the monitor has a shorter one."""
+        """Return the seconds between two steps; with sub-steps the monitor has a shorter period."""
         period = read_period(self.env)
         if period is None and self._monitor.period is not None:
             return float(self._monitor.period)
         return period
 
-    def _look(self, info: dict[str, Any]) -> None:
-        """Holds the newest frame, if it is to be shown."""
+    def _store(self, info: dict[str, Any]) -> None:
+        """Store the newest frame, if the video may show it."""
         self._info = info
         if self._left is None or self._left > 0:
             self._frames.append(self.env.render())  # type: ignore[arg-type]  # checked: pictures
@@ -187,7 +182,7 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
                 self._frames.popleft()
 
     def _finish(self, ended: str) -> None:
-        """Writes the frames of the episode, if it is to be kept."""
+        """Write the frames of the episode, if it is kept."""
         info, self._info = self._info, None
         if info is None:
             return
@@ -206,8 +201,7 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             parts.append(re.sub(r"[^\w.-]+", "_", violation[0]))
         name = "-".join(parts)
         save_video(
-            # moviepy 2 rounds the number of frames down: the last one, which may be what the video
-            # is for, would be lost.
+            # moviepy 2 rounds the number of frames down and would lose the last, important frame.
             [*self._frames, self._frames[-1]],
             str(self._folder),
             lambda _: True,
@@ -216,14 +210,14 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             fps=self._fps,
         )
         path = self._folder / f"{name}-episode-{self._episode}.mp4"
-        said = {"episode": self._episode, "seed": self._seed, "resets": self._resets}
-        said |= self._outcome() | {
+        facts = {"episode": self._episode, "seed": self._seed, "resets": self._resets}
+        facts |= self._outcome() | {
             "ended": ended,
             "first_step": self._last - len(self._frames) + 1,
             "frames": len(self._frames),
             "fps": self._fps,
         }
-        path.with_suffix(".json").write_text(json.dumps(said, indent=1, allow_nan=False) + "\n")
+        path.with_suffix(".json").write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n")
         self.videos.append(path)
 
     def _outcome(self) -> dict[str, Any]:
@@ -232,28 +226,27 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         name, sample = violation or (None, None)
         of_instant = any(state.get("of_instant", False) for state in states.values())
         by_end = [
-            each
-            for each, state in states.items()
-            if not of_instant
-            and violated_by_end(rtamt.Verdict[state["verdict"]], state["robustness"])
+            spec
+            for spec, state in states.items()
+            if not of_instant and violated_by_end(Verdict[state["verdict"]], state["robustness"])
         ]
         at = None if sample is None or monitor.period is None else float(sample * monitor.period)
         return {
             "violated_by": name,
             "violated_at": at,
             "sample": sample,
-            "robustness": {each: _strict(state["robustness"]) for each, state in states.items()},
-            "verdict": {each: state["verdict"] for each, state in states.items()},
+            "robustness": {spec: _strict(state["robustness"]) for spec, state in states.items()},
+            "verdict": {spec: state["verdict"] for spec, state in states.items()},
             **({"of_instant": True} if of_instant else {}),
             **({"by_end": by_end} if by_end else {}),
         }
 
 
 def _frames(name: str, time: float, rate: float) -> int:
-    """How many frames a time takes."""
+    """Return the number of frames in a time."""
     return 0 if time == 0 else round(check_number(name, time) * rate)
 
 
 def _strict(value: float) -> float | str:
-    """A number as JSON can have it."""
+    """Return a number as strict JSON allows it."""
     return float(value) if math.isfinite(value) else str(float(value))

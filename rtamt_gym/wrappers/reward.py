@@ -1,28 +1,51 @@
-"""`StlReward`: the reward of an environment shaped with robustness."""
+"""`StlReward`: the reward of an environment shaped with robustness; the core of all rewards."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, SupportsFloat, Unpack
+import warnings
+from collections import deque
+from collections.abc import Mapping, Sequence
+from itertools import compress
+from typing import Any, Required, SupportsFloat, TypeVar, Unpack
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorWrapper
 
-from rtamt import Explanation
+from rtamt import Explanation, InputError
+from rtamt.errors import Argument
+from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.judging.values import MonitorValues
-from rtamt_gym.shaping import Mode, Priority, clip, outcome, settle
-from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.books import Books
+from rtamt_gym.shaping import (
+    Mode,
+    Numeric,
+    Priority,
+    Shaping,
+    ShapingNumbers,
+    clip,
+    outcome,
+    settle,
+)
+from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.signals.signals import SignalLike, own_signals
+from rtamt_gym.wrappers.clipping import ClipWatch
+from rtamt_gym.wrappers.episode_counters import EpisodeCounters
 from rtamt_gym.wrappers.monitor import StlMonitor
-from rtamt_gym.wrappers.monitoring import MonitorOptions
-from rtamt_gym.wrappers.observing import Observe
-from rtamt_gym.wrappers.returns import put_return
-from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
+from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions
+from rtamt_gym.wrappers.observing import Observe, Observing
 
-__all__ = ["StlMonitorOptions", "StlReward"]
+_M = TypeVar("_M", bound=Monitoring)
+
+
+class ShapingOptions(ShapingNumbers):
+    """The keyword arguments of `rtamt_gym.shaping.Shaping.of`."""
+
+    mode: Required[Mode]
 
 
 class StlMonitorOptions(MonitorOptions, total=False):
@@ -32,18 +55,166 @@ class StlMonitorOptions(MonitorOptions, total=False):
     history: bool
 
 
+class Rewarding(Observing):
+    """The base of `StlReward`, `VectorStlReward` and `ParallelStlReward`."""
+
+    _monitor: Any
+    _followed = 0
+    """The number of changes of constants that it has followed."""
+
+    def _set_up(
+        self,
+        env: Any,  # noqa: ANN401 - an environment, or many
+        options: ShapingOptions,
+        observe: Observe | None = None,
+        num: int = 1,
+    ) -> None:
+        monitors = self._monitor.monitors
+        self._shaping = shaping = Shaping.of(list(monitors), **options)
+        self._whole = shaping.mode == "terminal"
+        self._settles = shaping.settles
+        self._set_up_observations(
+            env,
+            observe,
+            shaping.clip,
+            monitors,
+            self._monitor.track_obligations,
+            shaping.weights,
+            whole=self._whole,
+        )
+        self._clip_watch = ClipWatch(shaping, num) if shaping.pays_robustness else None
+        self._followed = self._monitor.constant_changes
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The values of the constants, as in the monitor; setting it changes some there."""
+        constants: dict[str, float] = self._monitor.constants
+        return constants
+
+    @constants.setter
+    def constants(self, constants: Mapping[str, ConstantValue]) -> None:
+        self._monitor.constants = constants
+
+    @property
+    def stl_episodes(self) -> deque[dict[str, Any]]:
+        """The records of the last episodes that ended, as in the monitor."""
+        episodes: deque[dict[str, Any]] = self._monitor.stl_episodes
+        return episodes
+
+    def _begin(self, begun: Lanes | None = None) -> None:
+        """Follow a change of constants, and refuse episodes with an unknown start.
+
+        Args:
+            begun: The environments whose episodes begin; None: all.
+
+        Raises:
+            InputError: If a specification reads an unknown value of the sample of a reset.
+        """
+        monitor = self._monitor
+        if self._followed != monitor.constant_changes:
+            self._follow_monitors(monitor.monitors, monitor.track_obligations)
+            self._followed = monitor.constant_changes
+        if not monitor.unknown_allowed:
+            return
+        for name, (_, judge) in monitor.monitors.items():
+            unknown = judge.unknown
+            if not isinstance(unknown, tuple):  # a row for each environment
+                rows = unknown if begun is None else unknown[begun]
+                unknown = tuple(compress(judge.variables, np.any(rows, axis=0).tolist()))
+            read = [v for v in unknown if v in judge.program.read_first()]
+            if read:
+                raise InputError(
+                    f"specification {name!r} reads {listing(read)} at the sample of the reset, "
+                    "where nothing is known of it: its worst case stays as it is there for the "
+                    "whole episode, and nothing can be learned; give the signal a value at the "
+                    "reset, speak of the samples after it, as in always[1:inf](...), or pass ",
+                    Argument("nan", "hold"),
+                )
+
+    def _paying(self, values: MonitorValues[Numeric]) -> list[Numeric]:
+        """Return the robustness of each specification that the reward depends on."""
+        return values.judged if self._whole else values.robustness
+
+    def _potential_of(self, values: MonitorValues[Numeric]) -> Numeric:
+        """Return the number whose values before and after a step set its reward."""
+        if self._shaping.mode == "progress":
+            return self._shaping.middle(values.lower, values.upper)
+        return self._shaping.robustness(self._paying(values))
+
+    def _watch_start(self, paying: Sequence[Any], begun: Lanes | None = None) -> None:
+        """Count the robustness at the start of episodes for the warning about the clip."""
+        if self._clip_watch is not None:
+            self._clip_watch.reset(paying, begun)
+            self._warn_if_flat()
+
+    def _warn_if_flat(self) -> None:
+        """End the watch over the first episodes once they are over."""
+        watch = self._clip_watch
+        if watch is not None and watch.finished:
+            self._clip_watch = None
+            report = watch.report
+            if report is not None:
+                self._observed_watch = None  # it would report the same clip
+                warnings.warn(report, UserWarning, stacklevel=caller_level())
+
+
+def find_or_make(
+    kind: type[_M],
+    env: Any,  # noqa: ANN401 - an environment, or many
+    specs: SpecsLike | None,
+    signals: Mapping[str, SignalLike] | None,
+    options: MonitorOptions,
+) -> tuple[Any, _M]:
+    """Return the environment inside its monitor, and the monitor: its own, or a new one.
+
+    Args:
+        kind: `StlMonitor`, `VectorStlMonitor` or `ParallelStlMonitor`.
+        env: The environment.
+        specs: The argument of a new monitor; None if the environment has a monitor.
+        signals: The argument of a new monitor; None if the environment has a monitor, or its own
+            ``signals``.
+        options: The other arguments of a new monitor.
+
+    Raises:
+        InputError: If the environment has no monitor and the arguments describe none, or if it has
+            one and the arguments describe another.
+    """
+    what = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
+    required = {"specs": specs, "signals": signals}
+    within = env
+    while isinstance(within, gym.Wrapper | VectorWrapper) or hasattr(within, "possible_agents"):
+        if isinstance(within, Rewarding):
+            raise InputError(
+                f"expected an environment without a reward of its requirements, got one with "
+                f"{type(within).__name__}, "
+                "which pays for its specifications already; give one wrapper all specifications, "
+                'and what each counts in weights={"upright": 1.0, "near": 0.5} or priorities='
+            )
+        if isinstance(within, kind):
+            names = [*(name for name, value in required.items() if value is not None), *options]
+            if names:
+                raise InputError(
+                    f"{', '.join(f'{name}=' for name in names)} would describe another monitor, "
+                    f"and the environment has {what}, which is used; give them to that one"
+                )
+            return env, within
+        within = getattr(within, "env", None)
+    for name, value in required.items():
+        if value is None and not (name == "signals" and own_signals(env)):
+            raise InputError(
+                f"expected {name}=, or an environment with {what}, got neither; such as "
+                'specs="always(x > 0)", signals={"x": "obs[0]"}'
+            )
+    make: Any = kind
+    monitor = make(env, specs, signals, **options)
+    return monitor, monitor
+
+
 class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):
     """Shapes the reward with the robustness of specifications.
 
     The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
-    the environment has already: episodes end and ``info`` is filled as that class describes. The
-    environment's own reward stays in ``info["reward"]`` (``np.float64``, as the reward is).
-
-    Where a wrapper inside counts episodes, such as the ``Monitor`` of Stable-Baselines3 or the
-    ``RecordEpisodeStatistics`` of Gymnasium, ``info["episode"]["r"]`` becomes the sum of the
-    rewards that the learner was paid, and so does the return of the episode in the wrapper;
-    ``info["episode"]["r_env"]`` is the sum of the environment's own. A file that the ``Monitor``
-    writes holds the environment's own.
+    the environment has already. The environment's own reward stays in ``info["reward"]``.
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -51,76 +222,33 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     * ``mode="add"``: r + weight * x'
     * ``mode="replace"``: x'
     * ``mode="potential"``: r + weight * (gamma * x' - x), with x' = 0 if the step terminates the
-      episode, but not if it truncates it; with ``gamma`` the learner's discount, and the state
-      observed, this leaves the optimal policies as they are
-    * ``mode="terminal"``: r, and weight * x' more at the end of the episode, be it terminated or
-      truncated
+      episode, but not if it truncates it; this keeps the optimal policies if ``gamma`` is the
+      learner's discount and the state is observed
+    * ``mode="terminal"``: r, and weight * x' more at the end of the episode
     * ``mode="progress"``: r + weight * (m' - m), with m the middle of the lower and the upper bound
-      of the robustness, each clipped: over an episode the gains sum to weight times its change
-    * ``mode="hierarchical"``: safety before target before comfort; ``priorities`` names the level
-      of every specification. The first level that is violated pays its own x', raised by ``clip``
-      for every level before it; if none is violated, the last level does. A step that violates a
-      level pays less than any step that violates only later ones. r is not part of it.
-    * ``mode="verdict"``: 0. Only ``bonus`` and ``penalty`` are paid, and r is not part of it
+      of the robustness, each clipped
+    * ``mode="hierarchical"``: the first level of ``priorities`` that is violated pays its own x',
+      raised by ``clip`` for every level before it; if none is violated, the last level does
+    * ``mode="verdict"``: 0; only ``bonus`` and ``penalty`` are paid
 
-    Beside it ``bonus`` is paid once when all specifications are certainly satisfied, ``penalty``
-    taken once when one is certainly violated, so that over an episode they sum to ``bonus`` if it
-    is satisfied and to -``penalty`` if it is violated, whatever the mode.
+    With several specifications x is their minimum, each times its entry in ``weights``; with a
+    ``temperature`` T it is the smooth minimum -T * log(sum(exp(-x / T))). With ``view="step"`` x is
+    the robustness of the newest instant whose horizon has passed; ``"terminal"`` pays the
+    robustness of the whole episode. Wrappers inside that count episodes get the returns that the
+    learner was paid. ``compute_reward`` of a goal environment is not shaped.
 
-    :mod:`rtamt_gym.shaping` explains what each is for.
-
-    With several specifications x is the least of them, each times its entry in ``weights``; with a
-    ``temperature`` T it is the smooth minimum -T * log(sum(exp(-x / T))), which depends on all
-    specifications. Within a formula minima and maxima stay exact.
-
-    The reward depends on the past through the monitor. ``observe="state"`` appends the state of the
-    monitor to the observation, so that the reward depends on state and action alone again, for
-    formulas such as ``always(p)``, ``eventually(p)`` and their Boolean combinations (one
-    specification for each); a window inside another keeps more, which ``observe="obligations"``
-    shows as :class:`StlMonitor` describes, times weight too. There are five
-    numbers for every specification, in their order: robustness, lower and upper bound (times
-    weight, clipped to [-clip, clip]), the fraction of its horizon that is left (1 without a
-    horizon), and the verdict (1 certainly satisfied, -1 certainly violated, 0 undecided). A ``Box``
-    of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
-
-    With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
-    ``mode="terminal"`` pays the robustness of the whole episode, ``always(formula)``.
-
-    The ``compute_reward`` of a goal environment is not shaped: goals cannot be exchanged in
-    hindsight where the reward depends on the whole past.
-
-    The vector version of the wrapper is :class:`VectorStlReward`.
+    :mod:`rtamt_gym.shaping` explains the purpose of each mode. The vector version of the wrapper is
+    :class:`VectorStlReward`.
 
     Example:
         >>> import gymnasium as gym
         >>> from rtamt_gym import StlReward
-        >>> env = gym.make("CartPole-v1")
-        >>> env = StlReward(
-        ...     env, "always(abs(theta) < 0.1)", {"theta": "obs[2]"}, mode="add", weight=10.0
-        ... )
+        >>> specs, signals = "always(abs(theta) < 0.1)", {"theta": "obs[2]"}
+        >>> env = StlReward(gym.make("CartPole-v1"), specs, signals, mode="add", weight=10.0)
         >>> _, info = env.reset(seed=123)
-        >>> print(f"{info['robustness']:.3f}")
-        0.072
         >>> _, reward, _, _, info = env.step(1)
         >>> print(f"{reward:.2f} {info['reward']} {info['robustness']:.3f}")
         1.71 1.0 0.071
-
-    Example with the state of the monitor in the observation:
-        >>> env = StlReward(
-        ...     gym.make("CartPole-v1"),
-        ...     {
-        ...         "upright": "always(abs(theta) < 0.1)",
-        ...         "early": "eventually[0:0.2](abs(x) < 0.01)",
-        ...     },
-        ...     {"theta": "obs[2]", "x": "obs[0]"},
-        ...     mode="potential",
-        ...     observe="state",
-        ... )
-        >>> env.observation_space.shape
-        (14,)
-        >>> obs, info = env.reset(seed=123)
-        >>> obs[4:].round(3).tolist()
-        [0.07..., -1.0, 0.07..., 1.0, 0.0, -0.00..., -0.00..., 1.0, 1.0, 0.0]
 
     Change logs:
      * v0.5.0 - Initially added
@@ -146,7 +274,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         observe: Observe | None = None,
         **monitor: Unpack[StlMonitorOptions],
     ) -> None:
-        """Finds the monitor of the environment or makes one, and checks the numbers.
+        """Find the monitor of the environment or make one, and check the numbers.
 
         Args:
             env: The environment to apply the wrapper
@@ -154,39 +282,34 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             signals: As for :class:`StlMonitor`; ``None`` if the environment has one, or has
                 ``signals`` of its own
             mode: How robustness becomes reward, see above
-            weight: Factor of the robustness beside the reward of the environment; not for
-                ``"replace"``, ``"hierarchical"`` and ``"verdict"``. 0 leaves the reward of the
-                environment with ``bonus`` and ``penalty``, without shaping
-            clip: Bound of the robustness; the interesting margins of every specification should
-                lie inside (``weights`` help). If the robustness that decides the reward is outside
+            weight: Factor of the robustness next to the reward of the environment; not for
+                ``"replace"``, ``"hierarchical"`` and ``"verdict"``. 0 pays ``bonus`` and
+                ``penalty`` without shaping
+            clip: Bound of the robustness; the interesting margins of every specification should be
+                inside (``weights`` help). If the robustness that decides the reward is outside
                 at more than 9 of 10 samples of the first 10 episodes, or below -clip at more than
-                half, a ``UserWarning`` at the end of the tenth says so, with its range. An infinite
-                robustness does not count; of ``"terminal"``, which pays no other, the last samples
-                count alone. It is not taken from the first episodes: the spaces of observations
-                need it before, and every copy of an environment must pay the same
+                half, a ``UserWarning`` reports its range. An infinite robustness does not count.
+                For ``"terminal"``, only the last samples count
             gamma: The discount of the learner, for ``"potential"``
-            temperature: Makes the minimum over the specifications a smooth one; ``None`` takes the
-                exact one
+            temperature: Makes the minimum over the specifications smooth; ``None``: exact
             weights: Factor of the robustness of a specification, 1 where absent, so that margins
                 in different units compare
             priorities: For ``"hierarchical"``, which needs them: ``"safety"``, ``"target"`` or
-                ``"comfort"`` of every specification, such as ``{"upright": "safety", "near":
-                "target"}``; a level counts as the minimum over its specifications
-            bonus: Paid once an episode, beside the reward of every mode, when all specifications
-                are certainly satisfied: at the step that shows it, or at the last one if only the
-                end decides, as ``at_termination`` and ``at_truncation`` read it; 0 or more. What
-                the sample of the reset decides is paid at the first step
-            penalty: Taken once in the same way when one is certainly violated; 0 or more
-            observe: ``"state"`` appends the state of the monitor to the observation;
-                ``"obligations"`` what temporal operators owe too
+                ``"comfort"`` of every specification, in this order; a level counts as the minimum
+                over its specifications
+            bonus: Paid once an episode, in addition to the reward of every mode, when all
+                specifications are certainly satisfied: at the step that shows it, or at the last
+                one if only the end decides; 0 or more. The first step pays what the sample of the
+                reset decides
+            penalty: Deducted once in the same way when one is certainly violated; 0 or more
+            observe: As for :class:`StlMonitor`; the numbers are multiplied by ``weights``
             **monitor: The keyword arguments of :class:`StlMonitor`
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
-            InputError: As :class:`StlMonitor` does; and if the environment has no monitor and none
-                is described, or has one and another is described; if an argument is none of its
-                choices, out of its range or names no specification; or if nothing can be appended
-                to the observation
+            InputError: As :class:`StlMonitor` does; if the environment has no monitor and none is
+                described, or has one and another is described; and if an argument is none of its
+                choices, out of its range or names no specification
         """
         options = ShapingOptions(
             mode=mode,
@@ -204,101 +327,89 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(StlMonitor, env, specs, signals, monitor)
         gym.Wrapper.__init__(self, env)
-        monitors = self._monitor.monitors
-        self._set_up(env, monitors, options, observe, 1)
-        self._paying = self._payers()
+        self._set_up(env, options, observe)
+        self._payers = self._find_payers()
         self._fresh = env is self._monitor  # whose infos are new at every step
         self._factor = self._shaping.factor
         if not self._fresh or (self._whole and self._monitor.judging.reading.view == "step"):
             self._factor = None  # another may have changed the info, or it is of an instant
-        self._robustness = 0.0
-        self._outcome = 0.0
-        self._return = 0.0
-        self._books = Books(env)
+        self._robustness = self._outcome = self._return = 0.0
+        self._counters = EpisodeCounters(env)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets the environment; the sample of the reset gives the first potential."""
+        """Reset the environment; the sample of the reset gives the first potential."""
         obs, info = self.env.reset(seed=seed, options=options)
         if self._followed != self._monitor.constant_changes:
-            self._follow()
-            self._paying = self._payers()
-        self._require_known_start()
+            self._payers = self._find_payers()
+        self._begin()
         self._robustness = self._potential(info)
         self._outcome = self._return = 0.0
-        if self._watch is not None:
-            self._watch.reset(self._values())
-            self._warn_if_flat()
+        self._watch_start(self._robustness_of_each())
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
             obs = self._observed(obs, shown)
-            self._look_at_reset(shown)
+            self._watch_reset(shown)
         return obs, info
 
     def step(self, action: ActType) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Steps through the environment and shapes the reward."""
+        """Step the environment and shape the reward."""
         obs, reward, terminated, truncated, info = self.env.step(action)
-        paid = float(reward)
+        own = float(reward)
         before = self._robustness
         after = self._robustness = self._potential(info)
         ended = terminated or truncated
         shaping = self._shaping
-        shaped = shaping.reward(paid, before, after, terminated, ended)
+        shaped = shaping.reward(own, before, after, terminated, ended)
         if self._settles:
             now = outcome(float(info["stl_lower"]), float(info["stl_upper"]))
             shaped += settle(self._outcome, now, shaping.bonus, shaping.penalty)
             self._outcome = now
         self._return += shaped
         if self._fresh:
-            info["reward"] = np.float64(paid)
+            info["reward"] = np.float64(own)
         else:
-            info = {**info, "reward": np.float64(paid)}
-        if ended and put_return(info, np.float64(self._return)):
-            self._books.pay(self._return)
-        if self._watch is not None:
-            values = self._values()
-            self._watch.step(values)
+            info = {**info, "reward": np.float64(own)}
+        if ended:
+            self._counters.put_return(info, self._return)
+        if self._clip_watch is not None:
+            paying = self._robustness_of_each()
+            self._clip_watch.step(paying)
             if ended:
-                self._watch.end(values)
+                self._clip_watch.end(paying)
                 self._warn_if_flat()
         if self._state is not None:
             shown: MonitorValues[float] = self._monitor.values()
             obs = self._observed(obs, shown)
-            self._look(shown, ended)
+            self._watch_step(shown, ended)
         return obs, np.float64(shaped), terminated, truncated, info
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, counting the sample of the reset."""
+        """The number of samples since :meth:`reset`, including the sample of the reset."""
         return self._monitor.samples
 
     def explain(self, name: str | None = None) -> Explanation:
-        """Which sub-formulas and samples decided the episode, as :meth:`StlMonitor.explain` says.
-
-        Raises:
-            InputError: If there is no such specification.
-            StateError: Without ``history=True``, or before the first :meth:`reset`.
-        """
+        """Explain the robustness of the episode, as :meth:`StlMonitor.explain` does."""
         return self._monitor.explain(name)
 
-    def _payers(self) -> list[Any]:
-        """For each specification what has the robustness that the reward is computed from."""
+    def _find_payers(self) -> list[Any]:
+        """Return the monitors whose robustness the reward depends on, one per specification."""
         pairs = self._monitor.monitors.values()
         return [judge if self._whole else source for source, judge in pairs]
 
-    def _values(self) -> list[float]:
-        """For each specification the robustness that the reward is computed from."""
-        return [paying.robustness for paying in self._paying]
+    def _robustness_of_each(self) -> list[float]:
+        return [payer.robustness for payer in self._payers]
 
     def _potential(self, info: Mapping[str, Any]) -> float:
-        """What the reward of a step depends on, before it and after it."""
+        """Return `_potential_of` the newest sample, from the info where it has the numbers."""
         shaping, factor = self._shaping, self._factor
         if factor is None:
             if shaping.mode != "progress":
-                return shaping.robustness(self._values())
-            now: MonitorValues[float] = self._monitor.values()
-            return shaping.middle(now.lower, now.upper)
+                return shaping.robustness(self._robustness_of_each())
+            values: MonitorValues[float] = self._monitor.values()
+            return self._potential_of(values)
         if shaping.mode != "progress":
             return clip(factor * float(info["robustness"]), shaping.clip)
         lower = clip(factor * float(info["stl_lower"]), shaping.clip)

@@ -2,7 +2,7 @@
 
 In one step an environment makes several steps of its simulation: Gymnasium's `MujocoEnv` calls
 ``mj_step`` ``frame_skip`` times, highway-env steps its road once for every frame. The function that
-makes those steps is replaced while the environment makes a step, and only then: copies, pickles,
+makes those steps is replaced during a step of the environment, and only then: copies, pickles,
 resets and other environments never see it.
 """
 
@@ -19,36 +19,42 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.feeding import Assessment, Take
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.signals.signals import Env, ParsedSignal, Read
-from rtamt_gym.signals.slots import MovingRead
+from rtamt_gym.signals.signals import Env, MovingRead, ParsedSignal
 from rtamt_gym.signals.sources import STEP
-
-__all__ = ["Inside", "SubSteps", "fits", "read_substep_period"]
 
 
 class Inside:
     """Reads the signals of an environment after every step of its simulation.
 
     Attributes:
-        reads: What reads each signal there; observation, reward and info are not known yet.
+        reads: The functions that read the signals, without observation, reward and info.
         env: The environment that is stepped.
 
     Raises:
-        InputError: If the simulation of the environment cannot be followed, or if a signal needs
-            what only a whole step gives.
+        InputError: If the simulation of the environment cannot be followed, or if a signal reads
+            observation, reward or info.
     """
 
     def __init__(self, env: Env, signals: Sequence[ParsedSignal]) -> None:
         self.env = env
         self._follow = _follower(env.unwrapped)
-        self.reads = [self._bind(signal) for signal in signals]
+        for signal in signals:
+            if signal.source in STEP and signal.source != "action":
+                raise InputError(
+                    f"signal {signal.name!r}: {signal} is not known inside of a step, and ",
+                    Argument("substeps", value=True),
+                    " takes samples there; read the simulation instead, such as qpos[0], "
+                    "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may "
+                    "read",
+                )
+        self.reads = [signal.bind(env) for signal in signals]
 
     def step(self, action: Any, take: Take) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Steps the environment, and calls ``take`` after every step of its simulation.
+        """Step the environment, and call ``take`` after every step of its simulation.
 
         Args:
             action: The action of the step.
-            take: Takes the arguments of a `Read`.
+            take: A function of the arguments of a `Read`.
 
         Raises:
             StateError: If the simulation was not stepped.
@@ -66,19 +72,9 @@ class Inside:
             )
         return result
 
-    def _bind(self, signal: ParsedSignal) -> Read:
-        if signal.source in STEP and signal.source != "action":
-            raise InputError(
-                f"signal {signal.name!r}: {signal} is not known inside of a step, and ",
-                Argument("substeps", value=True),
-                " takes samples there; read the simulation instead, such as qpos[0], "
-                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read",
-            )
-        return signal.bind(self.env)
-
 
 class SubSteps:
-    """Feeds a panel after every step of the simulation that an environment makes.
+    """Updates a panel after every step of the simulation that an environment makes.
 
     Raises:
         InputError: As `Inside` does.
@@ -95,11 +91,11 @@ class SubSteps:
         self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
 
     def reset(self, *_: object) -> Assessment:
-        """Feeds sample 0."""
+        """Take sample 0."""
         return self._feed_first(None, None, None, {})
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Steps the environment, and feeds a sample after every step of its simulation.
+        """Step the environment, and take a sample after every step of its simulation.
 
         Raises:
             StateError: If the simulation was not stepped.
@@ -111,7 +107,7 @@ class SubSteps:
 
 
 def read_substep_period(env: Env) -> float | None:
-    """Seconds between two steps of an environment's simulation, or None if it does not say."""
+    """Return the seconds between two steps of an environment's simulation; None if unknown."""
     simulation: Any = env.unwrapped
     if hasattr(simulation, "_step_mujoco_simulation"):
         return float(simulation.model.opt.timestep)
@@ -121,11 +117,10 @@ def read_substep_period(env: Env) -> float | None:
 
 
 _Undo = Callable[[], bool]
-"""Ends what follows a simulation; returns whether that was stepped meanwhile."""
+"""Stops following a simulation; returns whether it was stepped meanwhile."""
 
 _Follow = Callable[[Take, Any], _Undo]
-"""Arranges that a sample is taken after every step of a simulation, with the action of the step;
-returns what undoes that."""
+"""Arranges that a sample is taken after every step of a simulation, with the action of the step."""
 
 
 def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
@@ -159,7 +154,7 @@ class _Loop:
         self._stepped = False
 
     def follow(self, take: Take, action: Any) -> _Undo:  # noqa: ANN401
-        # Not by its dictionary: Python reads attributes faster while nobody has asked for that.
+        # Not through __dict__: Python reads attributes faster if nobody has asked for it.
         simulation = self._simulation
         around = simulation._step_mujoco_simulation  # noqa: SLF001
         if type(around) is _Loop:  # a monitor around this one follows too
@@ -195,14 +190,14 @@ def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:  # noqa: AN
     step = road.step
     stepped = False
 
-    def followed(dt: float) -> None:
+    def step_and_take(dt: float) -> None:
         nonlocal stepped
         stepped = True
         step(dt)
         take(None, action, None, {})
 
     around = vars(road).get("step")
-    road.step = followed
+    road.step = step_and_take
 
     def undo() -> bool:
         if around is None:
@@ -214,10 +209,10 @@ def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:  # noqa: AN
     return undo
 
 
-def fits(judged: Judging, period: float, cost: Cost | None) -> bool:
-    """Whether the specifications can be monitored with this period."""
+def fits(judging: Judging, period: float, cost: Cost | None) -> bool:
+    """Return whether the specifications can be monitored with this period."""
     try:
-        Panel(judged.specs, judged.reading.having(period=period), cost)
+        Panel(judging.specs, judging.reading.having(period=period), cost)
     except SpecificationError:
         return False
     return True

@@ -1,7 +1,7 @@
-"""Vector environments that are none of Gymnasium's by class: those of EnvPool and of PufferLib.
+"""Vector environments of EnvPool and of PufferLib, adapted to Gymnasium's `VectorEnv`.
 
-They are known by their form, and neither package is imported. An adapter shows each as a
-`VectorEnv`; it hands on the arrays that it is given, without a copy.
+They are recognized by their attributes, and neither package is imported. The adapters pass on the
+arrays of the environments, without a copy.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.taps import StaysOpen
 
-__all__ = ["PufferVectorEnv", "as_vector_env", "is_pool"]
-
 _Result = tuple[Any, Any, Any, Any, dict[str, Any]]
 
 
@@ -28,29 +26,29 @@ def as_vector_env(
     *,
     final_obs: Literal["held"] | None = None,
 ) -> VectorEnv[Any, Any, Any]:
-    """The environments as a vector environment of Gymnasium; one of Gymnasium's is returned as is.
+    """Return the environments as a vector environment of Gymnasium; `VectorEnv` is returned as is.
 
-    :class:`VectorStlMonitor` and :class:`VectorStlReward` call it, so that they take what
-    ``envpool.make_gymnasium`` and ``pufferlib.vector.make`` give. The arrays of observations,
-    rewards and flags are those of the environments, not copies.
+    :class:`VectorStlMonitor` and :class:`VectorStlReward` call it, so they take the environments of
+    ``envpool.make_gymnasium`` and ``pufferlib.vector.make``. Observations, rewards and flags are
+    the arrays of the environments, not copies.
 
     * EnvPool resets an environment in the step after its last, ``AutoresetMode.NEXT_STEP``. It is
-      seeded where it is made, so a reset with a seed is refused. It must wait for all its
-      environments: ``batch_size`` is ``num_envs``.
+      seeded where it is made, so a reset with a seed is an error, and ``batch_size`` must be
+      ``num_envs``.
     * PufferLib resets environments of Gymnasium in the step after their last too. Its infos are a
       list without numbers of environments, which no signal can read: the newest is
       ``env.unwrapped.infos``.
     * Native environments of PufferLib reset in the step that ends an episode,
-      ``AutoresetMode.SAME_STEP``, and show no last observation. ``final_obs="held"`` says that the
-      observation before it stands for it; the reward and the action are those of the last step.
+      ``AutoresetMode.SAME_STEP``, and return no last observation. With ``final_obs="held"`` the
+      observation before it stands in for it; the reward and the action are those of the last step.
 
     Args:
         env: The environments.
-        final_obs: What stands for last observations that are not shown.
+        final_obs: The substitute for last observations of native environments.
 
     Raises:
-        InputTypeError: If it is no vector environment.
-        InputError: If its environments do not step together, or some of their samples are not seen.
+        InputTypeError: If it is not a vector environment.
+        InputError: If its environments do not step together, or lack last observations.
 
     Example:
         >>> import gymnasium as gym
@@ -61,10 +59,11 @@ def as_vector_env(
     check_choice("final_obs", final_obs, (None, "held"))
     if is_pool(env):
         return _PoolVectorEnv(env)
-    if _is_puffer(env):
-        return PufferVectorEnv(env, final_obs)
+    puffer = ("driver_env", "agent_ids", "num_agents", "emulated", "async_reset", "recv", "send")
     if isinstance(env, VectorEnv):
         return env
+    if all(hasattr(env, name) for name in puffer):
+        return PufferVectorEnv(env, final_obs)
     way_out = "make it with gym.make_vec, envpool.make_gymnasium or pufferlib.vector.make"
     if isinstance(env, gym.Env):
         way_out = "StlMonitor and StlReward are for one environment"
@@ -72,19 +71,13 @@ def as_vector_env(
 
 
 def is_pool(env: Any) -> bool:  # noqa: ANN401 - whatever is given
-    """Whether it has the form of EnvPool's environments, many in one ``gym.Env``."""
+    """Return whether it is EnvPool's ``gym.Env``, which holds many environments."""
     base = env.unwrapped if isinstance(env, gym.Env) else None
     return all(hasattr(base, name) for name in ("all_env_ids", "is_async", "recv", "send"))
 
 
-def _is_puffer(env: Any) -> bool:  # noqa: ANN401 - whatever is given
-    """Whether it has the form of PufferLib's vector environments."""
-    names = ("driver_env", "agent_ids", "num_agents", "emulated", "async_reset", "recv", "send")
-    return not isinstance(env, VectorEnv) and all(hasattr(env, name) for name in names)
-
-
 class _AdaptedVectorEnv(StaysOpen, VectorEnv[Any, Any, Any]):
-    """What the adapters share: spaces of one and of all, and the name that errors say."""
+    """The base of the adapters: spaces of one and of all, and a name for messages."""
 
     def __init__(self, env: Any, num: int, mode: AutoresetMode) -> None:  # noqa: ANN401
         self.adapted = env
@@ -134,8 +127,8 @@ class _PoolVectorEnv(_AdaptedVectorEnv):
                 "where it is made: envpool.make_gymnasium(..., seed=1)"
             )
         _refuse_options("EnvPool", options)
-        shown: tuple[Any, dict[str, Any]] = self.adapted.reset()
-        return shown
+        result: tuple[Any, dict[str, Any]] = self.adapted.reset()
+        return result
 
     def step(self, actions: Any) -> _Result:  # noqa: ANN401
         result: _Result = self.adapted.step(actions)
@@ -151,7 +144,7 @@ class PufferVectorEnv(_AdaptedVectorEnv):
         rewards: The shared array of rewards, from the first reset on.
         terminated: The shared array of terminations.
         truncated: The shared array of truncations.
-        one: The environment of Gymnasium that is first of all; None if they are native.
+        one: The first environment of Gymnasium; None if they are native.
     """
 
     rewards: Any
@@ -183,8 +176,7 @@ class PufferVectorEnv(_AdaptedVectorEnv):
         self.dt = read_period(self.one) if self.one is not None else None
         self.single_observation_space = env.single_observation_space
         self.single_action_space = env.single_action_space
-        mode = AutoresetMode.SAME_STEP if native else AutoresetMode.NEXT_STEP
-        super().__init__(env, num, mode)
+        super().__init__(env, num, AutoresetMode.SAME_STEP if native else AutoresetMode.NEXT_STEP)
 
     def reset(
         self,
@@ -192,24 +184,23 @@ class PufferVectorEnv(_AdaptedVectorEnv):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets all; without a seed as PufferLib does, whose own default may be one."""
+        """Reset all; without a seed, PufferLib's own default applies."""
         _refuse_options("PufferLib", options)
         self.adapted.async_reset(*(() if seed is None else (seed,)))
         return self._receive()[0], {}
 
     def step(self, actions: Any) -> _Result:  # noqa: ANN401
-        """Steps all; the infos have last observations alone, where one is held."""
+        """Step all; the infos hold last observations only, for native environments."""
         self.adapted.send(np.asarray(actions))
         before = self._held if self._holds else None
         obs, rewards, terminated, truncated = self._receive()
-        if before is None:
-            return obs, rewards, terminated, truncated, {}
         ended = np.logical_or(terminated, truncated)
-        infos = {"final_obs": before, "_final_obs": ended} if ended.any() else {}
+        has_ends = before is not None and ended.any()
+        infos = {"final_obs": before, "_final_obs": ended} if has_ends else {}
         return obs, rewards, terminated, truncated, infos
 
     def _receive(self) -> tuple[Any, Any, Any, Any]:
-        """The shared arrays, after the environments have written them."""
+        """Return the shared arrays, after the environments have written them."""
         obs, rewards, terminated, truncated, infos, _, masks = self.adapted.recv()
         if not np.all(masks):
             raise StateError(
@@ -219,10 +210,118 @@ class PufferVectorEnv(_AdaptedVectorEnv):
         self.rewards, self.terminated, self.truncated = rewards, terminated, truncated
         self.infos = infos
         if self._holds:
-            self._held = np.array(obs)  # the next step writes over it
+            self._held = np.array(obs)  # the next step overwrites it
         return obs, rewards, terminated, truncated
 
 
-def _refuse_options(of: str, options: dict[str, Any] | None) -> None:
+def _refuse_options(library: str, options: dict[str, Any] | None) -> None:
     if options is not None:
-        raise InputError(f"expected reset() of {of} without options, got {options!r}")
+        raise InputError(f"expected reset() of {library} without options, got {options!r}")
+
+
+class SharedBuffers:
+    """Presents monitored environments of PufferLib as a vector environment of PufferLib.
+
+    PufferLib's environments write observations, rewards and flags into arrays that the learner
+    reads. The monitor reads these arrays and writes its changes into them: the rewards of
+    :class:`VectorStlReward` replace the environments' own. Nothing is copied. The learner's calls,
+    ``async_reset``, ``recv`` and ``send``, and ``reset`` and ``step``, return what PufferLib
+    returns. Every other attribute comes from PufferLib's vector environment.
+
+    At steps that end episodes, the list of infos has one more dictionary, whose values have a
+    number for each of these: ``stl/satisfied`` (0 or 1) and ``stl/robustness`` of all requirements,
+    and ``stl/NAME/satisfied`` and ``stl/NAME/robustness`` of each. PufferLib's learner logs their
+    means. ``send`` waits until the environments have stepped.
+
+    Args:
+        envs: A :class:`VectorStlMonitor` or :class:`VectorStlReward` around the environments of
+            ``pufferlib.vector.make``; other wrappers may be around it.
+
+    Raises:
+        InputError: If there is no environment of PufferLib inside, or if the observations differ
+            from the shared array, as with ``observe=``.
+    """
+
+    def __init__(self, envs: VectorEnv[Any, Any, Any]) -> None:
+        shared = getattr(envs, "unwrapped", None)
+        if not isinstance(shared, PufferVectorEnv):
+            raise InputError(
+                f"expected a VectorStlMonitor or VectorStlReward around environments of PufferLib, "
+                f"got {envs!r}"
+            )
+        if envs.single_observation_space != shared.single_observation_space:
+            raise InputError(
+                "expected the observations of the shared array, of "
+                f"{shared.single_observation_space}, got {envs.single_observation_space}; leave "
+                "observe= out, or put StlReward around each environment"
+            )
+        self.envs = envs
+        self._shared = shared
+        self._newest: tuple[Any, ...] | None = None
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        if name.startswith("__") or name == "_shared":  # a protocol asks for it
+            raise AttributeError(name)
+        return getattr(self._shared.adapted, name)
+
+    def async_reset(self, seed: int | list[int] | None = None) -> None:
+        """Reset all environments; `recv` returns the observations."""
+        any_seed: Any = seed
+        obs, _ = self.envs.reset(seed=any_seed)
+        self._keep(obs, self._shared.infos)
+
+    def send(self, actions: Any) -> None:  # noqa: ANN401
+        """Step all environments; `recv` returns the result."""
+        obs, rewards, terminated, truncated, infos = self.envs.step(actions)
+        shared = self._shared
+        for array, new in (
+            (shared.rewards, rewards),
+            (shared.terminated, terminated),
+            (shared.truncated, truncated),
+        ):
+            if new is not array:
+                array[...] = new
+        ended = np.logical_or(terminated, truncated)
+        self._keep(obs, [*shared.infos, *_last_infos(infos, ended)])
+
+    def recv(self) -> tuple[Any, ...]:
+        """Return observations, rewards, terminals, truncations, infos, numbers of agents, masks.
+
+        Raises:
+            StateError: Before the first reset.
+        """
+        if self._newest is None:
+            raise StateError("expected running episodes, got recv() before a reset")
+        return self._newest
+
+    def reset(self, seed: int | list[int] | None = None) -> tuple[Any, list[Any]]:
+        """Reset all environments; return observations and infos."""
+        self.async_reset(seed)
+        obs, *_, infos, _, _ = self.recv()
+        return obs, infos
+
+    def step(self, actions: Any) -> tuple[Any, ...]:  # noqa: ANN401
+        """Step all environments; return the first five results of `recv`."""
+        self.send(actions)
+        return self.recv()[:5]
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.envs.close()
+
+    def _keep(self, obs: Any, infos: list[Any]) -> None:  # noqa: ANN401
+        shared, num = self._shared, self._shared.num_envs
+        flags = shared.terminated, shared.truncated
+        self._newest = obs, shared.rewards, *flags, infos, np.arange(num), np.ones(num, np.bool_)
+
+
+def _last_infos(infos: dict[str, Any], ended: Any) -> list[dict[str, list[float]]]:  # noqa: ANN401
+    """Return the dictionary about the episodes that have ended, if there are any."""
+    if not ended.any():
+        return []
+    last = infos.get("final_info", infos)
+    columns = {"satisfied": last["stl_success"], "robustness": last["robustness"]}
+    for name, outcome in last["stl_episode"].items():
+        if not name.startswith("_"):
+            columns |= {f"{name}/{key}": outcome[key] for key in ("satisfied", "robustness")}
+    return [{f"stl/{key}": each[ended].astype(float).tolist() for key, each in columns.items()}]

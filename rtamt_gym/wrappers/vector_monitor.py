@@ -24,7 +24,6 @@ from rtamt_gym.judging.vector_infos import final_infos, final_observations, key_
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
-from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.step_time import StepTimes
 from rtamt_gym.signals.taps import StaysOpen
@@ -34,158 +33,37 @@ from rtamt_gym.wrappers.monitoring import (
     OnSatisfaction,
     OwnOptions,
     Violations,
-    check_can_end,
     refuse_monitored,
 )
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.vector_forms import as_vector_env
 
-__all__ = ["VectorStlMonitor"]
 
-
-class _LaneMonitoring(Monitoring):
-    """What `VectorStlMonitor` says of episodes in its infos, and what it does at their ends."""
-
-    num_envs: int
-    _panel: VectorPanel
-    _episodes: EpisodeRecords
-    _done: Lanes | None
-    _running: bool
-
-    def _certain(self) -> list[tuple[Lanes, str]]:
-        """The environments whose episodes a certain verdict ends, and how: the strongest first."""
-        panel = self._panel
-        found: list[tuple[Lanes, str]] = []
-        for how in ("terminate", "truncate"):
-            names = [name for name, word in self._on_violation.items() if word == how]
-            if names:
-                found.append((panel.violated(names), how))
-        if self._on_satisfaction != "report":
-            satisfied = panel.success(np.arange(self.num_envs))
-            found.append((satisfied, self._on_satisfaction))
-        return found
-
-    def _report(
-        self,
-        infos: dict[str, Any],
-        lanes: Lanes | None,
-        costs: dict[str, Floats] | None = None,
-        charged: Lanes | None = None,
-    ) -> None:
-        """Adds the keys that every info has, to the environments of the mask; None: to all.
-
-        The costs are added to the environments ``charged``; None: to all.
-        """
-        panel = self._panel
-        states = panel.describe() if self._details else None
-        violated = panel.any_violated()
-        bounds = panel.robustness, panel.lower, panel.upper
-        added = step_info(
-            {}, *bounds, violated, states, None, panel.of_instant, panel.least_progress
-        )
-        for key, value in added.items():
-            put(infos, key, value, lanes, self.num_envs)
-        for key, cost in (costs or {}).items():
-            put(infos, key, cost, charged, self.num_envs)
-
-    def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
-        """Reads the ends that the environments have made."""
-        panel, names = self._panel, list(self._panel.monitors)
-        at, undecided = terminated.nonzero()[0], None
-        windows: frozenset[str] = frozenset()
-        if self._unasked and len(at):
-            undecided = panel.undecided(at)
-            if np.count_nonzero(undecided):
-                windows = panel.cut_windows(terminated)
-            else:
-                undecided = None
-        panel.finish(terminated, self._at_termination)
-        if np.count_nonzero(truncated):
-            panel.finish(truncated & ~terminated, self._at_truncation)
-        if undecided is not None:
-            held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
-            self._assumed = assumed([names[place] for place in held], windows)
-
-    def _conclude(
-        self,
-        infos: dict[str, Any],
-        ended: Lanes,
-        terminated: Any,  # noqa: ANN401
-        truncated: Any,  # noqa: ANN401
-    ) -> None:
-        """Adds the keys that only the last infos of episodes have, and records the episodes."""
-        panel, at = self._panel, ended.nonzero()[0]
-        outcomes, success, undecided = panel.ends(at)
-        violated = panel.any_violated(at)
-        found = outcomes, violated, panel.violated_by(at), panel.violated_at.take(at)
-        reported: Lanes | None = None
-        has = np.zeros(len(at), np.bool_)
-        if "is_success" in infos:
-            reported = key_mask(infos, "is_success", self.num_envs)
-            has = reported.take(at)
-            self._seen_success |= bool(has.any())
-        last = last_info(*found, success, undecided, has)
-        put_last(infos, last, at, ended, reported, panel.spread)
-        flags = np.asarray(terminated).take(at), np.asarray(truncated).take(at)
-        self._episodes.append(at, record(*found, panel.samples.take(at), *flags))
-
-    def _abandon(self, lanes: Lanes) -> bool:
-        """Records what goes on in these environments as truncated; returns whether anything did."""
-        found = False
-        if self._running:
-            cut = lanes & (self._panel.samples > 1)
-            if self._done is not None:
-                cut &= ~self._done
-            at, panel = cut.nonzero()[0], self._panel
-            found = len(at) > 0
-            if found:
-                panel.finish(cut, self._at_truncation)
-                violated = panel.any_violated(at)
-                ends = panel.outcomes(at), violated, panel.violated_by(at), panel.violated_at[at]
-                self._episodes.append(at, record(*ends, panel.samples[at], ~cut[at], cut[at]))
-        self._running = False
-        return found
-
-
-class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
+class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
-    Samples and infos are as if :class:`StlMonitor` wrapped each environment. The infos
-    have the form of vector environments: an array for every key, and a mask ``_key`` of the
-    environments that have it. Numbers are float64. Works with the vector environments of
-    :func:`gymnasium.make_vec`, native, synchronous and asynchronous, and with others that keep to
-    their rules.
+    Samples and infos are as if :class:`StlMonitor` wrapped each environment, in the form of vector
+    environments: an array for every key, and a mask ``_key`` of the environments that have it.
+    Numbers are float64. Native, synchronous and asynchronous vector environments of
+    :func:`gymnasium.make_vec` work, and others that follow the same rules.
 
-    The end of an episode is seen in all of Gymnasium's autoreset modes:
+    Ends of episodes are observed in all of Gymnasium's autoreset modes:
 
-    * ``NEXT_STEP``: a step after the end of an episode is the reset, its observation is sample 0
-    * ``SAME_STEP``: the terminal observation is read from ``final_obs``; what the last info of an
-      episode has is in ``final_info``
-    * ``DISABLED``: until ``reset(options={"reset_mask": mask})``, which begins new episodes in the
-      environments of the mask and touches no other
+    * ``NEXT_STEP``: the step after the end of an episode is the reset, its observation is sample 0
+    * ``SAME_STEP``: the terminal observation is read from ``final_obs``; the keys of the last info
+      of an episode are in ``final_info``
+    * ``DISABLED``: ``reset(options={"reset_mask": mask})`` starts new episodes in the environments
+      of the mask and changes no other
 
     A wrapper around all environments cannot reset one of them. So a violation is only reported,
     unless the mode is ``DISABLED``, where the caller resets. To end episodes in the other modes,
-    wrap each environment with :class:`StlMonitor`.
-
-    Signals are read for all environments at once: ``"obs[2]"`` is column 2 of the observations. A
-    function is called for each environment, with the :class:`rtamt_gym.Step` that
-    :class:`StlMonitor` around it would give; :func:`rtamt_gym.batched` marks one that gets the
-    whole batch and returns an array with one number for each environment. Selectors that read
-    simulations, such as ``"qpos[1]"``, need a ``SyncVectorEnv``, whose environments are read one by
-    one. For samples inside a step, ``substeps=True``, wrap each environment with
-    :class:`StlMonitor` too.
-
-    With ``SAME_STEP``, what ``observe="state"`` appends is appended to ``final_obs`` too.
+    wrap each environment with :class:`StlMonitor`, the scalar version of this wrapper.
 
     Attributes:
-        stl_episodes: Records of the last ``buffer_length`` episodes that ended, as
-            :class:`StlMonitor` makes them, with ``"env"``, the number of the environment.
-        begun: The environments that the last step has reset instead of stepping; None if none.
-        terminal: With ``SAME_STEP``, the values of the monitors before the resets in the last step;
+        begun: The mask of environments that the last step has reset (``NEXT_STEP``); None if
+            there were none.
+        terminal: The values of the monitors before the resets in the last step (``SAME_STEP``);
             None if there were none.
-
-    The scalar version of the wrapper is :class:`StlMonitor`.
 
     Example:
         >>> import gymnasium as gym
@@ -193,23 +71,19 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         >>> envs = gym.make_vec("CartPole-v1", num_envs=3, vectorization_mode="vector_entry_point")
         >>> envs = VectorStlMonitor(envs, "always(abs(theta) < 0.1)", {"theta": "obs[2]"})
         >>> _, infos = envs.reset(seed=123)
-        >>> infos["robustness"].round(3)
-        array([0.058, 0.078, 0.068])
         >>> terminated = np.zeros(3, bool)
         >>> while not terminated.any():
         ...     _, _, terminated, _, infos = envs.step(np.array([1, 1, 0]))
-        >>> terminated, infos["stl_episode"]["spec"]["verdict"]
-        (array([False,  True,  True]), array([None, 'VIOLATED', 'VIOLATED'], dtype=object))
         >>> infos["stl_violated_at"], infos["_stl_violated_at"]
         (array([0, 6, 6]), array([False,  True,  True]))
 
-    ChangedConstants logs:
+    Change logs:
      * v0.5.0 - Initially added
     """
 
     _UNPICKLED = frozenset({"_columns"})
     _panel: VectorPanel
-    _knows_flags = False
+    _has_flags = False
 
     @documents_options("episodes")
     def __init__(
@@ -228,19 +102,19 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         clip: float = 1.0,
         **reading: Unpack[EvaluationKeywords],
     ) -> None:
-        """Parses the specifications, binds the signals, and refuses what cannot be monitored.
+        """Parse the specifications and bind the signals.
 
-        It takes the arguments of :class:`StlMonitor`, except that ``env`` is a vector environment,
-        that a function that :func:`rtamt_gym.batched` marks reads all environments at once, that
-        for the period of an ``AsyncVectorEnv`` one more environment is made and closed if a
-        specification has bounds, and that ``on_violation`` is ``"report"`` by default; it and
+        It takes the arguments of :class:`StlMonitor`, with these differences: ``env`` is a vector
+        environment; a function that :func:`rtamt_gym.batched` marks reads all environments at once;
+        for the period of an ``AsyncVectorEnv``, one more environment is made and closed if a
+        specification has bounds; and ``on_violation`` is ``"report"`` by default. It and
         ``on_satisfaction`` may be ``"terminate"`` or ``"truncate"`` only with
         ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
-            InputError: As :class:`StlMonitor` does; and if the environment cannot do what
-                ``on_violation`` or ``on_satisfaction`` asks
+            InputError: As :class:`StlMonitor` does; and if ``on_violation`` or ``on_satisfaction``
+                would end episodes that the environment cannot reset
         """
         read = checked_options(reading, type(self), "episodes")
         options = OwnOptions(
@@ -251,15 +125,15 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
             buffer_length=buffer_length,
             constants=constants,
         )
-        given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
-        given |= read.whole("episodes").options()
-        RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
+        recorded: dict[str, Any] = {**options, **read.whole("episodes").options()}
+        recorded |= {"specs": recordable(specs), "signals": signals}
+        RecordConstructorArgs.__init__(self, **recorded, observe=observe, clip=clip)
         env = as_vector_env(env)
         VectorWrapper.__init__(self, env)
-        judged = self._set_up(env, specs, signals, read, options, read_period)
+        loaded = self._set_up(env, specs, signals, read, options)
         self._autoreset = autoreset_mode(env)
-        check_can_end(options, self._autoreset, env)
-        self._panel = panel = self._make_panel(judged.specs)
+        self._check_can_end(options)
+        self._panel = panel = self._make_panel(loaded)
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         period = panel.period
         make = None if period is None else partial(self._step_time, period=float(period))
@@ -268,7 +142,6 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self._episodes = EpisodeRecords(buffer_length)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(self._signals)), np.nan)
-        self._running = False
         self.begun: Lanes | None = None
         self.terminal: MonitorValues[Floats] | None = None
 
@@ -278,18 +151,18 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets the environments and their monitors; with ``reset_mask`` only where it is true.
+        """Reset the environments and their monitors; with ``reset_mask`` only where it is true.
 
         ``options={"constants": {...}}`` changes constants as for :meth:`StlMonitor.reset`, of all
-        environments: a reset of some with it is refused. What is set as :attr:`constants` waits for
-        a reset of all, and so never happens in a loop that lets the environments reset themselves.
+        environments: it is an error in a reset of some. A change by :attr:`constants` waits for a
+        reset of all, which never comes in a loop where the environments reset themselves.
 
         Raises:
             InputError: If a signal is nan or cannot be read; as :attr:`constants` does; and if some
                 environments are to be reset with other constants.
             SpecificationError: As :attr:`constants` does.
             StateError: If the environment has changed its period since construction, if it has
-                reset others than the mask says, or if the mask is given before any reset.
+                reset environments outside the mask, or if the first reset has a mask.
         """
         mask: Lanes | None = None
         if options is not None and "reset_mask" in options:
@@ -303,7 +176,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
             options = dict(options)
         change: ChangedConstants | None = None
         if mask is None or mask.all():
-            options, change = self._taken(options)
+            options, change = self._split_options(options)
         elif options is not None and "constants" in options:
             raise InputError(
                 "expected a reset of all environments with other constants, which hold for all, "
@@ -313,12 +186,12 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
         self._warn_of_unseen_end(unended=self._abandon(lanes))
         obs, infos = self.env.reset(seed=seed, options=options)
-        self._adopt(change)
+        self._apply(change)
         if mask is None and "stl_violated" in infos:  # of environments that cannot be looked into
             refuse_monitored("StlMonitor", " around each of its environments")
         self._times.begin(lanes)
-        shown, said = (obs, infos) if self._beneath is None else self._beneath.shown
-        table = self._columns.reset(shown, said, lanes)
+        first_obs, first_infos = (obs, infos) if self._beneath is None else self._beneath.shown
+        table = self._columns.reset(first_obs, first_infos, lanes)
         if mask is not None:
             self._columns.check_untouched(table, self._table, ~mask)
         infos = dict(infos)
@@ -331,11 +204,11 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         if self._state is not None:
             values = self.values()
             obs = self._observed(obs, values)
-            self._look_at_reset(values, mask)
+            self._watch_reset(values, mask)
         return obs, infos
 
     def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - as the environment takes
-        """Closes the environments; episodes that have not ended are recorded as truncated."""
+        """Close the environments; episodes that have not ended are recorded as truncated."""
         self._abandon(np.ones(self.num_envs, np.bool_))
         super().close(**kwargs)
 
@@ -343,15 +216,15 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         self,
         actions: Any,  # noqa: ANN401
     ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Steps through the environments and feeds one sample of each.
+        """Step the environments and update the monitors with one sample of each.
 
         Raises:
-            StateError: Before :meth:`reset`, after an error, and if an environment whose episode
-                has ended was to be reset by the caller.
+            StateError: Before :meth:`reset`, after an error, and if the caller has not reset an
+                environment whose episode has ended.
             InputError: If a signal is nan or cannot be read.
-            InputTypeError: At the first step, if the environments tell their ends in no flags.
+            InputTypeError: At the first step, if terminations or truncations are not flags.
         """
-        begun = self.begun = self._begun()
+        begun = self.begun = self._resetting()
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         # A monitor that misses a sample, because a signal cannot be read, would count wrong.
         self._running = False
@@ -359,7 +232,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         ended = _some(np.logical_or(terminated, truncated))
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
         self._times.step(begun if resets is None else resets)
-        self._table, read = self._read(obs, actions, rewards, infos, begun, resets)
+        self._table, shown = self._read(obs, actions, rewards, infos, begun, resets)
         if begun is not None:
             self._panel.reset(begun)
         self._panel.feed(self._table)
@@ -367,8 +240,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         if ended is not None:
             self._finish(np.asarray(terminated), np.asarray(truncated))
         if certain:
-            for lanes, how in certain:
-                terminated, truncated = _flagged(lanes, how, terminated, truncated)
+            terminated, truncated = _with_ends(certain, terminated, truncated)
             ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
         stepped = None if begun is None else ~begun
@@ -380,7 +252,7 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
             self._conclude(final, resets, terminated, truncated)
             infos["final_info"], infos["_final_info"] = final, resets.copy()
             self.terminal = self.values()
-            self._begin(self._columns.reset(*read, resets), resets)
+            self._begin(self._columns.reset(*shown, resets), resets)
             self._report(infos, None, costs, ~resets)
             self._report_period(infos, resets)
         else:
@@ -390,20 +262,20 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
         if self._state is not None:
-            self._observed_last(infos, self.terminal, resets)
+            self._append_to_final(infos, self.terminal, resets)
             values = self.values()
             obs = self._observed(obs, values)
-            self._look(self.terminal or values, np.logical_or(terminated, truncated))
+            self._watch_step(self.terminal or values, np.logical_or(terminated, truncated))
             if resets is not None:
-                self._look_at_reset(values, resets)
+                self._watch_reset(values, resets)
         self._running = True
         if ended is not None:
-            self._tell()
+            self._warn_of_ends()
         return obs, rewards, terminated, truncated, infos
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed since each environment's reset, counting the sample of the reset."""
+        """The number of samples since each environment's reset, including the reset's."""
         return self._panel.samples
 
     @property
@@ -413,21 +285,39 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of the last episodes that ended; a fresh deque."""
+        """The records of the last episodes that ended, in a new deque."""
         return self._episodes.newest()
 
-    def _require_flags(self, terminated: Any, truncated: Any) -> None:  # noqa: ANN401
-        """Refuses environments whose first step tells ends in anything but flags."""
-        if self._knows_flags:
+    def _check_can_end(self, options: OwnOptions) -> None:
+        """Refuse to end episodes that nobody could reset."""
+        if self._autoreset is AutoresetMode.DISABLED:
             return
-        for name, given in (("terminated", terminated), ("truncated", truncated)):
-            kind = np.asarray(given).dtype
+        choices: dict[str, Any] = {
+            "on_violation": options["on_violation"],
+            "on_satisfaction": options["on_satisfaction"],
+        }
+        for name, choice in choices.items():
+            words = choice.values() if isinstance(choice, Mapping) else [choice]
+            if any(word != "report" for word in words):
+                raise InputError(
+                    f"{name}={choice!r} needs an environment that resets when it is told, "
+                    f"AutoresetMode.DISABLED, got {self._autoreset} of {self.env}; wrap each "
+                    "environment, gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) "
+                    f"with StlMonitor, or take {name}='report'"
+                )
+
+    def _require_flags(self, terminated: Any, truncated: Any) -> None:  # noqa: ANN401
+        """Check the type of the ends in the first step."""
+        if self._has_flags:
+            return
+        for name, flags in (("terminated", terminated), ("truncated", truncated)):
+            kind = np.asarray(flags).dtype
             if kind != np.bool_:
                 raise InputTypeError(
                     f"expected {name} of {self.env} as flags, of dtype bool, got dtype {kind}; put "
                     "a wrapper around it whose step converts them, .astype(bool)"
                 )
-        self._knows_flags = True
+        self._has_flags = True
 
     def _make_panel(self, specs: Mapping[str, Specification]) -> VectorPanel:
         names = [signal.name for signal in self._signals]
@@ -438,14 +328,8 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         env = self.env if self._beneath is None else self._beneath.env
         self._columns = SignalColumns(self._signals, env, same_step=same_step)
 
-    def _report_period(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
-        """Tells the environments of the mask, whose episodes begin, the period; None: none."""
-        period = self._panel.period
-        if period is not None and lanes is not None:
-            put(infos, "stl_period", np.full(self.num_envs, float(period)), lanes, self.num_envs)
-
-    def _begun(self) -> Lanes | None:
-        """The environments that the next step resets; None if none."""
+    def _resetting(self) -> Lanes | None:
+        """Return the environments that the next step resets; None if there are none."""
         if not self._running and not self._resumes():
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
@@ -465,34 +349,140 @@ class VectorStlMonitor(_LaneMonitoring, StaysOpen, VectorWrapper, RecordConstruc
         begun: Lanes | None,
         resets: Lanes | None,
     ) -> tuple[Floats, tuple[Any, Any]]:
-        """The table of a step, from before the resets in it, and what they have shown."""
+        """Return the table from before the resets in a step, and observations and infos after."""
         env, tap = self.env, self._beneath
         if tap is not None:
             env, actions = tap, tap.actions
             obs, rewards, _, _, infos = tap.result
-        shown, said = obs, infos
+        last_obs, last_infos = obs, infos
         if resets is not None and self._columns.reads_obs:
-            shown = final_observations(env.single_observation_space, obs, infos, resets)
+            last_obs = final_observations(env.single_observation_space, obs, infos, resets)
         if resets is not None and self._columns.reads_info:
-            said = final_infos(infos, resets)
-        return self._columns.step(shown, actions, rewards, said, begun), (obs, infos)
+            last_infos = final_infos(infos, resets)
+        return self._columns.step(last_obs, actions, rewards, last_infos, begun), (obs, infos)
 
     def _begin(self, table: Floats, lanes: Lanes | None) -> None:
-        """Begins episodes in the environments of the mask; None: in all."""
+        """Start episodes in the environments of the mask; None: in all."""
         which = slice(None) if lanes is None else lanes
         self._panel.reset(lanes)
         self._panel.feed(table, lanes)
         self._table[which] = table[which]
 
+    def _certain(self) -> list[tuple[Lanes, str]]:
+        """Return the environments whose episodes a certain verdict ends, the strongest first."""
+        panel = self._panel
+        certain: list[tuple[Lanes, str]] = []
+        for how in ("terminate", "truncate"):
+            names = [name for name, word in self._on_violation.items() if word == how]
+            if names:
+                certain.append((panel.violated(names), how))
+        if self._on_satisfaction != "report":
+            satisfied = panel.success(np.arange(self.num_envs))
+            certain.append((satisfied, self._on_satisfaction))
+        return certain
+
+    def _report(
+        self,
+        infos: dict[str, Any],
+        lanes: Lanes | None,
+        costs: dict[str, Floats] | None = None,
+        charged: Lanes | None = None,
+    ) -> None:
+        """Add the keys of every info to the environments ``lanes``, and costs to ``charged``.
+
+        None means all environments.
+        """
+        panel = self._panel
+        states = panel.describe() if self._details else None
+        violated = panel.any_violated()
+        bounds = panel.robustness, panel.lower, panel.upper
+        extras = panel.of_instant, panel.least_progress
+        for key, value in step_info({}, *bounds, violated, states, None, *extras).items():
+            put(infos, key, value, lanes, self.num_envs)
+        for key, cost in (costs or {}).items():
+            put(infos, key, cost, charged, self.num_envs)
+
+    def _report_period(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
+        """Add the period to the environments of the mask, whose episodes begin; None: to none."""
+        period = self._panel.period
+        if period is not None and lanes is not None:
+            put(infos, "stl_period", np.full(self.num_envs, float(period)), lanes, self.num_envs)
+
+    def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
+        """Evaluate the environments' own ends."""
+        panel, names = self._panel, list(self._panel.monitors)
+        at, undecided = terminated.nonzero()[0], None
+        windows: frozenset[str] = frozenset()
+        if self._warns_of_open_end and len(at):
+            undecided = panel.undecided(at)
+            if np.count_nonzero(undecided):
+                windows = panel.cut_windows(terminated)
+            else:
+                undecided = None
+        panel.finish(terminated, self._at_termination)
+        if np.count_nonzero(truncated):
+            panel.finish(truncated & ~terminated, self._at_truncation)
+        if undecided is not None:
+            held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
+            self._assumed = assumed([names[place] for place in held], windows)
+
+    def _conclude(
+        self,
+        infos: dict[str, Any],
+        ended: Lanes,
+        terminated: Any,  # noqa: ANN401
+        truncated: Any,  # noqa: ANN401
+    ) -> None:
+        """Add the keys of last infos, and record the episodes."""
+        panel, at = self._panel, ended.nonzero()[0]
+        outcomes, success, undecided = panel.ends(at)
+        violated = panel.any_violated(at)
+        violation = outcomes, violated, panel.violated_by(at), panel.violated_at.take(at)
+        own: Lanes | None = None
+        has_own = np.zeros(len(at), np.bool_)
+        if "is_success" in infos:
+            own = key_mask(infos, "is_success", self.num_envs)
+            has_own = own.take(at)
+            self._seen_success |= bool(has_own.any())
+        last = last_info(*violation, success, undecided, has_own)
+        put_last(infos, last, at, ended, own, panel.spread)
+        flags = np.asarray(terminated).take(at), np.asarray(truncated).take(at)
+        self._episodes.append(at, record(*violation, panel.samples.take(at), *flags))
+
+    def _abandon(self, lanes: Lanes) -> bool:
+        """Record running episodes in these environments as truncated; return if there are any."""
+        running, self._running = self._running, False
+        if not running:
+            return False
+        panel = self._panel
+        cut = lanes & (panel.samples > 1)
+        if self._done is not None:
+            cut &= ~self._done
+        at = cut.nonzero()[0]
+        if len(at) == 0:
+            return False
+        panel.finish(cut, self._at_truncation)
+        violated = panel.any_violated(at)
+        ends = panel.outcomes(at), violated, panel.violated_by(at), panel.violated_at[at]
+        self._episodes.append(at, record(*ends, panel.samples[at], ~cut[at], cut[at]))
+        return True
+
+
+def _with_ends(
+    certain: list[tuple[Lanes, str]],
+    terminated: Any,  # noqa: ANN401
+    truncated: Any,  # noqa: ANN401
+) -> tuple[Any, Any]:
+    """Return the flags with the ends that certain verdicts make, where none has terminated."""
+    for lanes, how in certain:
+        running = lanes & ~np.asarray(terminated)
+        if how == "terminate":
+            terminated = np.logical_or(terminated, running)
+        else:
+            truncated = np.logical_or(truncated, running)
+    return terminated, truncated
+
 
 def _some(lanes: Lanes) -> Lanes | None:
-    """The mask itself; None if it is true nowhere."""
+    """Return the mask; None if it is true nowhere."""
     return lanes if np.count_nonzero(lanes) else None
-
-
-def _flagged(lanes: Lanes, how: str, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
-    """Sets a flag for the environments of the mask that are not terminated; returns both flags."""
-    ended = lanes & ~np.asarray(terminated)
-    if how == "terminate":
-        return np.logical_or(terminated, ended), truncated
-    return terminated, np.logical_or(truncated, ended)

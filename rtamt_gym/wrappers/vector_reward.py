@@ -11,19 +11,16 @@ from gymnasium.vector import VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.judging.vector_infos import put
 from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.taps import StaysOpen
+from rtamt_gym.wrappers.episode_counters import put_returns
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe
-from rtamt_gym.wrappers.returns import put_returns
-from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
+from rtamt_gym.wrappers.reward import Rewarding, ShapingOptions, find_or_make
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
-
-__all__ = ["VectorStlReward"]
 
 
 class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs):
@@ -31,17 +28,16 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
 
     Each environment gets the reward that :class:`StlReward` around it would pay. The wrapper takes
     the arguments of :class:`VectorStlMonitor` and contains one, or uses the one that is there
-    already. The rewards are float64; the environments' own stay in ``infos["reward"]``. A
-    step that resets an environment, in the autoreset mode ``NEXT_STEP``, pays what the vector
-    environment pays: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode
-    is in ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
-    Where a wrapper inside counts episodes, of each environment or of all, ``infos["episode"]`` has
-    ``r`` and ``r_env`` as in :class:`StlReward`; what that wrapper keeps stays as it is.
+    already. The rewards are float64; the environments' own stay in ``infos["reward"]``. In the
+    autoreset mode ``NEXT_STEP``, a step that resets an environment pays the vector environment's
+    reward: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode is in
+    ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``. If a
+    wrapper inside counts episodes, of each environment or of all, ``infos["episode"]`` has ``r``,
+    the sum of the rewards that the learner was paid, and ``r_env``, the environment's own; the
+    wrapper's own statistics do not change.
 
-    The warning about a ``clip`` that flattens counts the first 10 episodes that end, in whichever
-    environments, and the samples of all until then.
-
-    The scalar version of the wrapper is :class:`StlReward`.
+    The warning about a ``clip`` that flattens counts the first 10 episodes that end, in any
+    environment, and the samples of all until then.
 
     Example:
         >>> import gymnasium as gym
@@ -79,7 +75,7 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
         observe: Observe | None = None,
         **monitor: Unpack[MonitorOptions],
     ) -> None:
-        """Finds the monitor of the environment or makes one, and checks the numbers.
+        """Find the monitor of the environment or make one, and check the numbers.
 
         It takes the arguments of :class:`StlReward`, with a vector environment, and the keyword
         arguments of :class:`VectorStlMonitor`.
@@ -102,7 +98,7 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(VectorStlMonitor, env, specs, signals, monitor)
         VectorWrapper.__init__(self, env)
-        self._set_up(env, self._monitor.monitors, options, observe, env.num_envs)
+        self._set_up(env, options, observe, env.num_envs)
         self._robustness = np.zeros(env.num_envs)
         self._outcome = np.zeros(env.num_envs)
         self._returns = np.zeros(env.num_envs)
@@ -113,41 +109,37 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets environments; the sample of a reset gives the first potential."""
+        """Reset environments; the sample of a reset gives the first potential."""
         mask = None if options is None else options.get("reset_mask")
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
-        if self._followed != self._monitor.constant_changes:
-            self._follow()
-        self._require_known_start(mask)
+        self._begin(mask)
         values = self._monitor.values()
-        self._robustness = self._potential(values)
+        self._robustness = self._potential_of(values)
         which = slice(None) if mask is None else mask
         self._returns[which] = self._outcome[which] = 0.0
-        if self._watch is not None:
-            self._watch.reset(self._paying(values), mask)
-            self._warn_if_flat()
-        self._look_at_reset(values, mask)
+        self._watch_start(self._paying(values), mask)
+        self._watch_reset(values, mask)
         return self._observed(obs, values), infos
 
     def step(
         self,
         actions: Any,  # noqa: ANN401
     ) -> tuple[Any, Floats, Any, Any, dict[str, Any]]:
-        """Steps through the environments and shapes the rewards."""
+        """Step the environments and shape the rewards."""
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
-        paid = np.array(rewards, np.float64)
+        own = np.array(rewards, np.float64)
         ended = np.logical_or(terminated, truncated)
         now = self._monitor.values()
         last = self._monitor.terminal or now
-        before, after = self._robustness, self._potential(last)
+        before, after = self._robustness, self._potential_of(last)
         shaping = self._shaping
         shaped = shaping.reward(
-            paid, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
+            own, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
         )
         if self._settles:
-            found = outcome(least(last.lower), least(last.upper))
-            shaped += settle(self._outcome, found, shaping.bonus, shaping.penalty)
-            self._outcome = found
+            newest = outcome(least(last.lower), least(last.upper))
+            shaped += settle(self._outcome, newest, shaping.bonus, shaping.penalty)
+            self._outcome = newest
             if last is not now:
                 self._outcome[ended] = 0.0
         self._returns += shaped
@@ -156,45 +148,35 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
             self._robustness = after
             begun = self._monitor.begun
             if begun is not None:
-                self._require_known_start(begun)
-                shaped = np.where(begun, paid, shaped)
+                self._begin(begun)
+                shaped = np.where(begun, own, shaped)
                 self._returns[begun] = self._outcome[begun] = 0.0
-            put(infos, "reward", paid, None if begun is None else ~begun, self.num_envs)
+            put(infos, "reward", own, None if begun is None else ~begun, self.num_envs)
         else:
-            self._require_known_start(ended)
-            self._robustness = self._potential(now)
+            self._begin(ended)
+            self._robustness = self._potential_of(now)
             infos["final_info"] = dict(infos["final_info"])
-            put(infos["final_info"], "reward", paid, ended, self.num_envs)
-            put(infos, "reward", paid, ~ended, self.num_envs)
-            self._observed_last(infos, last, ended)
+            put(infos["final_info"], "reward", own, ended, self.num_envs)
+            put(infos, "reward", own, ~ended, self.num_envs)
+            self._append_to_final(infos, last, ended)
             put_returns(infos["final_info"], self._returns, ended)
         if ended.any():
             put_returns(infos, self._returns, ended)
             self._returns[ended] = 0.0
-        if self._watch is not None:
+        if self._clip_watch is not None:
             paying = self._paying(last)
-            self._watch.step(paying)
+            self._clip_watch.step(paying)
             if ended.any():
-                self._watch.end(paying, ended)
+                self._clip_watch.end(paying, ended)
                 if last is not now:
-                    self._watch.reset(self._paying(now), ended)
+                    self._clip_watch.reset(self._paying(now), ended)
                 self._warn_if_flat()
-        self._look(last, ended)
+        self._watch_step(last, ended)
         if last is not now:
-            self._look_at_reset(now, ended)
+            self._watch_reset(now, ended)
         return self._observed(obs, now), shaped, terminated, truncated, infos
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed since each environment's reset, counting the sample of the reset."""
+        """The number of samples since each environment's reset, including the reset's."""
         return self._monitor.samples
-
-    def _paying(self, values: MonitorValues[Floats]) -> list[Floats]:
-        """For each specification the robustness that the reward is computed from."""
-        return values.judged if self._whole else values.robustness
-
-    def _potential(self, values: MonitorValues[Floats]) -> Floats:
-        """What the reward of a step depends on, before it and after it."""
-        if self._shaping.mode == "progress":
-            return self._shaping.middle(values.lower, values.upper)
-        return self._shaping.robustness(self._paying(values))

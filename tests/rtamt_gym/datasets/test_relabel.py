@@ -21,7 +21,7 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.options.evaluation import AtTermination
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import MonitorOptions
-from rtamt_gym.wrappers.rewarding import ShapingOptions
+from rtamt_gym.wrappers.reward import ShapingOptions
 
 SPECS = {"high": "always(x > 1)", "calm": "eventually[0:3](x + u > 3.5)"}
 SIGNALS = {**X, "u": ("action[0]", 0.25)}

@@ -12,7 +12,7 @@ from mujoco_models import INTEGRATORS, arm
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import StepMonitor
-from rtamt_gym.mujoco.clock import StepClock
+from rtamt_gym.mujoco.step_monitor import StepClock
 
 X = {"x": "qpos[0]"}
 

@@ -41,7 +41,7 @@ from rtamt_gym.play.run_files import plain_run
 from rtamt_gym.play.summaries import record_table, runs_json
 from rtamt_gym.reports.charts import episode_chart
 from rtamt_gym.reports.episodes import episode_of_run
-from rtamt_gym.wrappers.overlay_panel import OverlayPanel
+from rtamt_gym.wrappers.overlay import OverlayPanel
 
 NAMED = (
     "by how it ended",

@@ -13,8 +13,8 @@ from parallel_environments import Crew
 
 from rtamt.errors import InputError
 from rtamt_gym import Step
-from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, parse_signals
+from rtamt_gym.signals.sources import agent_sources
 
 AGENTS = ["scout_0", "scout_1", "'s:2"]
 CREW = Crew(dict.fromkeys(AGENTS, (1.0, 2.0)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -59,10 +58,3 @@ def test_latched_and_first_charge_what_the_reset_decides_at_the_first_step() -> 
         "latched": [1.0, 1.0],
         "first": [1.0, 0.0],
     }
-
-
-def test_the_page_says_so() -> None:
-    page = Path(__file__).parents[3] / "docs" / "gymnasium.md"
-    text = " ".join(page.read_text(encoding="utf-8").split())
-    assert 'For `"violation"` and `"depth"` the sample of `reset` has no cost' in text
-    assert '`"latched"` and `"first"` charge the verdict' in text

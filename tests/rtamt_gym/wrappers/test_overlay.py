@@ -18,7 +18,7 @@ from replay import X
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt_gym import RobustnessOverlay, StlMonitor, StlReward
-from rtamt_gym.wrappers.overlay_panel import Gauge, OverlayPanel, PanelPlace, Sight
+from rtamt_gym.wrappers.overlay import Gauge, OverlayPanel, PanelPlace, Sight
 
 VALUES = [3.0, 2.0, 4.0, 0.5, 3.0, 3.0]
 SPECS = {"high": "always(x > 1)", "rises": "eventually[0:2](x > 3)"}

@@ -19,7 +19,7 @@ from rtamt.errors import InputError
 from rtamt_gym import shaping
 from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, Shaping
-from rtamt_gym.wrappers.features import StateFeatures, time_left
+from rtamt_gym.wrappers.observing import StateFeatures, time_left
 
 MODES: tuple[Mode, ...] = get_args(Mode)
 
