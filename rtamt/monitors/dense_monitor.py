@@ -20,6 +20,7 @@ from rtamt.monitors.options import (
     check_interpolation,
     checked_end,
     compiled_dense,
+    described,
     event_reader,
     listed_in_signature,
 )
@@ -201,6 +202,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         return f"<DenseMonitor of {self.specification.formula}, horizon {self.horizon:g}>"
 
 
+@described("max_gap")
 class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram]):
     """The robustness of a whole trace in dense time, and its bounds, as events come.
 
@@ -228,9 +230,6 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         resolution: As for `DenseMonitor`.
         nan: What an event of nan is: ``"raise"``, an error; ``"unknown"``, a value of which nothing
             is known until the variable's next event. A `Between` is an error under ``"raise"`` too.
-        max_gap: The longest time, in seconds or as text with a unit, between neighbouring events of
-            a variable that its value lasts: in a longer one it is unknown from one tick after the
-            first event up to the second. None: it lasts however long.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:

@@ -26,7 +26,7 @@ from rtamt.monitors.online import (
     Sampled,
     machine_value,
 )
-from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
+from rtamt.monitors.options import SampleOptions, Spec, checked_end, described, listed_in_signature
 from rtamt.monitors.verdict import Verdict
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
@@ -80,6 +80,7 @@ class _Single(DirectUpdate, Sampled[_M]):
         self._machine.reset()
 
 
+@described(*SampleOptions.__annotations__)
 class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     """Robustness at every sample, late by a known latency.
 
@@ -95,22 +96,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         spec: Text, a formula, or a parsed specification.
         period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
             the formula are numbers of samples.
-        semantics: ``"standard"``; ``"boolean"``, under which every predicate is +inf or -inf; or an
-            interface-aware one: ``"output-robustness"``, ``"input-vacuity"``,
-            ``"input-robustness"`` or ``"output-vacuity"``.
-        inputs: Variables that the system reads; a message stands for its fields. None: those that
-            the text declares ``input``. Only interface-aware semantics need them.
-        outputs: Variables that the system sets; a message stands for its fields. None: those that
-            the text declares ``output``. Only interface-aware semantics need them.
-        backend: ``"native"`` runs the machine in C++, ``"python"`` the one in Python; ``"auto"``
-            takes the one in C++ if it was built.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value. Monitors that give
-            bounds also take ``"unknown"``: nothing is known of the value.
-        align: How a bound becomes samples that is no whole number of them. None refuses it;
-            ``"outward"`` takes the floor of the begin and the ceiling of the end, ``"inward"`` the
-            reverse, and ``"nearest"`` the nearest sample, of two that which widens the window. The
-            operator does not matter: outward, ``always`` asks for more and ``eventually`` for less.
-            The listing of the program, ``str(monitor.program)``, says what each interval became.
+        **options: See `OPTIONS`.
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number

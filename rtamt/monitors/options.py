@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
+from typing import Any, Final, Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from rtamt.errors import InputError, alternatives, brief, nearest
 from rtamt.inputs.event_reader import NO_DENSE_BOUNDS, EventReader, checked_nan
@@ -30,7 +31,7 @@ Interpolation = Literal["previous"]
 
 
 class Options(TypedDict, total=False):
-    """The options of every monitor and evaluation; `rtamt.Monitor` says what they mean."""
+    """The options of every monitor and evaluation; `OPTIONS` describes them."""
 
     semantics: SemanticsName
     inputs: Names | None
@@ -46,16 +47,86 @@ class SampleOptions(Options, total=False):
 
 
 class EventOptions(Options, total=False):
-    """The options of those who give bounds over dense time."""
+    """The options of judgements and episode monitors of events, which give bounds."""
 
     nan: NanPolicy
     max_gap: Period | None
 
 
-_DEFAULTS: Options = {"semantics": "standard", "inputs": None, "outputs": None, "backend": "auto"}
-_SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise", "align": None}
-_EVENT_DEFAULTS: EventOptions = {**_DEFAULTS, "nan": "raise", "max_gap": None}
-_ENDS: tuple[End, ...] = get_args(End)
+class Option(NamedTuple):
+    """An option of monitors and evaluations.
+
+    Attributes:
+        default: Its default.
+        choices: Its choices; empty if it takes other values.
+        about: The text that describes it.
+    """
+
+    default: object
+    choices: tuple[object, ...]
+    about: str
+
+
+OPTIONS: Final[Mapping[str, Option]] = {
+    "semantics": Option(
+        "standard",
+        get_args(SemanticsName),
+        '``"standard"``; ``"boolean"``, under which every predicate is +inf or -inf; or an '
+        'interface-aware one: ``"output-robustness"``, ``"input-vacuity"``, '
+        '``"input-robustness"`` or ``"output-vacuity"``.',
+    ),
+    "inputs": Option(
+        None,
+        (),
+        "Variables that the system reads; a message stands for its fields. None: those that the "
+        "text declares ``input``. Only interface-aware semantics need them.",
+    ),
+    "outputs": Option(
+        None,
+        (),
+        "Variables that the system sets; a message stands for its fields. None: those that the "
+        "text declares ``output``. Only interface-aware semantics need them.",
+    ),
+    "backend": Option(
+        "auto",
+        get_args(Backend),
+        '``"native"`` runs the machine in C++, ``"python"`` the machine in Python; ``"auto"`` '
+        "takes C++ if it was built.",
+    ),
+    "nan": Option(
+        "raise",
+        get_args(NanPolicy),
+        '``"raise"`` refuses nan; ``"hold"`` keeps the last value of the variable. Monitors that '
+        'give bounds also take ``"unknown"``: nothing is known of the value.',
+    ),
+    "align": Option(
+        None,
+        (None, *get_args(Align)),
+        "How to round a bound that is not a whole number of samples. None refuses it; "
+        '``"outward"`` takes the floor of the begin and the ceiling of the end, ``"inward"`` the '
+        'reverse, and ``"nearest"`` the nearest sample, of two the sample that widens the window. '
+        "The operator does not matter: outward, ``always`` asks for more and ``eventually`` for "
+        "less. The listing of the program, ``str(monitor.program)``, shows each interval.",
+    ),
+    "max_gap": Option(
+        None,
+        (),
+        "The longest time, in seconds or as text with a unit, between neighbouring events of a "
+        "variable that its value lasts: in a longer gap it is unknown from one tick after the "
+        "first event up to the second. None: it lasts however long.",
+    ),
+}
+"""Every option once; signatures, defaults and docstrings come from here."""
+
+
+def _defaults(options: type) -> Any:  # noqa: ANN401 - of each of the dictionaries
+    return {name: OPTIONS[name].default for name in options.__annotations__}
+
+
+_DEFAULTS: Final[Options] = _defaults(Options)
+_SAMPLE_DEFAULTS: Final[SampleOptions] = _defaults(SampleOptions)
+_EVENT_DEFAULTS: Final[EventOptions] = _defaults(EventOptions)
+_ENDS: Final[tuple[End, ...]] = get_args(End)
 
 
 class Compiled(NamedTuple):
@@ -70,6 +141,8 @@ class Compiled(NamedTuple):
 
 
 _F = TypeVar("_F", bound=Callable[..., object])
+_C = TypeVar("_C", bound=type)
+_SEE: Final = " See `OPTIONS`.\n"
 
 
 def compiled(
@@ -166,7 +239,7 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
         inspect.Parameter(
             name,
             keyword,
-            default=cast("Any", {**_EVENT_DEFAULTS, **_SAMPLE_DEFAULTS})[name],
+            default=OPTIONS[name].default,
             annotation=kind.__forward_arg__,
         )
         for name, kind in options.__annotations__.items()
@@ -177,6 +250,34 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
         *others, _ = signature.parameters.values()
         cast("Any", function).__signature__ = signature.replace(parameters=[*others, *listed])
         return function
+
+    return decorate
+
+
+def described(*names: str) -> Callable[[_C], _C]:
+    """Insert the descriptions of options into the docstring of a class, above its ``**options``.
+
+    They replace ``**options`` if it only refers to `OPTIONS`.
+    """
+    entries = [
+        textwrap.fill(
+            f"{name}: {OPTIONS[name].about}",
+            width=100,
+            initial_indent=" " * 8,
+            subsequent_indent=" " * 12,
+            break_on_hyphens=False,
+            break_long_words=False,
+        )
+        for name in names
+    ]
+
+    def decorate(cls: _C) -> _C:
+        if cls.__doc__:  # python -OO has none
+            before, mark, after = cls.__doc__.partition("        **options:")
+            rest = after.removeprefix(_SEE)
+            kept = mark if rest is after else ""
+            cls.__doc__ = "".join([before, *(f"{entry}\n" for entry in entries), kept, rest])
+        return cls
 
     return decorate
 

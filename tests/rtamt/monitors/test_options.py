@@ -9,6 +9,7 @@ import pytest
 import rtamt
 from rtamt import InputError, Monitor
 from rtamt.machines.backend import BACKENDS
+from rtamt.monitors.options import OPTIONS
 
 EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
 CALLS: dict[Callable[..., object], tuple[object, ...]] = {
@@ -18,7 +19,6 @@ CALLS: dict[Callable[..., object], tuple[object, ...]] = {
     rtamt.VectorEpisodeMonitor: ("x > 0", 2),
     rtamt.DenseMonitor: ("x > 0",),
     rtamt.evaluate: ("x > 0", {"x": [1, 2]}),
-    rtamt.evaluate_many: ("x > 0", {"x": [[1, 2]]}),
     rtamt.evaluate_dense: ("x > 0", EVENTS),
     rtamt.explain: ("x > 0", {"x": [1, 2]}),
     rtamt.explain_dense: ("x > 0", EVENTS),
@@ -61,6 +61,13 @@ def test_an_unknown_option_is_refused_with_the_nearest(call: Callable[..., objec
         f"{call.__name__}() got an unexpected keyword argument 'semantic'; "
         "did you mean 'semantics'?"
     )
+
+
+def test_docstrings_describe_every_option() -> None:
+    documented = " ".join(f"{rtamt.Monitor.__doc__} {rtamt.DenseEpisodeMonitor.__doc__}".split())
+    for name, option in OPTIONS.items():
+        assert f"{name}: {option.about}" in documented
+    assert "OPTIONS" not in documented
 
 
 def test_the_nearest_may_be_any_argument_of_the_call() -> None:
