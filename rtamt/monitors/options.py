@@ -53,7 +53,7 @@ class EventOptions(Options, total=False):
     max_gap: Period | None
 
 
-class Option(NamedTuple):
+class MonitorOption(NamedTuple):
     """An option of monitors and evaluations.
 
     Attributes:
@@ -67,39 +67,39 @@ class Option(NamedTuple):
     about: str
 
 
-OPTIONS: Final[Mapping[str, Option]] = {
-    "semantics": Option(
+OPTIONS: Final[Mapping[str, MonitorOption]] = {
+    "semantics": MonitorOption(
         "standard",
         get_args(SemanticsName),
         '``"standard"``; ``"boolean"``, under which every predicate is +inf or -inf; or an '
         'interface-aware one: ``"output-robustness"``, ``"input-vacuity"``, '
         '``"input-robustness"`` or ``"output-vacuity"``.',
     ),
-    "inputs": Option(
+    "inputs": MonitorOption(
         None,
         (),
         "Variables that the system reads; a message stands for its fields. None: those that the "
         "text declares ``input``. Only interface-aware semantics need them.",
     ),
-    "outputs": Option(
+    "outputs": MonitorOption(
         None,
         (),
         "Variables that the system sets; a message stands for its fields. None: those that the "
         "text declares ``output``. Only interface-aware semantics need them.",
     ),
-    "backend": Option(
+    "backend": MonitorOption(
         "auto",
         get_args(Backend),
         '``"native"`` runs the machine in C++, ``"python"`` the machine in Python; ``"auto"`` '
         "takes C++ if it was built.",
     ),
-    "nan": Option(
+    "nan": MonitorOption(
         "raise",
         get_args(NanPolicy),
         '``"raise"`` refuses nan; ``"hold"`` keeps the last value of the variable. Monitors that '
         'give bounds also take ``"unknown"``: nothing is known of the value.',
     ),
-    "align": Option(
+    "align": MonitorOption(
         None,
         (None, *get_args(Align)),
         "How to round a bound that is not a whole number of samples. None refuses it; "
@@ -108,7 +108,7 @@ OPTIONS: Final[Mapping[str, Option]] = {
         "The operator does not matter: outward, ``always`` asks for more and ``eventually`` for "
         "less. The listing of the program, ``str(monitor.program)``, shows each interval.",
     ),
-    "max_gap": Option(
+    "max_gap": MonitorOption(
         None,
         (),
         "The longest time, in seconds or as text with a unit, between neighbouring events of a "
