@@ -70,9 +70,8 @@ if TYPE_CHECKING:
     from rtamt.monitors.triggers import Asked, DenseAsked, Evidence
     from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
     from rtamt.monitors.verdict import Verdict, holds
-    from rtamt.mutation.mutants import Mutant, mutants
+    from rtamt.mutation.mutants import Mutant, mutants, noticed
     from rtamt.mutation.mutations import MUTATIONS, Mutation
-    from rtamt.mutation.noticing import noticed
     from rtamt.program.interface import Names, SemanticsName
     from rtamt.program.timing import Align, Period
 
@@ -245,7 +244,7 @@ _MODULES = {
     "judge_dense": "rtamt.monitors.judgement",
     "load": "rtamt.language.parser",
     "mutants": "rtamt.mutation.mutants",
-    "noticed": "rtamt.mutation.noticing",
+    "noticed": "rtamt.mutation.mutants",
     "number": "rtamt.language.formula",
     "parse": "rtamt.language.parser",
     "predicates": "rtamt.language.scaling",

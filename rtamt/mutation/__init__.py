@@ -1,4 +1,4 @@
-"""Mutants of requirements: one change each, by which a suite of traces is judged."""
+"""Mutants of requirements: one change each, which a good suite of traces kills."""
 
 from typing import TYPE_CHECKING
 
@@ -6,8 +6,8 @@ from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
     from rtamt.mutation.mutants import Mutant
+    from rtamt.mutation.mutants import noticed as killed
     from rtamt.mutation.mutations import MUTATIONS, Mutation
-    from rtamt.mutation.noticing import noticed as killed
 
 __all__ = [
     "MUTATIONS",
@@ -23,6 +23,6 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "MUTATIONS": "rtamt.mutation.mutations.MUTATIONS",
             "Mutant": "rtamt.mutation.mutants.Mutant",
             "Mutation": "rtamt.mutation.mutations.Mutation",
-            "killed": "rtamt.mutation.noticing.noticed",
+            "killed": "rtamt.mutation.mutants.noticed",
         },
     )

@@ -1,23 +1,41 @@
-"""`mutants`: a requirement with one change, as many as there are."""
+"""`mutants`: a requirement with one change, and `noticed`: which of them a trace kills."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
-from rtamt.errors import InputError, SpecificationError, alternatives, is_one_of, nearest
-from rtamt.language.formula import Formula
+from rtamt.errors import (
+    InputError,
+    RtamtError,
+    SpecificationError,
+    alternatives,
+    is_one_of,
+    nearest,
+)
+from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.language.formula import Formula, conjunction
 from rtamt.language.parser import as_specification, parse_as
 from rtamt.language.specification import Specification
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.bounds import TraceBounds
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import verdict_of
+from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.judgement import judge
+from rtamt.monitors.options import SampleOptions, checked_end, compiled, listed_in_signature
+from rtamt.monitors.verdict import Verdict
 from rtamt.mutation.mutations import MUTATIONS, Mutation
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period
 
 if TYPE_CHECKING:  # it loads the parser
-    from rtamt.mutation.places import Change
+    from rtamt.mutation.requirement_text import Change
 
-__all__ = ["Mutant", "mutants"]
+_DECIDED = {Verdict.SATISFIED, Verdict.VIOLATED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +44,10 @@ class Mutant:
 
     Attributes:
         kind: The kind of the change, a name in `MUTATIONS`.
-        line: The line of the text that is changed, from 1.
+        line: The line of the change in the text, from 1.
         column: The column, from 1.
-        before: What stands there.
-        after: What stands there after the change; empty if nothing is left.
+        before: The text before the change.
+        after: The text after the change; empty if nothing is left.
         requirement: The requirement.
         specification: The requirement with the change.
     """
@@ -44,10 +62,10 @@ class Mutant:
 
     @property
     def apart(self) -> Specification:
-        """``requirement iff mutant``, which a trace violates where one holds and the other fails.
+        """``requirement iff mutant``, which a trace violates if one holds and the other fails.
 
-        Its robustness on such a trace is below 0 by the lesser of the two margins, and on others
-        above 0 by it, so that a search for its least robustness finds traces that tell them apart.
+        The absolute value of its robustness is the smaller of the two margins. So a search for the
+        minimum robustness finds traces that kill the mutant.
         """
         changed = self.specification.standalone()
         return self.requirement.with_result(self.requirement.standalone().iff(changed))
@@ -63,24 +81,24 @@ def mutants(
     kinds: Collection[str] | None = None,
     most: int | None = None,
 ) -> tuple[Mutant, ...]:
-    """The requirement with one change each: of a bound, a threshold, an operator, a part.
+    """Return versions of a requirement with one change of a bound, threshold, operator or part.
 
-    A suite of traces tests what is changed if one of its traces has another verdict then. A change
-    is at one place of the text: a formula that is named twice is changed for both. Changes that
-    leave the formula as it was, that are no specification or that others have made are left out.
+    A suite of traces tests a place of the text if one of its traces has another verdict after the
+    change. A change is in one place: a formula that is named twice changes for both uses. Changes
+    that leave the formula the same, give no specification or repeat another mutant are left out.
 
     Args:
-        spec: Text, a formula, or a parsed specification, of which the result is changed.
-        period: Seconds between samples, by which bounds move. None: they move by one of their last
-            digit, which is a sample where bounds count samples.
+        spec: Text, a formula, or a parsed specification, whose result is changed.
+        period: Seconds between samples, by which bounds move. None: bounds move by one unit of
+            their last digit, which is a sample if bounds count samples.
         kinds: The kinds of changes, names in `MUTATIONS`; None: all.
-        most: The most mutants: the first of each kind in turn. None: all.
+        most: The maximum number of mutants, taken from each kind in turn. None: all.
 
     Returns:
         The mutants, in the order of the text.
 
     Raises:
-        InputError: If a kind is unknown, or the most is below 1.
+        InputError: If a kind is unknown, or ``most`` is below 1.
 
     Example:
         >>> import rtamt
@@ -94,7 +112,7 @@ def mutants(
     References:
         `rtamt.mutation.mutations` names them.
     """
-    from rtamt.mutation.places import RequirementText
+    from rtamt.mutation.requirement_text import RequirementText
 
     rows = _rows(kinds)
     if most is not None and most < 1:
@@ -102,20 +120,19 @@ def mutants(
         raise InputError(msg)
     spec = _as_read(as_specification(spec))
     text = RequirementText(spec, as_period(period))
-    found: dict[Formula, Mutant] = {}
+    by_formula: dict[Formula, Mutant] = {}
     for kind, change in _in_turn([(row, row.changes(text)) for row in rows]):
-        if len(found) == most:
+        if len(by_formula) == most:
             break
         changed = _changed(spec, change)
-        if changed is None or changed.formula in (spec.formula, *found):
+        if changed is None or changed.formula in (spec.formula, *by_formula):
             continue
-        where = change.line, change.column
-        mutant = Mutant(kind, *where, change.before, change.after, spec, changed)
-        found[changed.formula] = mutant
+        by_formula[changed.formula] = Mutant(
+            kind, change.line, change.column, change.before, change.after, spec, changed
+        )
     ranks = [*MUTATIONS]
-    order = [(each.line, each.column, ranks.index(each.kind)) for each in found.values()]
-    ordered = sorted(zip(order, found.values(), strict=True), key=lambda pair: pair[0])
-    return tuple(mutant for _, mutant in ordered)
+    ordered = sorted(by_formula.values(), key=lambda m: (m.line, m.column, ranks.index(m.kind)))
+    return tuple(ordered)
 
 
 def _rows(kinds: Collection[str] | None) -> Sequence[Mutation]:
@@ -128,50 +145,160 @@ def _rows(kinds: Collection[str] | None) -> Sequence[Mutation]:
 
 
 def _as_read(spec: Specification) -> Specification:
-    """The specification as its text says it; one that was made in Python has a text of its own."""
-    found = _read(spec, spec.text)
-    if found == spec:
-        return _alone(found)
-    made = spec.with_result(spec.formula)
-    return _alone(_read(made, made.text) or made)
+    """Return the specification that its text describes; one built in Python gets a new text."""
+    from_text = _read(spec, spec.text)
+    if from_text == spec:
+        return _single(from_text)
+    printed = spec.with_result(spec.formula)
+    return _single(_read(printed, printed.text) or printed)
 
 
-def _alone(spec: Specification) -> Specification:
-    """The result without other requirements of the text: what it no longer names is one."""
+def _single(spec: Specification) -> Specification:
+    """Return the result without the other requirements of the text."""
     parts = spec.requirements.values()
     return next((part for part in parts if part.formula is spec.formula), spec)
 
 
 def _read(
-    spec: Specification, text: str, given: tuple[str, Fraction] | None = None
+    spec: Specification, text: str, constant: tuple[str, Fraction] | None = None
 ) -> Specification | None:
-    """What a changed text says of the requirement; None if it is no specification."""
-    values = dict(spec.given) | dict([given] if given else [])
+    """Return the requirement that a changed text describes, or None if the text is wrong."""
+    values = dict(spec.given) | dict([constant] if constant else [])
     try:
-        whole = parse_as(text, spec.unit, values, None, chains=spec.chains)
+        changed = parse_as(text, spec.unit, values, None, chains=spec.chains)
     except SpecificationError:
         return None
     if spec.requirement is not None:
-        whole = whole.requirements[spec.requirement]
-    return replace(whole, types=spec.types)
+        changed = changed.requirements[spec.requirement]
+    return replace(changed, types=spec.types)
 
 
 def _changed(spec: Specification, change: Change) -> Specification | None:
     text = spec.text[: change.begin] + change.new + spec.text[change.end :]
-    changed = _read(spec, text, change.given)
-    return None if changed is None else _alone(changed)
+    changed = _read(spec, text, change.constant)
+    return None if changed is None else _single(changed)
 
 
 def _in_turn(
     rows: Sequence[tuple[Mutation, Iterator[Change]]],
 ) -> Iterator[tuple[str, Change]]:
-    """The first of each, the second of each, and so on."""
+    """Yield the first change of each row, then the second of each, and so on."""
     left = [*rows]
     while left:
-        going = []
+        remaining = []
         for row, changes in left:
             change = next(changes, None)
             if change is not None:
                 yield row.name, change
-                going.append((row, changes))
-        left = going
+                remaining.append((row, changes))
+        left = remaining
+
+
+@listed_in_signature(SampleOptions)
+def noticed(
+    mutants: Sequence[Mutant],
+    signals: TraceColumns,
+    period: Period | None = None,
+    end: End = "cut",
+    *,
+    n: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> tuple[bool, ...]:
+    """Return whether a trace kills each mutant: satisfies either the mutant or its requirement.
+
+    The verdicts are the ones of `judge`, at a lower cost: shared comparisons are evaluated once,
+    and nothing but the verdict is computed. A mutant that cannot be judged is not killed.
+
+    Args:
+        mutants: Mutants, as `mutants` returns them.
+        signals: As for `judge`.
+        period: As for `judge`.
+        end: As for `judge`.
+        n: As for `judge`.
+        **options: As for `judge`.
+
+    Raises:
+        SpecificationError: As for `judge` of the requirement.
+        InputError: As for `judge` of the requirement.
+        InputTypeError: As for `judge` of the requirement.
+
+    Example:
+        >>> import rtamt
+        >>> several = rtamt.mutants("always[0:5](v < 35)", kinds=["window", "direction"])
+        >>> trace = {"v": [9] * 8 + [40] * 43}
+        >>> for mutant, killed in zip(several, noticed(several, trace), strict=True):
+        ...     print(f"{mutant}: {'killed' if killed else 'survived'}")
+        1:10 [0:5] -> [0:2]: survived
+        1:10 [0:5] -> [0:10]: killed
+        1:10 [0:5] -> [0:50]: killed
+        1:15 v < 35 -> v > 35: killed
+    """
+    end = checked_end(end)
+    killed = [False] * len(mutants)
+    for requirement in dict.fromkeys(mutant.requirement for mutant in mutants):
+        places = [i for i, mutant in enumerate(mutants) if mutant.requirement == requirement]
+        specs = [mutants[i].specification for i in places]
+        first, *others = _verdicts(requirement, specs, signals, period, end, n, options)
+        for place, verdict in zip(places, others, strict=True):
+            killed[place] = {verdict, first} == _DECIDED
+    return tuple(killed)
+
+
+def _verdicts(
+    requirement: Specification,
+    mutants: Sequence[Specification],
+    signals: TraceColumns,
+    period: Period | None,
+    end: End,
+    n: int | None,
+    options: SampleOptions,
+) -> list[Verdict | None]:
+    """Return the verdicts of a requirement and its mutants; None for mutants without a verdict."""
+    _, interface, backend, nan, seconds, program = compiled(
+        noticed, requirement, period, options, online=False
+    )
+    align = options.get("align")
+
+    def program_of(spec: Specification) -> Program | None:
+        try:
+            return compile_program(spec, seconds, interface=interface, align=align)
+        except SpecificationError:  # for instance, bounds that are not whole samples
+            return None
+
+    programs = [program, *map(program_of, mutants)]
+    known = [s for s, p in zip((requirement, *mutants), programs, strict=True) if p is not None]
+    together = replace(requirement, formula=conjunction([spec.formula for spec in known]))
+    joint = compile_program(together, seconds, interface=interface, align=align)
+    reader = SampleReader(joint, nan, bounds=True)
+    lower, upper, length = trace_between(reader, signals, n, period)
+    factories = BACKENDS[backend]
+    try:
+        bounds = TraceBounds.of(
+            joint,
+            reader,
+            factories.discrete_machine,
+            factories.term_ranges,
+            (lower, upper),
+            length,
+        )
+        return [
+            None if each is None else Verdict(verdict_of(*bounds.part(each).bounds(end)))
+            for each in programs
+        ]
+    except RtamtError:  # a term of one of them is nan
+        first = judge(requirement, signals, period, end, n=n, **options).verdict
+        return [first, *(_verdict(each, signals, period, end, n, options) for each in mutants)]
+
+
+def _verdict(
+    spec: Specification,
+    signals: TraceColumns,
+    period: Period | None,
+    end: End,
+    n: int | None,
+    options: SampleOptions,
+) -> Verdict | None:
+    try:
+        return judge(spec, signals, period, end, n=n, **options).verdict
+    except RtamtError:
+        return None

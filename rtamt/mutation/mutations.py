@@ -1,15 +1,16 @@
-"""The table of mutations: what each kind changes in a requirement.
+"""The table of mutations: the changes of each kind in a requirement.
 
-That a test is as good as the small changes it notices was proposed by DeMillo, Lipton and Sayward,
-"Hints on test data selection", Computer 1978; for specifications by Black, Okun and Yesha,
-"Mutation operators for specifications", ASE 2000; for temporal ones by Trakhtenbrot, "Mutation
-patterns for temporal requirements of reactive systems", ICSTW 2017.
+Mutation testing was proposed by DeMillo, Lipton and Sayward, "Hints on test data selection",
+Computer 1978; for specifications by Black, Okun and Yesha, "Mutation operators for specifications",
+ASE 2000; for temporal requirements by Trakhtenbrot, "Mutation patterns for temporal requirements of
+reactive systems", ICSTW 2017.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -20,9 +21,7 @@ from rtamt.language.interval import UNITS, decimal_text
 from rtamt.language.operators import OPERATORS
 
 if TYPE_CHECKING:  # it loads the parser
-    from rtamt.mutation.places import Bound, Change, RequirementText
-
-__all__ = ["MUTATIONS", "Mutation"]
+    from rtamt.mutation.requirement_text import Bound, Change, RequirementText
 
 Changes = Callable[["RequirementText"], Iterator["Change"]]
 
@@ -32,10 +31,10 @@ class Mutation:
     """A kind of change.
 
     Attributes:
-        name: Its name.
-        doc: What it changes, in a few words.
+        name: The name of the kind.
+        doc: The change in a few words.
         example: A change, as ``before -> after``.
-        changes: The changes of this kind that a requirement has, in the order of its text.
+        changes: Yield the changes of this kind in a requirement, in the order of its text.
     """
 
     name: str
@@ -44,11 +43,8 @@ class Mutation:
     changes: Changes
 
 
-# Bounds and numbers. ------------------------------------------------------------------------------
-
-
 def _bounds(moved: Callable[[Fraction, Fraction], list[Fraction]]) -> Changes:
-    """Changes of bounds; ``moved`` takes a bound and the step between bounds."""
+    """Return changes of bounds; ``moved`` returns new values for a bound and a step."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
         for bound in text.bounds:
@@ -70,16 +66,14 @@ def _moved(
     written: str,
     moved: Callable[[Fraction, Fraction], list[Fraction]],
 ) -> Iterator[str]:
-    """What a bound is moved to; a step is a sample, or the unit of the last digit."""
+    """Yield the new texts of a bound; a step is a sample, or one unit of the last digit."""
     step = Fraction(_last_digit(written))
     if text.period is not None:
         step = text.period / UNITS[bound.unit or text.spec.unit]
     for value in moved(Fraction(written), step):
         if value >= 0:
-            try:
+            with suppress(SpecificationError):  # a period such as 1/3 s
                 yield decimal_text(value)
-            except SpecificationError:
-                continue  # of a period like 1/3 s
 
 
 def _by_a_step(value: Fraction, step: Fraction) -> list[Fraction]:
@@ -91,7 +85,7 @@ def _by_a_factor(value: Fraction, step: Fraction) -> list[Fraction]:
 
 
 def _numbers(moved: Callable[[str], list[Decimal]]) -> Changes:
-    """Changes of numbers in terms."""
+    """Return changes of numbers in terms."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
         for at in text.numbers():
@@ -116,7 +110,7 @@ def _by_a_tenth(written: str) -> list[Decimal]:
 
 
 def _last_digit(written: str) -> Decimal:
-    """The unit of the last digit of a number: 1 of 35, 0.01 of 0.20."""
+    """Return one unit of the last digit of a number: 1 for 35, 0.01 for 0.20."""
     return Decimal(1).scaleb(cast("int", Decimal(written).as_tuple().exponent))
 
 
@@ -125,11 +119,8 @@ def _written(value: Decimal) -> str:
     return "0" if value == 0 else text
 
 
-# Words and symbols. -------------------------------------------------------------------------------
-
-
 def _exchanged(instead: Mapping[str, str]) -> Changes:
-    """Operators in place of others, in the same one of their spellings."""
+    """Return exchanges of operators, in the corresponding spelling."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
         for at in text.operators(*instead):
@@ -174,7 +165,7 @@ def _parts(text: RequirementText) -> Iterator[Change]:
             yield text.change((at, at), "", (at, at))
             continue
         left = text.left(at)
-        if text.begins_run(left, row):  # else another operator drops it
+        if text.begins_run(left, row):  # otherwise, the operator before drops it
             yield text.change((left, at), "", (left, at))
         if row.name != "implies":
             last = text.right(at)
@@ -194,8 +185,6 @@ def _constants(text: RequirementText) -> Iterator[Change]:
             if other != text.tokens[at].text and other not in bounding:
                 yield text.swapped(at, other)
 
-
-# The rows. ----------------------------------------------------------------------------------------
 
 _ROWS: Final = (
     Mutation(

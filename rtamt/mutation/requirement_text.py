@@ -1,4 +1,4 @@
-"""What stands where in the text of a requirement: operators, their operands, intervals, numbers."""
+"""The tokens of a requirement: operators with their operands, intervals and numbers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import Specification
 from rtamt.language.table import Notation, Operator
 
-__all__ = ["Bound", "Change", "RequirementText"]
-
 _CONTEXT: Final = 40
-"""The most characters that are shown around a changed number or comparison."""
+"""The maximum number of characters to show around a change."""
 
 _PREDICATE: Final = 9
-"""How strongly comparisons bind; what binds less joins formulas."""
+"""The precedence of comparisons; operators below it join formulas."""
 
 _NOTATIONS: Final[Mapping[int, Notation]] = {
     StlParser.TEMPORAL: "prefix",
@@ -37,17 +35,17 @@ _OPERAND_ENDS: Final = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One change of a text, or of the value that a constant of it is given.
+    """One change of a text, or of the value of a constant.
 
     Attributes:
-        line: The line of what is changed, from 1.
+        line: The line of the change, from 1.
         column: Its column, from 1.
-        before: What stands there, with enough beside it to be understood.
+        before: The text there, with enough context to be understood.
         after: The same after the change; empty if nothing is left.
-        begin: The place of the first character that goes.
-        end: The place behind the last one.
-        new: The characters that come instead.
-        given: A constant with its new value, if that does not come from the text.
+        begin: The index of the first removed character.
+        end: The index after the last removed character.
+        new: The characters to insert.
+        constant: A constant with its new value, if its value is not in the text.
     """
 
     line: int
@@ -57,7 +55,7 @@ class Change:
     begin: int
     end: int
     new: str
-    given: tuple[str, Fraction] | None = None
+    constant: tuple[str, Fraction] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +63,11 @@ class Bound:
     """A bound of an interval.
 
     Attributes:
-        at: The place of its number or constant.
+        at: The index of its number or constant.
         is_end: Whether it is the upper bound.
-        unit: Its unit; None if it has none.
-        first: The place of the bracket before the interval.
-        last: The place of the bracket behind it.
+        unit: Its unit, or None.
+        first: The index of the opening bracket of the interval.
+        last: The index of the closing bracket.
     """
 
     at: int
@@ -80,38 +78,38 @@ class Bound:
 
 
 class RequirementText:
-    """The tokens of the formulas that a requirement is made of; a place is the number of a token.
+    """The tokens of the formulas of a requirement, by index.
 
     Args:
         spec: The requirement, whose text is read again.
-        period: Seconds between samples; None if nobody knows.
+        period: Seconds between samples, or None if unknown.
     """
 
     def __init__(self, spec: Specification, period: Fraction | None) -> None:
         self.spec, self.period, self.text = spec, period, spec.text
         statements, self.tokens = read(spec.text)
-        self._declared = {each.name.text: each for each in statements.constants if each.name}
+        self._declared = {const.name.text: const for const in statements.constants if const.name}
         self._spans: dict[int, tuple[int, int]] = {}
         needed = _needed(spec)
-        for each in statements.definitions:
-            if (each.name.text if each.name else "") in needed:
-                span = each.formula.start.tokenIndex, each.formula.stop.tokenIndex
+        for definition in statements.definitions:
+            if (definition.name.text if definition.name else "") in needed:
+                formula = definition.formula
+                span = formula.start.tokenIndex, formula.stop.tokenIndex
                 self._spans |= dict.fromkeys(range(span[0], span[1] + 1), span)
         self._partners = _partners(self.tokens)
         self.bounds = [bound for at in self._spans for bound in self._bounds(at)]
-        self._inside = {
-            at for bound in self.bounds for at in range(bound.first, bound.last + 1)
-        }  # of intervals
+        # The tokens of intervals.
+        self._inside = {at for bound in self.bounds for at in range(bound.first, bound.last + 1)}
 
     def operators(self, *names: str) -> Iterator[int]:
-        """The places of operators by the names of their rows; of all if none is named."""
+        """Yield the indices of operators with certain names, or of all operators."""
         for at in self._spans:
             row = self.row(at)
             if row is not None and (not names or row.name in names):
                 yield at
 
     def row(self, at: int) -> Operator | None:
-        """The row of an operator; None if another token stands there."""
+        """Return the row of an operator, or None for another token."""
         token = self.tokens[at]
         notation = _NOTATIONS.get(token.type)
         if token.type == StlParser.MINUS and at not in self._inside:
@@ -120,53 +118,53 @@ class RequirementText:
         return None if notation is None else OPERATORS.spellings[token.text, notation]
 
     def numbers(self) -> Iterator[int]:
-        """The places of numbers in terms."""
+        """Yield the indices of numbers in terms."""
         for at in self._spans:
             if self.tokens[at].type == StlParser.NUMBER and at not in self._inside:
                 yield at
 
     def names(self) -> Iterator[int]:
-        """The places of constants in terms."""
+        """Yield the indices of constants in terms."""
         for at in self._spans:
             token, free = self.tokens[at], at not in self._inside
             if free and token.type == StlParser.NAME and token.text in self.spec.constants:
                 yield at
 
     def constants(self) -> Mapping[str, Bound | None]:
-        """The constants that the requirement names, with the first bound that each of them is."""
-        found: dict[str, Bound | None] = {}
+        """Return the constants of the requirement, each with the first bound that it sets."""
+        bounds: dict[str, Bound | None] = {}
         for bound in self.bounds:
             token = self.tokens[bound.at]
             if token.type == StlParser.NAME:
-                found.setdefault(token.text, bound)
-        return found | {
-            name: None for at in self.names() if (name := self.tokens[at].text) not in found
+                bounds.setdefault(token.text, bound)
+        return bounds | {
+            name: None for at in self.names() if (name := self.tokens[at].text) not in bounds
         }
 
     def left(self, at: int) -> int:
-        """The place of the first token of the left operand of an infix operator."""
+        """Return the index of the first token of the left operand of an infix operator."""
         row = cast("Operator", self.row(at))
         return self._first(at, row.precedence + (row.grouping == "flat"))
 
     def right(self, at: int) -> int:
-        """The place of the last token of the right operand of an infix operator."""
+        """Return the index of the last token of the right operand of an infix operator."""
         return self._last(at, cast("Operator", self.row(at)).precedence + 1)
 
     def begins_run(self, left: int, row: Operator) -> bool:
-        """Whether no operator of the same row stands before a left operand."""
+        """Return whether there is no operator of the same row before a left operand."""
         before = left - 1
         return before < self._spans[left][0] or self.row(before) is not row
 
     def between(self, first: int, last: int) -> str:
-        """The text from one token to another."""
+        """Return the text from one token to another."""
         return self.text[self.tokens[first].start : self.tokens[last].stop + 1]
 
     def bracketed(self, first: int, last: int) -> bool:
-        """Whether the tokens from first to last stand in one pair of brackets."""
+        """Return whether one pair of brackets encloses the tokens from first to last."""
         return self.tokens[first].type == StlParser.OPEN and self._partners[first] == last
 
     def swapped(self, at: int, new: str) -> Change:
-        """The change of a token, shown with the predicate or the interval that it belongs to."""
+        """Return the change of a token, shown with its predicate or interval."""
         row = self.row(at)
         first = last = at
         if row is None or row.operands == "term":
@@ -175,35 +173,34 @@ class RequirementText:
             last = self._partners[at + 1]
         return self.change((at, at), new, (first, last))
 
-    def change(self, places: tuple[int, int], new: str, shown: tuple[int, int]) -> Change:
-        """The change of tokens, shown with others around them if they are not too many."""
+    def change(self, changed: tuple[int, int], new: str, shown: tuple[int, int]) -> Change:
+        """Return the change of tokens, shown with a few tokens around them."""
         tokens = self.tokens
-        begin, end = tokens[places[0]].start, tokens[places[1]].stop + 1
+        begin, end = tokens[changed[0]].start, tokens[changed[1]].stop + 1
         low, high = tokens[shown[0]].start, tokens[shown[1]].stop + 1
         if high - low > _CONTEXT:
             low, high = begin, end
         after = self.text[low:begin] + new + self.text[end:high]
-        where = tokens[places[0]]
+        first = tokens[changed[0]]
         texts = " ".join(self.text[low:high].split()), " ".join(after.split())
-        return Change(where.line, where.column + 1, *texts, begin, end, new)
+        return Change(first.line, first.column + 1, *texts, begin, end, new)
 
     def declared(self, name: str, value: str) -> Change:
-        """The change of a constant: where it is declared, or of the value that it is given."""
-        at = next(i for i in self._spans if self.tokens[i].text == name)
+        """Return the change of a constant, in its declaration or of its value."""
         statement = self._declared.get(name)
         if name not in self.spec.given and statement is not None and statement.default:
-            part = statement.default
-            where, end = part.start, part.stop.stop + 1
-            before, given = self.text[where.start : end], None
-            begin, new = where.start, value
+            token, end = statement.default.start, statement.default.stop.stop + 1
+            begin, new, constant = token.start, value, None
+            before = self.text[begin:end]
         else:
-            where, begin, end, new = self.tokens[at], 0, 0, ""
-            before, given = self.constant_text(name), (name, Fraction(value))
-        shown = f"{name} = {before}", f"{name} = {value}"
-        return Change(where.line, where.column + 1, *shown, begin, end, new, given)
+            token = next(self.tokens[i] for i in self._spans if self.tokens[i].text == name)
+            begin, end, new, constant = 0, 0, "", (name, Fraction(value))
+            before = self.constant_text(name)
+        texts = f"{name} = {before}", f"{name} = {value}"
+        return Change(token.line, token.column + 1, *texts, begin, end, new, constant)
 
     def constant_text(self, name: str) -> str:
-        """The number of a constant as it was written, or else the shortest text of its value."""
+        """Return the number of a constant as written; otherwise, the shortest text of its value."""
         statement = self._declared.get(name)
         if name not in self.spec.given and statement is not None and statement.default:
             part = statement.default
@@ -211,12 +208,12 @@ class RequirementText:
         return str(self.spec.constants[name]).removesuffix(".0")
 
     def _first(self, at: int, least: int) -> int:
-        """The first token before a place that nothing divides which binds less strongly."""
+        """Return the start of the operand before an index; operators below ``least`` end it."""
         begin = self._spans[at][0]
         while at > begin:
             before = self._partners.get(at - 1, at - 1)
             if before >= at or self.tokens[before].type == StlParser.COMMA:
-                return at  # a bracket opens before it
+                return at  # after an opening bracket
             if self.tokens[before].type == StlParser.OPEN_INTERVAL:
                 before -= 1
             row = self.row(before)
@@ -226,12 +223,12 @@ class RequirementText:
         return at
 
     def _last(self, at: int, least: int) -> int:
-        """The last token behind a place that nothing divides which binds less strongly."""
+        """Return the end of the operand after an index; operators below ``least`` end it."""
         end = self._spans[at][1]
         while at < end:
             after = self._partners.get(at + 1, at + 1)
             if after <= at or self.tokens[after].type == StlParser.COMMA:
-                return at  # a bracket closes behind it
+                return at  # before a closing bracket
             row = self.row(after)
             if row is not None and row.notation == "infix" and row.precedence < least:
                 return at
@@ -243,7 +240,7 @@ class RequirementText:
         return is_operator and self.tokens[at + 1].type == StlParser.OPEN_INTERVAL
 
     def _bounds(self, at: int) -> Iterator[Bound]:
-        """The bounds of the interval that begins with a token, if one does."""
+        """Yield the bounds of the interval that starts at an index."""
         if self.tokens[at].type != StlParser.OPEN_INTERVAL:
             return
         last, is_end = self._partners[at], False
@@ -257,7 +254,7 @@ class RequirementText:
                 yield Bound(place, is_end, self._unit(place, last), at, last)
 
     def _unit(self, at: int, last: int) -> str | None:
-        """The unit of a bound: its own, else the end's."""
+        """Return the unit of a bound; otherwise, the unit of the end."""
         for place in (at + 1, last - 1):
             before = self.tokens[place - 1].type
             if self.tokens[place].type == StlParser.NAME and before in _OPERAND_ENDS:
@@ -266,26 +263,26 @@ class RequirementText:
 
 
 def _partners(tokens: Sequence[Token]) -> dict[int, int]:
-    """For each bracket the place of the one that belongs to it."""
-    found: dict[int, int] = {}
+    """Return the index of the other bracket of each pair."""
+    partners: dict[int, int] = {}
     opened: list[int] = []
     for at, token in enumerate(tokens):
         if token.type in (StlParser.OPEN, StlParser.OPEN_INTERVAL):
             opened.append(at)
         elif token.type in (StlParser.CLOSE, StlParser.CLOSE_INTERVAL):
-            found[at] = opened.pop()
-            found[found[at]] = at
-    return found
+            partners[at] = opened.pop()
+            partners[partners[at]] = at
+    return partners
 
 
 def _needed(spec: Specification) -> set[str]:
-    """The names of the formulas that a requirement is made of; the last one may be ``""``."""
+    """Return the names of the formulas of a requirement; the last one may be ``""``."""
     names = [name for name, formula in spec.formulas.items() if formula is spec.formula]
     result = "" if "" in spec.uses else names[-1]
-    needed, found = set[str](), [result]
-    while found:
-        name = found.pop()
+    needed, stack = set[str](), [result]
+    while stack:
+        name = stack.pop()
         if name not in needed:
             needed.add(name)
-            found += spec.uses.get(name, ())
+            stack += spec.uses.get(name, ())
     return needed
