@@ -1,4 +1,21 @@
-"""The file ``modelDescription.xml`` of a unit, for FMI 2.0 and 3.0.
+"""The variables of a unit and its file ``modelDescription.xml``, for FMI 2.0 and 3.0.
+
+=================  ================================================================  =============
+value reference    variable                                                          type
+=================  ================================================================  =============
+0                  ``time``, the independent variable (only FMI 3.0)                 Float64
+1, 2, 3            ``robustness``, ``lower``, ``upper``                              Real, Float64
+4                  ``verdict``: -1 violated, 0 undecided, 1 satisfied                Integer, Int32
+5                  ``stop_on_violation``                                             Boolean
+8 and up           the inputs, the parameters, the fixed constants, the named        Real, Float64
+                   formulas: in this order, without gaps
+=================  ================================================================  =============
+
+`rtamt.export.program_file` describes their meaning from step to step.
+
+Parameters may be set until initialization ends. Then the values of the program's constants are
+computed from them by functions of `rtamt.program.algebra`; a result that is not a number ends
+initialization with an error. A parameter of -0.0 is 0.0, as in a text.
 
 Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
 """
@@ -7,16 +24,27 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from itertools import count
+from typing import Final, Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
+from rtamt.errors import SpecificationError
 from rtamt.export import Fmi
-from rtamt.export.library import MODEL
-from rtamt.export.variables import UnitVariable, VariableType
+from rtamt.export.program_file import DenseFile, ProgramFile
 
-__all__ = ["Description", "description_text"]
+MODEL: Final = "rtamt_monitor"
+"""The name of the library without its suffix: the model identifier of every unit."""
+
+RESERVED: Final = ("time", "robustness", "lower", "upper", "verdict", "stop_on_violation")
+"""The names of a monitor's own variables, in the order of their value references."""
+
+FIRST: Final = 8
+"""The value reference of the first input."""
+
+VariableType = Literal["real", "integer", "boolean"]
+Causality = Literal["input", "output", "parameter", "local"]
 
 _TYPES: Final[Mapping[Fmi, Mapping[VariableType, str]]] = {
     2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"},
@@ -28,7 +56,95 @@ _CATEGORIES: Final = {
     "logStatusError": "why a call was refused; always logged",
     "logEvents": "a verdict that became certain",
 }
-"""What ``rtamt/native/fmu/unit.hpp`` logs."""
+"""The log categories of ``rtamt/native/fmu/unit.hpp``."""
+
+
+class UnitVariable(NamedTuple):
+    """A variable of a unit.
+
+    Attributes:
+        name: Its name.
+        reference: Its value reference.
+        kind: Its type, whose name depends on the version of FMI.
+        causality: Its role in FMI; a local variable is a constant that cannot be set.
+        start: Its start value; None if it is calculated.
+        meaning: Its description in the model description.
+        range: The minimum and maximum that it is declared with, or None.
+    """
+
+    name: str
+    reference: int
+    kind: VariableType
+    causality: Causality
+    start: float | None
+    meaning: str
+    range: tuple[float, float] | None = None
+
+
+def variables_of(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+) -> list[UnitVariable]:
+    """Return the variables of a unit, without ``time``, in the order of their value references.
+
+    Args:
+        file: The program file of the unit.
+        formulas: The meaning of each named formula.
+        ranges: The declared ranges of inputs.
+
+    Raises:
+        SpecificationError: If the specification has a name that is in `RESERVED`.
+    """
+    variables = [*_own(file), *_of_text(file, formulas, ranges)]
+    for each in variables[len(RESERVED) - 1 :]:
+        if each.name in RESERVED:
+            msg = (
+                f"an FMU of a monitor has a variable '{each.name}' of its own; "
+                f"give the '{each.name}' of the specification another name"
+            )
+            raise SpecificationError(msg)
+    return variables
+
+
+def _own(file: ProgramFile) -> Iterator[UnitVariable]:
+    robustness = "of the episode if it ended now"
+    if isinstance(file.programs, DenseFile):
+        robustness = "at the last time for which it is settled"
+    meanings: Mapping[str, tuple[VariableType, str]] = {
+        "robustness": ("real", f"the robustness {robustness}"),
+        "lower": ("real", "the least robustness over all continuations and ends"),
+        "upper": ("real", "the greatest robustness over all continuations and ends"),
+        "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
+    }
+    for name, (kind, meaning) in meanings.items():
+        yield UnitVariable(name, RESERVED.index(name), kind, "output", None, meaning)
+    stop = "stop_on_violation"
+    meaning = "whether the simulation ends when a violation is certain"
+    yield UnitVariable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
+
+
+def _of_text(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+) -> Iterator[UnitVariable]:
+    reference = count(FIRST)
+    parts: tuple[tuple[Causality, str], ...] = (
+        ("input", "a variable of the specification"),
+        ("parameter", "a constant of the specification"),
+        ("local", "a constant in a bound of an interval, which cannot be set"),
+    )
+    for (causality, meaning), named in zip(
+        parts, (file.inputs, file.parameters, file.fixed), strict=True
+    ):
+        for each in named:
+            limits = ranges.get(each.name) if causality == "input" else None
+            yield UnitVariable(
+                each.name, next(reference), "real", causality, each.start, meaning, limits
+            )
+    for name in file.formulas:
+        yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +153,7 @@ class Description:
 
     Attributes:
         name: The name of the model.
-        text: What it monitors.
+        text: The specification.
         token: The guid or instantiation token.
         step: The period in seconds; None over dense time.
         variables: The variables, without ``time``.
@@ -51,7 +167,7 @@ class Description:
 
 
 def description_text(description: Description, fmi: Fmi) -> bytes:
-    """The file, in UTF-8."""
+    """Return the file, in UTF-8."""
     root = Element(
         "fmiModelDescription",
         {
@@ -129,10 +245,10 @@ def _variables_3(root: Element, description: Description) -> None:
 
 
 def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
-    """On which variables, by their places, each output depends: in the run, and before it.
+    """Return the variables on which each output depends, during the run and before it.
 
-    An output at the end of a step follows from inputs at its begin: from none at that time. Before
-    the first step it follows from the constants of the text. That lets an importer close a loop
+    An output at the end of a step depends on inputs at its start, so on no input at that time.
+    Before the first step it depends on the constants of the text. So importers can close a loop
     through the monitor, and initialize it.
     """
     constants = [
@@ -144,8 +260,8 @@ def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
 
 
 def _attributes(variable: UnitVariable) -> dict[str, str]:
-    # Inputs hold their values between samples or events. An importer may interpolate continuous
-    # inputs, which adds values that nobody recorded, and may step over their events.
+    # Discrete inputs hold their values. Importers may interpolate continuous ones, and may step
+    # over their events.
     variability, initial = {
         "input": ("discrete", None),
         "output": ("discrete", "calculated"),
@@ -163,7 +279,7 @@ def _attributes(variable: UnitVariable) -> dict[str, str]:
 
 
 def _limits(variable: UnitVariable) -> dict[str, str]:
-    """The range of a variable; a limit that is infinite is none."""
+    """Return the finite limits of a variable."""
     named = zip(("min", "max"), variable.range or (), strict=False)
     return {name: repr(limit) for name, limit in named if math.isfinite(limit)}
 

@@ -1,17 +1,39 @@
-"""`export_fmu`: a monitor as a functional mock-up unit."""
+"""`export_fmu`: a monitor as a functional mock-up unit (FMU)."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
+import sys
+import uuid
+import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from typing import Final, NamedTuple
 
 from rtamt.errors import Argument, InputError, InputTypeError, brief
 from rtamt.export import Fmi
+from rtamt.export.description import MODEL, Description, description_text, variables_of
+from rtamt.export.program_file import program_text
+from rtamt.export.programs import Programs, dense_programs, sampled_programs
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import Options, SampleOptions, Spec
 from rtamt.program.interface import Names, SemanticsName
 from rtamt.program.timing import Align, Period
 
-__all__ = ["export_fmu"]
+COMPRESSION = zipfile.ZIP_DEFLATED
+
+_UNNAMED: Final = "-"
+"""The token of a unit without its hash."""
+
+_PLATFORMS: Final[Mapping[tuple[str, str], tuple[str, str, str]]] = {
+    ("linux", "x86_64"): ("linux64", "x86_64-linux", ".so"),
+}
+"""Operating system and processor: the folder in FMI 2.0 and 3.0, and the suffix of libraries."""
 
 
 def export_fmu(
@@ -30,42 +52,37 @@ def export_fmu(
 ) -> None:
     """Write a functional mock-up unit (FMU) that monitors a specification in another tool.
 
-    It is for co-simulation, has its own copy of the C++ machines, and needs no Python where it
-    runs. Its inputs are the variables of the specification, its parameters the constants of the
-    text. After each step its outputs are
+    The unit is for co-simulation and needs no Python: it contains the C++ machines. Its inputs are
+    the variables of the specification, its parameters the constants. After each step the outputs
+    are
 
     * ``robustness``, ``lower``, ``upper`` and ``verdict`` (-1 violated, 0 undecided, 1 satisfied),
-      to the bit what `EpisodeMonitor` says after the same samples;
-    * every named formula, the result's own name too: to the bit what `Monitor` on this formula
-      says, late by its latency; where the formula has an unbounded future inside, for which no
-      monitor can wait, what `EpisodeMonitor` says: its robustness as if the run ended now.
+      equal to the bit to `EpisodeMonitor` after the same samples;
+    * every named formula, also the result, equal to the bit to `Monitor` of this formula, late by
+      its latency. A formula with an unbounded future, for which no monitor can wait, has the value
+      of `EpisodeMonitor`: its robustness if the run ended now.
 
-    A sample is taken at every multiple of the period after the start, the first at the start: a
-    step from t to t + period takes in the values that the inputs have at t. Longer steps hold
-    them. Before the first step robustness and named formulas are nan.
-
-    A constant in a bound of an interval gives the monitor its form, so it can be read, not set;
-    constants that no formula uses are left out.
-
-    Inputs are discrete in the model description, so that importers hold their values and do not
-    interpolate.
+    A sample is taken at each multiple of the period, the first at the start: a step from t to
+    t + period reads the inputs at t. Longer steps hold them. Before the first step robustness and
+    named formulas are nan. Inputs are discrete, so that importers do not interpolate them. A
+    constant in a bound of an interval can be read, not set, and unused constants are left out.
 
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its start. Robustness, bounds and verdict are to the bit what `DenseEpisodeMonitor` says after
-    these events; a named formula is what `DenseMonitor` has settled of it last, or, where that
-    cannot wait, what `DenseEpisodeMonitor` says of it.
+    its start. The outputs are those of `DenseEpisodeMonitor` after these events; a named formula
+    is the last value that `DenseMonitor` has settled, or the value of `DenseEpisodeMonitor` if
+    `DenseMonitor` cannot wait.
 
-    The unit has the library for the platform on which it is exported, Linux on x86-64. The same
-    arguments give the same bytes.
+    The unit has the library for the platform of the export, Linux on x86-64. The same arguments
+    give the same bytes.
 
     Args:
         spec: Text, a formula, or a parsed specification; its result is monitored.
         path: The file to write; its name ends in ``.fmu``.
         period: Seconds between samples, as a number or as text (``"100ms"``).
-        dense: Whether it monitors over dense time; then there is no period.
+        dense: Whether to monitor over dense time, without a period.
         fmi: The version of FMI, 2 or 3.
-        stop_on_violation: The start value of the parameter of this name, with which the monitor
-            ends the simulation after the step that makes the verdict -1.
+        stop_on_violation: The start value of the parameter of this name, which makes the monitor
+            end the simulation after the step in which the verdict becomes -1.
         semantics: As for `Monitor`.
         inputs: As for `Monitor`.
         outputs: As for `Monitor`.
@@ -73,11 +90,10 @@ def export_fmu(
         resolution: As for `DenseMonitor`.
 
     Raises:
-        SpecificationError: As `EpisodeMonitor` and `DenseEpisodeMonitor` raise it, or on a name
-            that the monitor has itself, such as ``lower``.
-        InputError: On an argument that has no such value, a path that does not end in ``.fmu``,
-            neither a period nor ``dense``, or where the library was not built or does not exist for
-            this platform.
+        SpecificationError: As for `EpisodeMonitor` and `DenseEpisodeMonitor`, or for a name that
+            the monitor itself uses, such as ``lower``.
+        InputError: If an argument has a wrong value, the path does not end in ``.fmu``, there is
+            neither a period nor ``dense``, or there is no library for this platform.
         OSError: If the file cannot be written.
 
     Example:
@@ -93,12 +109,8 @@ def export_fmu(
         raise InputError(f"expected fmi=2 or fmi=3, got {brief(fmi)}")
     if not isinstance(path, str | os.PathLike):
         raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
-    if not os.fspath(path).lower().endswith(".fmu"):  # of another name no tool takes it
+    if not os.fspath(path).lower().endswith(".fmu"):  # tools require it
         raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .fmu")
-    # What these import takes 30 ms.
-    from rtamt.export.programs import dense_programs, sampled_programs
-    from rtamt.export.unit import unit
-
     known = traced(as_specification(spec))
     if dense:
         if period is not None:
@@ -123,5 +135,79 @@ def export_fmu(
         }
         programs = sampled_programs(export_fmu, known, period, sampled)
     data = unit(programs, fmi, stop=bool(stop_on_violation))
-    with open(path, "wb") as file:  # noqa: PTH123 - pathlib takes 5 ms of every import
-        file.write(data)
+    Path(path).write_bytes(data)
+
+
+def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
+    """Return the bytes of a unit.
+
+    Raises:
+        SpecificationError: If the specification has a name that the monitor itself uses.
+        InputError: If there is no library for this platform, or it was not built.
+    """
+    spec = programs.program.specification
+    file = programs.file(token=_UNNAMED, stop=stop)
+    meanings = {
+        name: f"{spec.formulas[name]}{note and f', {note}'}"
+        for name, note in programs.notes.items()
+    }
+    description = Description(
+        name=spec.title or "monitor",
+        text=str(spec.formula),
+        token=_UNNAMED,
+        step=programs.step,
+        variables=variables_of(file, meanings, spec.declared_ranges),
+    )
+    # The token is a hash of the content, so that tools do not reuse the files of another unit.
+    content = description_text(description, fmi) + program_text(file).encode()
+    token = str(uuid.UUID(bytes=hashlib.sha256(content).digest()[:16]))
+    built = library()
+    return _zipped(
+        {
+            "modelDescription.xml": description_text(replace(description, token=token), fmi),
+            built.paths[fmi]: built.data,
+            "resources/program.rtamt": program_text(replace(file, token=token)).encode(),
+        }
+    )
+
+
+def _zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return an archive without times, users or anything else that differs between exports."""
+    data = BytesIO()
+    with zipfile.ZipFile(data, "w") as archive:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name)
+            entry.create_system = 3  # Unix, on every platform
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, COMPRESSION)
+    return data.getvalue()
+
+
+class Library(NamedTuple):
+    """The shared library, and its path in a unit by the version of FMI."""
+
+    data: bytes
+    paths: Mapping[int, str]
+
+
+def library() -> Library:
+    """Return the library for this platform.
+
+    Raises:
+        InputError: If there is no library for this platform, or it was not built.
+    """
+    here = (sys.platform, platform.machine())
+    if here not in _PLATFORMS:
+        known = ", ".join(" ".join(each) for each in _PLATFORMS)
+        msg = f"an FMU holds a library for the platform that it is exported on, {' '.join(here)}"
+        raise InputError(f"{msg}, for which there is none; export on {known}")
+    *folders, ending = _PLATFORMS[here]
+    built = find_spec("rtamt._native")  # an editable install has it in another folder
+    folder = Path(__file__).parents[1] if built is None else Path(built.origin or "").parent
+    path = folder / f"{MODEL}{ending}"
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        msg = f"the library of FMUs, {path.name}, was not built"
+        raise InputError(f"{msg}; reinstall rtamt where a C++20 compiler is found") from None
+    return Library(data, {v: f"binaries/{f}/{path.name}" for v, f in enumerate(folders, start=2)})

@@ -1,10 +1,9 @@
-"""The file ``resources/program.rtamt`` of a functional mock-up unit: what its shared library runs.
+"""The file ``resources/program.rtamt`` of a functional mock-up unit, which its library runs.
 
-The library (`rtamt/native/fmu/`) is the same in every unit. This file holds what differs: programs
-as `rtamt.program.encoding` encodes them, the names behind the value references, and how constants
-follow from parameters. It is text, one record a line, with fields between single blanks; a field
-that is absent is ``-``, and a flag is 0 or 1. Numbers are written so that they read as the same
-double (``repr``).
+The library (`rtamt/native/fmu/`) is the same in every unit. This file has the differences: the
+programs, as `rtamt.program.encoding` encodes them, the names of the value references, and the
+computation of constants from parameters. It is text with one record per line and single spaces
+between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are written with ``repr``.
 
 =========================================  =========================================================
 ``rtamt-program 3``                        first line: the version of the format
@@ -16,7 +15,7 @@ double (``repr``).
 ``formula NAME EPISODE``                   a named formula: the episode, counted from 0, whose
                                            robustness it is; without one the next observed register
 ``parameter NAME START``                   a constant that may be set
-``fixed NAME VALUE``                       a constant that may be read alone
+``fixed NAME VALUE``                       a constant that can only be read
 ``stop 0`` or ``stop 1``                   the start value of ``stop_on_violation``
 ``derived FUNCTION A B``                   a number that follows from parameters; the i-th is ``$i``
 ``episodes READINGS``                      before them: how many episodes are of the specification;
@@ -46,21 +45,20 @@ A number in a row, or an operand of ``derived``, is a literal, ``%k`` for the pa
 for a derived number before it, both counted from 0. The library computes them when initialization
 ends; a function of one operand has it twice. They come from `Traced` numbers of a program.
 
-`rtamt.export.variables` numbers the variables, by value reference: from 8 on the inputs,
-parameters, fixed constants and named formulas, in the order of their records.
+`rtamt.export.description` numbers the variables.
 
-What the library does with it:
+The library runs the file as follows:
 
 - Samples are taken at the times start + k * period, the first at the start. ``doStep(t, h)`` takes
   the samples in [t, t + h), which read the inputs that are set then: h = period takes one, at t; a
-  multiple takes several with inputs held; a step that is no multiple takes one when its time comes.
+  multiple takes several with inputs held; other steps take one when its time comes.
   The inputs before the first step are therefore the first sample. After n steps of a period the
-  outputs are what `EpisodeMonitor` says after n samples; a named formula is what `Monitor` says of
-  it, or `EpisodeMonitor` where `Monitor` cannot wait. Before the first step the outputs are those
-  from a new monitor: robustness and named formulas nan.
+  outputs are those of `EpisodeMonitor` after n samples; a named formula is the value of `Monitor`,
+  or of `EpisodeMonitor` if `Monitor` cannot wait. Before the first step the outputs are those of a
+  new monitor: robustness and named formulas are nan.
 - Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
-  `DenseEpisodeMonitor` says then; a named formula is what `DenseMonitor` has settled of it, or what
-  `DenseEpisodeMonitor` says where `DenseMonitor` cannot wait.
+  `DenseEpisodeMonitor` returns then; a named formula is the last value that `DenseMonitor` has
+  settled, or the value of `DenseEpisodeMonitor` if `DenseMonitor` cannot wait.
 - With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
   fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
 - Parameters may be set until initialization ends, inputs always (not after terminate).
@@ -81,15 +79,6 @@ from rtamt.program.encoding import (
     EncodedRegions,
 )
 
-__all__ = [
-    "DenseFile",
-    "Named",
-    "ProgramFile",
-    "RegionFile",
-    "SampledFile",
-    "program_text",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Named:
@@ -105,13 +94,13 @@ class SampledFile:
 
     Attributes:
         period: Numerator and denominator of the seconds between samples.
-        readings: How many of the episodes are of the specification: one, or with neutral predicates
-            two, with -0.0 first.
+        readings: The number of episodes of the specification: one, or two with neutral predicates,
+            which are -0.0 in the first.
         episodes: Their programs, then the programs of named formulas for which no monitor can wait.
-        monitor: The program of the other named formulas; None without any named formula. It has the
-            terms of the episodes too, so that it refuses every sample that one of them refuses.
+        monitor: The program of the other named formulas; None without named formulas. It has all
+            terms of the episodes, so that it refuses every sample that an episode refuses.
         observed: Register and latency of each of the other named formulas.
-        sources: For every named formula the index of its episode; None: it is the next observed.
+        sources: The index of the episode of every named formula; None: the next observed register.
     """
 
     period: tuple[int, int]
@@ -126,9 +115,9 @@ class RegionFile(NamedTuple):
     """A program over the regions of dense time.
 
     Attributes:
-        reach: By how many ticks it looks away.
-        terms: Its terms.
-        regions: Its formulas.
+        reach: The number of ticks between a time and the times on which its value depends.
+        terms: The terms.
+        regions: The formulas.
     """
 
     reach: int
@@ -138,16 +127,16 @@ class RegionFile(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DenseFile:
-    """The programs of a unit over dense time, as `SampledFile` has those on samples.
+    """The programs of a unit over dense time.
 
     Attributes:
-        clock: Ticks in a second.
-        readings: How many of the episodes are of the specification.
-        episodes: Their programs.
-        monitor: The program of the named formulas that can be waited for.
-        observed: The register of each of these.
-        sources: For every named formula the number of its episode, where those of the specification
-            are one, number 0; None: it is the next observed.
+        clock: Ticks per second.
+        readings: The number of episodes of the specification.
+        episodes: Their programs, then the programs of named formulas for which no monitor can wait.
+        monitor: The program of the other named formulas.
+        observed: The register of each of the other named formulas.
+        sources: The number of the episode of every named formula, where the episodes of the
+            specification count as number 0; None: the next observed register.
     """
 
     clock: tuple[float, int, int]
@@ -165,9 +154,9 @@ class ProgramFile:
     Attributes:
         token: The guid or instantiation token.
         inputs: The variables, in the order of the programs.
-        formulas: Names of the named formulas.
+        formulas: The names of the named formulas.
         parameters: The constants that may be set.
-        fixed: The constants that the shape of the program depends on.
+        fixed: The constants in bounds of intervals.
         stop: The start value of ``stop_on_violation``.
         programs: The programs.
     """
@@ -182,7 +171,7 @@ class ProgramFile:
 
 
 def program_text(file: ProgramFile) -> str:
-    """The text of a file, which is written in UTF-8 with the line ends of Unix."""
+    """Return the text of a file, for UTF-8 and Unix line ends."""
     writer = _Writer([each.name for each in file.parameters])
     writer.add("rtamt-program", 3)
     writer.add("token", file.token)
@@ -239,7 +228,7 @@ def _dense(writer: _Writer, programs: DenseFile) -> None:
 
 
 class _Writer:
-    """Lines, and the derived numbers that were written."""
+    """The lines of a file, and its derived numbers."""
 
     def __init__(self, parameters: Sequence[str]) -> None:
         self.lines: list[str] = []
@@ -264,7 +253,7 @@ class _Writer:
         return "-" if field is None else repr(field)
 
     def _number(self, number: Traced) -> str:
-        """Write how the number is computed, before the line that names it."""
+        """Write the computation of a number before the line that uses it."""
         if not number.operands:
             return self._known.get(number.source) or repr(float(number))
         if number.text not in self._known:

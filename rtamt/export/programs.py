@@ -1,4 +1,4 @@
-"""From a specification to the programs of a unit."""
+"""The programs of a unit, compiled from a specification."""
 
 from __future__ import annotations
 
@@ -33,27 +33,25 @@ from rtamt.program.placement import place, variants_of
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
-__all__ = ["Programs", "dense_programs", "sampled_programs"]
-
 
 @dataclass(frozen=True)
 class Programs:
-    """The programs that a unit runs, and what its model description says of them.
+    """The programs of a unit, with the texts for its model description.
 
     Attributes:
-        written: The programs as the file of a unit has them.
-        program: The program that has all registers.
+        encoded: The programs in the form of the file.
+        program: The program with all registers.
         step: Seconds between samples; None over dense time.
-        said: For each named formula, what is said of its value behind the formula.
+        notes: A note on the value of each named formula.
     """
 
-    written: SampledFile | DenseFile
+    encoded: SampledFile | DenseFile
     program: Program
     step: float | None
-    said: Mapping[str, str]
+    notes: Mapping[str, str]
 
     def file(self, *, token: str, stop: bool) -> ProgramFile:
-        """The file of the unit."""
+        """Return the program file of the unit."""
         spec = self.program.specification
         variables = [Named(name, _start(spec, name)) for name in self.program.variables]
         constants = [Named(name, value) for name, value in spec.constants.items()]
@@ -61,22 +59,22 @@ class Programs:
         return ProgramFile(
             token=token,
             inputs=variables,
-            formulas=list(self.said),
+            formulas=list(self.notes),
             parameters=[c for c in constants if c.name in used - spec.bounding],
             fixed=[c for c in constants if c.name in spec.bounding],
             stop=stop,
-            programs=self.written,
+            programs=self.encoded,
         )
 
     def _constants(self) -> frozenset[str]:
-        """The constants on which numbers of the program depend."""
+        """Return the constants on which numbers of the program depend."""
         numbers = [i.value for i in self.program.instructions if isinstance(i, Const)]
         traced = [number for number in numbers if isinstance(number, Traced)]
         return frozenset[str]().union(*(number.constants for number in traced))
 
 
 def _start(spec: Specification, variable: str) -> float:
-    """The start value of an input: its default, else the number next to 0 in its range."""
+    """Return the default of an input; otherwise, the number closest to 0 in its range."""
     lower, upper = spec.declared_ranges.get(variable, (0.0, 0.0))
     return spec.defaults.get(variable, min(max(0.0, lower), upper))
 
@@ -84,21 +82,21 @@ def _start(spec: Specification, variable: str) -> float:
 def sampled_programs(
     caller: Callable[..., object], spec: Specification, period: Period, options: SampleOptions
 ) -> Programs:
-    """The programs of a unit that takes samples; ``spec`` has traced constants."""
+    """Return the programs of a unit on samples; ``spec`` has traced constants."""
     refuse_rates(spec, "an exported monitor")
     *_, seconds, program = compiled(caller, spec, period, options, online=False)
     step = Fraction(seconds or 1)
     running = program.running(*program.specification.formulas.values())
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
     monitor = _monitor(running)
-    registers, sources = _judged(program, late)
+    registers, sources = _episodes(program, late)
     readings = variants_of(program)
     episodes = [*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)]
     for each in episodes:
         limit_episode(each)
     if monitor is not None:
         limit_discrete(monitor)
-    written = SampledFile(
+    encoded = SampledFile(
         period=step.as_integer_ratio(),
         readings=len(readings),
         episodes=[encoded_episode(each) for each in episodes],
@@ -108,32 +106,34 @@ def sampled_programs(
         else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
         sources=[None if each is None else each + len(readings) - 1 for each in sources],
     )
-    return Programs(written, program, float(step), _said(late, step))
+    return Programs(encoded, program, float(step), _notes(late, step))
 
 
-def _judged(program: Program, late: Mapping[str, int | None]) -> tuple[list[int], list[int | None]]:
-    """Which named formulas have episodes, those for which no monitor can wait.
+def _episodes(
+    program: Program, late: Mapping[str, int | None]
+) -> tuple[list[int], list[int | None]]:
+    """Return the registers of named formulas that need an episode, as no monitor can wait for them.
 
     Args:
-        program: The program of the specification, which has an episode too.
+        program: The program of the specification, which is episode 0.
         late: The latency of each named formula; None if it needs the whole future.
 
     Returns:
-        The registers that have an episode of their own, and for each named formula the number of
-        its episode: 0 is the specification's, and what `late` knows has none.
+        The registers with an episode, and for each named formula the number of its episode, or
+        None if it has a latency.
     """
-    judges = {program.result: 0}
+    episodes = {program.result: 0}
     sources: list[int | None] = []
     for name, latency in late.items():
         source = None
         if latency is None:
-            source = judges.setdefault(program.outputs[name], len(judges))
+            source = episodes.setdefault(program.outputs[name], len(episodes))
         sources.append(source)
-    return list(judges)[1:], sources
+    return list(episodes)[1:], sources
 
 
-def _said(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
-    """What is said of each named formula, with latencies in steps of this length."""
+def _notes(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
+    """Return a note on each named formula, with latencies in steps of this length."""
     return {
         name: "as if the run ended now" if latency is None else _late(latency * step)
         for name, latency in late.items()
@@ -141,7 +141,7 @@ def _said(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
 
 
 def _monitor(program: Program) -> Program | None:
-    """The program of the named formulas that have a latency; None without named formulas.
+    """Return the program of the named formulas that have a latency, or None without named formulas.
 
     It has all terms, so that it refuses every sample or event that an episode refuses.
     """
@@ -149,40 +149,44 @@ def _monitor(program: Program) -> Program | None:
         return None
     late = program.latencies
     outputs = {name: r for name, r in program.outputs.items() if late[r] is not None}
-    kept = sorted({*range(program.terms), *program.needed(*outputs.values())})
-    return replace(program, result=0, outputs=outputs).reordered(kept, program.terms)
+    registers = sorted({*range(program.terms), *program.needed(*outputs.values())})
+    return replace(program, result=0, outputs=outputs).reordered(registers, program.terms)
 
 
 def dense_programs(
     caller: Callable[..., object], spec: Specification, resolution: Period, options: Options
 ) -> Programs:
-    """The programs of a unit over dense time; ``spec`` has traced constants."""
-    _, interface, _, whole = compiled_dense(caller, spec, resolution, options, online=False)
-    program = whole.program
+    """Return the programs of a unit over dense time; ``spec`` has traced constants."""
+    _, interface, _, compiled_program = compiled_dense(
+        caller, spec, resolution, options, online=False
+    )
+    program = compiled_program.program
     running = program.running(*program.specification.formulas.values())
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
     monitor = _monitor(running)
     regions = compile_regions(
-        program.specification, whole.resolution, interface=interface, named=True
+        program.specification, compiled_program.resolution, interface=interface, named=True
     )
-    registers, sources = _judged(regions.program, late)
+    registers, sources = _episodes(regions.program, late)
     results = [regions, *(regions.of(register) for register in registers)]
     readings = [variants_of(each.program) for each in results]
     # The simulator's time is in seconds, whatever the unit of the specification is.
-    clock = clock_of(whole.resolution)
-    written = DenseFile(
+    clock = clock_of(compiled_program.resolution)
+    encoded = DenseFile(
         clock=clock,
         readings=len(readings[0]),
         episodes=[
             RegionFile(each.reach, encoded_terms(placed.program), encoded_regions(placed))
-            for i, (each, its) in enumerate(zip(results, readings, strict=True))
-            for placed in map(place, its if i == 0 else its[-1:])
+            for i, (each, variants) in enumerate(zip(results, readings, strict=True))
+            for placed in map(place, variants if i == 0 else variants[-1:])
         ],
-        monitor=None if monitor is None else encoded_dense(DenseProgram(monitor, whole.resolution)),
+        monitor=None
+        if monitor is None
+        else encoded_dense(DenseProgram(monitor, compiled_program.resolution)),
         observed=[] if monitor is None else list(monitor.outputs.values()),
         sources=sources,
     )
-    return Programs(written, program, None, _said(late, whole.resolution))
+    return Programs(encoded, program, None, _notes(late, compiled_program.resolution))
 
 
 def _late(time: Fraction) -> str:

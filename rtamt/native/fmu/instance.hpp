@@ -13,7 +13,7 @@
 namespace rtamt::fmu {
 
 // The value references of a unit's own variables; the other variables begin at kFirst.
-// rtamt/export/variables.py lists them.
+// rtamt/export/description.py lists them.
 using Reference = std::uint32_t;
 enum : Reference {
     kTime,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, export_fmu
-from rtamt.export import library
+from rtamt.export import fmu
 
 TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
 
@@ -110,7 +110,7 @@ def test_without_the_library_nothing_is_exported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = ModuleSpec("rtamt._native", None, origin=str(tmp_path / "_native.so"))
-    monkeypatch.setattr(library, "find_spec", lambda _: elsewhere)
+    monkeypatch.setattr(fmu, "find_spec", lambda _: elsewhere)
     with pytest.raises(InputError) as raised:
         export_fmu(TIMED, tmp_path / "monitor.fmu", period=1)
     assert str(raised.value) == (
