@@ -1,9 +1,9 @@
 """The classes of the released library, for programs that were written for it.
 
 They call `rtamt.Monitor`, `rtamt.EpisodeMonitor`, `rtamt.evaluate`, `rtamt.DenseMonitor` and
-`rtamt.evaluate_dense`, and give their values; docs/differences.md lists where the released library
-gives others. ``rtamt.StlDiscreteTimeSpecification`` and the other classes are
-attributes of `rtamt`, loaded when they are first used.
+`rtamt.evaluate_dense`, and return their values; docs/differences.md lists the differences to the
+released library. ``rtamt.StlDiscreteTimeSpecification`` and the other classes are attributes of
+`rtamt`, imported when they are first used.
 """
 
 from functools import partial

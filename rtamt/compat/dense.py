@@ -1,7 +1,7 @@
-"""The released classes for dense time: `DenseMonitor` and `evaluate_dense` behind their calls.
+"""The drop-in classes for dense time, over `DenseMonitor` and `evaluate_dense`.
 
-Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``. At the time t,
-``update`` gives the robustness at t - horizon: it is stamped with the time at which it is known.
+Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``. ``update`` returns
+the robustness at t - horizon with the time t, at which it is known.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from rtamt.compat.advice import own_advice
-from rtamt.compat.declarations import (
+from rtamt.compat.specification import (
     AbstractSpecification,
     OfflineSpecification,
     OnlineSpecification,
+    own_advice,
+    warn_of_unknown,
 )
-from rtamt.compat.undeclared import warn_of_unknown
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.clock import Clock
 from rtamt.language.specification import Specification
@@ -27,18 +27,10 @@ from rtamt.monitors.dense_monitor import DenseMonitor
 from rtamt.monitors.evaluation import evaluate_dense
 from rtamt.program.dense_lowering import compile_dense
 
-__all__ = [
-    "NamedEvents",
-    "Pairs",
-    "StlDenseTimeOfflineSpecification",
-    "StlDenseTimeOnlineSpecification",
-    "StlDenseTimeSpecification",
-]
-
 NamedEvents = Sequence[Any]
 """A name and its events."""
 Pairs = list[list[float]]
-"""Breakpoints: the times from which on a value holds, and the values."""
+"""Breakpoints: times and the values that hold from there on."""
 EventLists = dict[str, list[tuple[float, Any]]]
 """The events of each variable or message."""
 
@@ -52,16 +44,16 @@ class _Dense(AbstractSpecification):
     def set_sampling_period(
         self, sampling_period: object = 1, unit: str = "s", tolerance: float = 0.1
     ) -> None:
-        """Change nothing: dense time has no period."""
+        """Do nothing: dense time has no period."""
 
     def get_sampling_frequency(self) -> None:
-        """Give None: dense time has no period."""
+        """Return None: dense time has no period."""
 
     def _initial(self) -> object:
         return []
 
     def _read_signals(self, signals: Iterable[NamedEvents]) -> tuple[EventLists, EventLists]:
-        """Joins the events of each name; returns them for all names, and for the needed ones."""
+        """Return the joined events of all names, and of the variables of the specification."""
         named: EventLists = {}
         for signal in signals:
             try:
@@ -76,7 +68,7 @@ class _Dense(AbstractSpecification):
 
 
 def _last_of_each_tick(needed: EventLists, clock: Clock) -> EventLists:
-    """The events without those that another one follows on the same tick."""
+    """Return the events without earlier ones on the same tick."""
     return {
         name: [
             events[i]
@@ -88,10 +80,10 @@ def _last_of_each_tick(needed: EventLists, clock: Clock) -> EventLists:
 
 
 def _held_to_the_end(signals: EventLists, clock: Clock) -> EventLists:
-    """The events, and for variables that end before others their last value at the end of these."""
+    """Return the events, with the last value of each variable held to the last time of all."""
     try:
         ends = {name: clock.nearest(events[-1][0]) for name, events in signals.items()}
-    except (TypeError, ValueError, OverflowError):  # times that the monitors refuse
+    except (TypeError, ValueError, OverflowError):  # the monitors refuse these times
         return signals
     last = max(ends.values(), default=0)
     time = next((signals[name][-1][0] for name in ends if ends[name] == last), 0.0)
@@ -102,7 +94,7 @@ def _held_to_the_end(signals: EventLists, clock: Clock) -> EventLists:
 
 
 def _without_signs(breakpoints: Iterable[tuple[float, float]]) -> Pairs:
-    """The breakpoints with 0.0 for -0.0, which programs do not know: no step between these two."""
+    """Return breakpoints with 0.0 for -0.0, which programs do not expect, and no step between."""
     pairs: Pairs = []
     for time, value in breakpoints:
         if not (pairs and value == pairs[-1][1] == 0.0):
@@ -125,32 +117,32 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     """
 
     _ahead: DenseMonitor
-    """Knows all events. The monitor lacks the last one of every variable, because a later event of
-    the same time would replace it."""
+    """A monitor with all events. `_monitor` lacks the last event of each variable, because a later
+    event at the same time would replace it."""
     _last: dict[str, tuple[float, Any]]
     """The last event of every variable or message."""
     _begins: dict[str, int]
-    """The tick of the first one."""
-    _given: float
-    """The value that the monitor gave last; nan before there is one."""
-    _told: tuple[float, float] | None
-    """The time up to which the robustness was told, and the value there."""
+    """The tick of the first event of every variable or message."""
+    _last_value: float
+    """The last value of the monitor; nan before there is one."""
+    _reported: tuple[float, float] | None
+    """The last reported time and value."""
     _clock: Clock
     _late: int
     """The horizon in ticks."""
 
     @own_advice()
     def update(self, *signals: NamedEvents) -> Pairs:
-        """Take in events and give the robustness up to the time at which it is settled.
+        """Add events, and return the robustness up to the time to which it is settled.
 
-        That time is the least of the variables' last times. The pairs are the times at which the
-        robustness changes, and that time itself with the value there. A call that settles nothing
-        more gives no pairs. A value is stamped with the time at which it is known: its own time
-        plus the horizon. As long as none is known, the one pair of a call has the robustness of the
-        trace at its begin if it ends now.
+        That is the minimum of the variables' last times. The pairs are the times at which the
+        robustness changes, and the settled time with its value; there are none if a call settles
+        nothing. The time of a value is the time at which it is known: its own time plus the
+        horizon. Until a value is known, the only pair of a call has the robustness of the trace if
+        it ended now.
 
-        Where a variable has several events at one time, the last one counts, across calls too. A
-        call that raises an error leaves the specification as it was.
+        If a variable has several events at one time, the last one counts, also across calls. A call
+        that raises an error leaves the specification unchanged.
 
         Args:
             signals: Pairs of a name and its events. Unknown names are ignored, with a warning in
@@ -158,10 +150,10 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: At the first events: on a future without an end, or an operator on
-                neighbouring samples.
-            InputError: On times that decrease, a nan, or a term that is not a number.
-            InputTypeError: On values that are not real numbers.
+            SpecificationError: At the first events: if the text has an unbounded future or an
+                operator on neighbouring samples.
+            InputError: If times decrease, or a value or a term is nan.
+            InputTypeError: If a value is not a real number.
         """
         monitor, clock = self._running(), self._clock
         named, needed = self._read_signals(signals)
@@ -173,20 +165,20 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
                 begins[name] = clock.nearest(events[0][0])
         steps, settled = self._settled(steps, last, begins)
         confirmed = {n: before[n] + needed[n][:-1] for n in needed}
-        told = self._news(steps, settled)
+        news = self._news(steps, settled)
         for _, value in monitor.update(confirmed):
-            self._given = value
+            self._last_value = value
         unread = [name for name in self._sources() if name not in last]
         warn_of_unknown(named.keys() - self.var_object_dict.keys(), unread)
         self._last, self._begins = last, begins
         self.var_object_dict |= named
-        return self._stamped(told)
+        return self._stamped(news)
 
     @own_advice()
     def final_update(self, *signals: NamedEvents) -> Pairs:
-        """Take in the last events and give the rest of the robustness.
+        """Add the last events, and return the rest of the robustness.
 
-        Every variable holds its last value to the last event of all. Raises what `update` raises,
+        Every variable holds its last value to the last event of all. Raises the errors of `update`,
         and StateError if a variable has no events.
         """
         monitor = self._running()
@@ -203,9 +195,9 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _look_ahead(
         self, needed: EventLists
     ) -> tuple[EventLists, EventLists, list[tuple[float, float]]]:
-        """The new events of variables that have some, those before them, and what they decide.
+        """Return the new events, the events before them, and the steps that they settle.
 
-        The event before them is the last one, unless they begin with one of the same time.
+        The event before the new ones is the last one, unless the first new one has the same time.
         """
         clock, ahead = self._clock, self._ahead
         new = {n: events for n, events in _last_of_each_tick(needed, clock).items() if events}
@@ -218,7 +210,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         ahead.__setstate__(state)
         try:
             return new, before, ahead.update(last | {n: before[n] + new[n] for n in new})
-        except InputError:  # its message counts the events before the new ones too
+        except InputError:  # whose message counts the events before the new ones too
             ahead.__setstate__(state)
             steps = ahead.update(last)
             return new, before, steps + ahead.update(new)
@@ -229,7 +221,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         last: Mapping[str, tuple[float, Any]],
         begins: Mapping[str, int],
     ) -> tuple[list[tuple[float, float]], tuple[float, float] | None]:
-        """All steps that are decided, and the last time that is, with its value; None: no time."""
+        """Return all settled steps, and the last settled time with its value, or None."""
         if len(last) < len(self._sources()):
             return steps, None
         clock, ahead = self._clock, self._ahead
@@ -237,14 +229,14 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         end, begin = min(ticks.values()), max(begins.values())
         time = clock.time(end - self._late)
         if end - self._late >= begin:
-            # The monitor gives the value at a time when it has lasted for a tick.
+            # The monitor returns a value after it has lasted for a tick.
             after = (end + 1) * clock.tick
             held = {name: [(after, last[name][1])] for name in ticks if ticks[name] == end}
             try:
                 steps = steps + ahead.update(held)
-            except InputError:  # the clock counts no tick after this one
+            except InputError:  # the last tick of the clock
                 return steps, None
-            return steps, (time, steps[-1][1] if steps else self._given)
+            return steps, (time, steps[-1][1] if steps else self._last_value)
         if end < begin:
             return steps, None
         state = ahead.__reduce__()[2]
@@ -255,14 +247,14 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _news(
         self, steps: Sequence[tuple[float, float]], settled: tuple[float, float] | None
     ) -> list[tuple[float, float]]:
-        """The steps that were not told, and the settled time unless it was."""
-        time, value = self._told or (-math.inf, math.nan)
-        now = self._given
+        """Return the steps that were not reported, and the settled time if it was not."""
+        time, value = self._reported or (-math.inf, math.nan)
+        now = self._last_value
         news = []
         for step in steps:
             if step[0] <= time:
                 now = step[1]
-        if not math.isnan(now) and now != value:  # events of that time were replaced
+        if not math.isnan(now) and now != value:  # events at that time were replaced
             news.append((time, now))
         for step in steps:
             if step[0] > time and step[1] != (news[-1][1] if news else now):
@@ -270,7 +262,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         if settled is not None and settled[0] > (news[-1][0] if news else time):
             news.append(settled)
         if news:
-            self._told = news[-1]
+            self._reported = news[-1]
         return news
 
     def _stamped(self, steps: Sequence[tuple[float, float]]) -> Pairs:
@@ -291,13 +283,13 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         program = monitor.program.program
         self._clock = Clock(monitor.program)
         self._late = program.latencies[program.result] or 0
-        self._last, self._begins, self._told = {}, {}, None
-        self._given = self._robustness = math.nan
+        self._last, self._begins, self._reported = {}, {}, None
+        self._last_value = self._robustness = math.nan
         return self._run(monitor)
 
 
 class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense):
-    """Robustness of whole signals.
+    """Robustness of complete signals.
 
     Example:
         >>> spec = StlDenseTimeOfflineSpecification()
@@ -310,17 +302,17 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
 
     @own_advice()
     def evaluate(self, *signals: NamedEvents) -> Pairs:
-        """The breakpoints of the robustness of whole signals.
+        """Return the breakpoints of the robustness of complete signals.
 
         Args:
             signals: Pairs of a name and its events. Unknown names are ignored.
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: On an operator on neighbouring samples.
-            InputError: On times that do not increase, a nan, a term that is not a number, or a
-                variable without events.
-            InputTypeError: On values that are not real numbers.
+            SpecificationError: If the text has an operator on neighbouring samples.
+            InputError: If times do not increase, a value or a term is nan, or a variable has no
+                events.
+            InputTypeError: If a value is not a real number.
         """
         spec = self._specification()
         named, needed = self._read_signals(signals)
@@ -340,4 +332,4 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
 
 
 class StlDenseTimeSpecification(StlDenseTimeOfflineSpecification, StlDenseTimeOnlineSpecification):
-    """Robustness as events arrive, and of whole signals."""
+    """Robustness as events arrive, and of complete signals."""

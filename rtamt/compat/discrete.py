@@ -1,7 +1,7 @@
-"""The released classes for samples: `Monitor`, `EpisodeMonitor` and `evaluate` behind their calls.
+"""The drop-in classes for samples, over `Monitor`, `EpisodeMonitor` and `evaluate`.
 
-At the sample t, ``update`` gives the robustness at t - latency. Before there is such a sample, it
-gives the robustness that the trace has at its first sample if it ends now.
+At sample t, ``update`` returns the robustness at t - latency. Before that sample exists, it returns
+the robustness of the trace if it ended now.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from rtamt.compat.advice import of_a_sample, own_advice
-from rtamt.compat.declarations import (
+from rtamt.compat.options import Language, Semantics
+from rtamt.compat.specification import (
     AbstractSpecification,
     OfflineSpecification,
     OnlineSpecification,
+    of_a_sample,
+    own_advice,
+    warn_of_unknown,
 )
-from rtamt.compat.options import Language, Semantics
-from rtamt.compat.undeclared import warn_of_unknown
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
 from rtamt.inputs.messages import Messages, write_fields
 from rtamt.language.interval import UNITS
@@ -31,21 +32,15 @@ from rtamt.monitors.explanation import Explanation
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor
 from rtamt.program.timing import Period, as_period
 
-__all__ = [
-    "StlDiscreteTimeOfflineSpecification",
-    "StlDiscreteTimeOnlineSpecification",
-    "StlDiscreteTimeSpecification",
-]
-
 
 class _Sampled(AbstractSpecification):
-    """A specification of samples with a fixed period.
+    """A specification on samples with a fixed period.
 
     Attributes:
         sampling_period: The period, in `sampling_period_unit`.
         sampling_period_unit: s, ms, us, ns, ps, min or h.
         sampling_tolerance: Share of the period by which a sample may be early or late.
-        sampling_violation_counter: The number of samples that were earlier or later than that.
+        sampling_violation_counter: The number of samples outside of this tolerance.
     """
 
     def __init__(
@@ -70,8 +65,8 @@ class _Sampled(AbstractSpecification):
             tolerance: Share of the period by which a sample may be early or late.
 
         Raises:
-            SpecificationError: On a negative or infinite period, another unit, or a tolerance
-                outside [0, 1].
+            SpecificationError: If the period is negative or infinite, the unit is unknown, or the
+                tolerance is outside [0, 1].
         """
         if sampling_period != 0:
             as_period(sampling_period)
@@ -84,7 +79,7 @@ class _Sampled(AbstractSpecification):
         self.sampling_tolerance = tolerance
 
     def get_sampling_frequency(self) -> float:
-        """Samples per second.
+        """Return the samples per second.
 
         Raises:
             SpecificationError: If the period is 0.
@@ -97,11 +92,11 @@ class _Sampled(AbstractSpecification):
         return period * UNITS[self.sampling_period_unit]
 
     def _period(self) -> Fraction | None:
-        # Clients round periods to two digits, and so 0.001 to 0; only bounds need the period.
+        # Only bounds need the period; clients that round to two digits pass 0 for 0.001.
         return self._seconds() if self._specification().timed else None
 
     def _durations(self) -> tuple[float, float]:
-        """The shortest and the longest time between two samples without a violation, in `unit`."""
+        """Return the minimum and maximum time between samples within the tolerance, in `unit`."""
         if self.sampling_period == 0:
             return 0.0, 0.0
         period = self._seconds() / UNITS[self.unit]
@@ -122,7 +117,7 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
     """
 
     _begins: dict[str, EpisodeMonitor]
-    """The result, and the named formulas that are late: they run until all have a value."""
+    """Monitors of the result and of named formulas with a latency, until all have a value."""
     _time: float | None
     """The time of the last sample."""
     _least: float
@@ -130,25 +125,25 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
     _names: tuple[str, ...]
     """The names in `var_object_dict` that the monitor needs."""
     _arguments: Callable[[Mapping[str, Any]], Iterable[Any]]
-    """Gives their values as arguments of a monitor."""
+    """Return their values as arguments of a monitor."""
 
     def update(self, timestamp: float, dataset: Iterable[tuple[str, Any]]) -> float:
-        """Take in one sample and give the robustness, late by the latency.
+        """Add a sample, and return the robustness, late by the latency.
 
-        A call that raises an error leaves the specification as it was.
+        A call that raises an error leaves the specification unchanged.
 
         Args:
-            timestamp: Time of the sample in `unit`, for `sampling_violation_counter` alone.
-            dataset: Names and values. Variables that are absent keep their values, which are 0 at
-                first; unknown ones are ignored, with a warning in the log if the name resembles a
-                variable that is absent.
+            timestamp: Time of the sample in `unit`, only for `sampling_violation_counter`.
+            dataset: Names and values. Absent variables keep their values, which are 0 at first;
+                unknown names are ignored, with a warning in the log if the name resembles an
+                absent variable.
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: At the first sample: on bounds that are not a whole number of
-                periods, or a future without an end.
-            InputError: On a nan, or a term that is not a number.
-            InputTypeError: On a value that is not a real number.
+            SpecificationError: At the first sample: if a bound is not a whole number of periods, or
+                the text has an unbounded future.
+            InputError: If a value or a term is nan.
+            InputTypeError: If a value is not a real number.
         """
         monitor = self._monitor or self._start()
         values = self.var_object_dict.copy()
@@ -173,7 +168,7 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
             raise of_a_sample(error) from None
         if self._begins:
             robustness = self._begin(monitor, sample, robustness)
-        robustness += 0.0  # programs print it, and know no -0.0
+        robustness += 0.0  # programs print it, and do not expect -0.0
         if len(values) > len(self.var_object_dict):
             unknown = values.keys() - self.var_object_dict.keys()
             known = self.var_object_dict
@@ -202,16 +197,16 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         self._names = self._sources()
         self._arguments = self._by_name
         if len(self._names) > 1 and self._names == monitor.variables:
-            # By position, in a sixth of the time; of one name it would give no tuple.
+            # By position, in a sixth of the time; for one name itemgetter returns no tuple.
             self._arguments = operator.itemgetter(*self._names)
         self._published = self._source(self._result) != self._result
-        if self._published:  # a message without the field is refused before the first sample
+        if self._published:  # refuse a message without the field before the first sample
             for field in Messages(spec, (self._result,)).under(self.out_var):
                 field.holder(self.var_object_dict[self.out_var])
         return self._run(monitor)
 
     def _begin(self, monitor: Monitor, sample: Iterable[Any], robustness: float) -> float:
-        """The robustness of the samples so far, as long as there is none at t - latency."""
+        """Return the robustness of the samples so far until there is a sample at t - latency."""
         for episode in self._begins.values():
             episode.update(*sample)
         if monitor.samples <= monitor.latency:
@@ -235,7 +230,7 @@ _Trace = tuple[dict[str, Any], list[float]]
 
 
 class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled):
-    """Robustness of whole traces.
+    """Robustness of complete traces.
 
     Example:
         >>> spec = StlDiscreteTimeOfflineSpecification()
@@ -247,7 +242,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
     """
 
     def evaluate(self, dataset: Mapping[str, Any]) -> list[list[float]]:
-        """Robustness at every sample of a trace, as pairs of time and robustness.
+        """Return the robustness at every sample of a trace, as pairs of time and robustness.
 
         Args:
             dataset: The values of every variable, and under ``"time"`` their times in `unit`.
@@ -255,10 +250,10 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: On bounds that are not a whole number of periods.
-            InputError: On missing variables or times, an empty trace, columns of different length,
-                or a nan.
-            InputTypeError: On values that are not real numbers.
+            SpecificationError: If a bound is not a whole number of periods.
+            InputError: If variables or times are missing, the trace is empty, columns differ in
+                length, or a value is nan.
+            InputTypeError: If a value is not a real number.
         """
         spec = self._specification()
         if "time" not in dataset:
@@ -283,7 +278,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
 
     @own_advice()
     def explain(self) -> Explanation:
-        """The sub-formulas and samples that decided the robustness at the first sample.
+        """Return the sub-formulas and samples that decided the robustness at the first sample.
 
         Raises:
             StateError: Before `evaluate`.
@@ -305,4 +300,4 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
 class StlDiscreteTimeSpecification(
     StlDiscreteTimeOfflineSpecification, StlDiscreteTimeOnlineSpecification
 ):
-    """Robustness sample by sample, and of whole traces."""
+    """Robustness sample by sample, and of complete traces."""

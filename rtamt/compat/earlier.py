@@ -5,33 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rtamt.compat.declarations import AbstractSpecification
 from rtamt.compat.dense import NamedEvents, Pairs, StlDenseTimeSpecification
 from rtamt.compat.discrete import StlDiscreteTimeSpecification
 from rtamt.compat.options import Language, Semantics
+from rtamt.compat.specification import AbstractSpecification
 from rtamt.errors import InputError, RtamtError, SpecificationError
-
-__all__ = [
-    "LTLDiscreteTimeSpecification",
-    "LTLException",
-    "LTLNotImplementedException",
-    "LTLOfflineException",
-    "LTLParseException",
-    "LTLPastifyException",
-    "LTLSpecification",
-    "LTLSpecificationException",
-    "STLCTSpecification",
-    "STLDenseTimeSpecification",
-    "STLDiscreteTimeSpecification",
-    "STLException",
-    "STLIOCTSpecification",
-    "STLIOSpecification",
-    "STLNotImplementedException",
-    "STLOfflineException",
-    "STLParseException",
-    "STLSpecification",
-    "STLSpecificationException",
-]
 
 
 class _Earlier(AbstractSpecification):
@@ -39,7 +17,7 @@ class _Earlier(AbstractSpecification):
 
     Args:
         semantics: The semantics of the robustness; a number or a bool means `is_pure_python`.
-        language: The language of the machines that run.
+        language: The language of the machines.
         is_pure_python: False means ``Language.CPP``.
     """
 
@@ -64,7 +42,7 @@ class _Earlier(AbstractSpecification):
         self.semantics = Semantics(semantics)
 
     def get_var_object(self, var_name: str) -> Any:  # noqa: ANN401 - as get_value
-        """The same as `get_value`."""
+        """Return `get_value`."""
         return self.get_value(var_name)
 
 
@@ -81,19 +59,19 @@ class STLSpecification(_Earlier, StlDiscreteTimeSpecification):
     """
 
     def offline(self, dataset: Mapping[str, Sequence[tuple[float, Any]]]) -> float:
-        """Take in a whole trace, and give what `update` gives for its last sample.
+        """Add a complete trace, and return the result of `update` for its last sample.
 
         Args:
             dataset: For every variable its pairs of time and value.
 
         Raises:
-            InputError: As `update` does, on variables with different times, and on a trace without
+            InputError: As for `update`, or if variables have different times, or there are no
                 samples.
         """
         times = {name: [time for time, _ in pairs] for name, pairs in dataset.items()}
         first, *others = times.values() or [[]]
         if not first or any(other != first for other in others):
-            got = ", ".join(f"{name}: {len(of)}" for name, of in times.items()) or "none"
+            got = ", ".join(f"{name}: {len(column)}" for name, column in times.items()) or "none"
             raise InputError(
                 f"expected samples of all variables at the same times, 1 or more; got {got}"
             )
@@ -116,11 +94,11 @@ class STLCTSpecification(_Earlier, StlDenseTimeSpecification):
     """
 
     def offline(self, *signals: NamedEvents) -> Pairs:
-        """The same as `evaluate`."""
+        """Return `evaluate`."""
         return self.evaluate(*signals)
 
     def update_final(self, *signals: NamedEvents) -> Pairs:
-        """The same as `final_update`."""
+        """Return `final_update`."""
         return self.final_update(*signals)
 
 

@@ -1,4 +1,4 @@
-"""The enumerations of the released library, and the names that it makes of one of them."""
+"""The enumerations of the released library, and the class names derived from `Semantics`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from functools import partial
 from typing import Final
 
 from rtamt.errors import InputError
-
-__all__ = ["Language", "Semantics", "StlIOType", "TimeInterpretation", "interface_aware"]
 
 
 class _Word(Enum):
@@ -35,10 +33,10 @@ class Semantics(_Word):
 
 
 class Language(_Word):
-    """The language of the machines that run."""
+    """The language of the machines."""
 
     PYTHON = "python"
-    """The C++ machines where they were built, else those in Python: ``backend="auto"``."""
+    """The C++ machines if they were built; otherwise, the Python machines: ``backend="auto"``."""
     CPP = "C++"
     """The C++ machines: ``backend="native"``."""
 
@@ -59,7 +57,7 @@ class StlIOType(Enum):
 
 
 def interface_aware(time: str, **classes: Callable[..., object]) -> dict[str, object]:
-    """The classes of a time domain under each interface-aware semantics, by their released names.
+    """Return the classes of a time domain for each interface-aware semantics, by released name.
 
     Example:
         >>> import rtamt
@@ -73,9 +71,9 @@ def interface_aware(time: str, **classes: Callable[..., object]) -> dict[str, ob
     """
     return {
         f"IAStl{str(semantics).title().replace('-', '')}{time}{kind}Specification": partial(
-            made, semantics
+            cls, semantics
         )
         for semantics in Semantics
         if semantics is not Semantics.STANDARD
-        for kind, made in classes.items()
+        for kind, cls in classes.items()
     }

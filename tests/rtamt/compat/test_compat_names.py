@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import pytest
 
 import rtamt
-from rtamt.compat.declarations import AbstractSpecification
+from rtamt.compat.specification import AbstractSpecification
 
 _S = TypeVar("_S", bound=AbstractSpecification)
 Kind = Callable[[], AbstractSpecification]

@@ -1,17 +1,17 @@
-"""The released classes in both time domains: declarations, text, and what runs of them."""
+"""The base classes of the drop-in API: declarations, text, errors, monitors and evaluations."""
 
 from __future__ import annotations
 
 import importlib
 import logging
-from collections.abc import Callable
-from dataclasses import replace
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from rtamt.compat.options import Language, Semantics, StlIOType
-from rtamt.compat.tree import ParsedFormulas
-from rtamt.compat.undeclared import check_declared
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
 from rtamt.language.names import steps
@@ -20,8 +20,6 @@ from rtamt.language.specification import PRIMITIVES, Specification
 from rtamt.monitors.dense_monitor import DenseMonitor
 from rtamt.monitors.monitor import Monitor
 from rtamt.monitors.options import Options
-
-__all__ = ["AbstractSpecification", "OfflineSpecification", "OnlineSpecification"]
 
 _log = logging.getLogger(__name__)
 
@@ -32,28 +30,28 @@ _ROLES = {
     StlIOType.OUT: "output",
 }
 
-# Attributes that hold modules, which copies and pickles keep by name.
+# Attributes of modules, which copies and pickles store by name.
 _MODULES = ("modules", "_paths")
 
 
 class AbstractSpecification:
-    """A specification that is declared call by call, then parsed, then run.
+    """A specification that is declared by calls, then parsed, then run.
 
     Attributes:
-        name: A name for the whole; after `parse` the name that the text gives it, if any.
+        name: The name of the specification; after `parse` the name in the text, if any.
         spec: The text.
-        unit: Unit of the bounds that have none, and of the times of samples and events.
+        unit: The unit of bounds without a unit, and of the times of samples and events.
         semantics: The semantics of the robustness.
-        language: The language of the machines that run.
+        language: The language of the machines.
         modules: The module of each imported type.
-        vars: Every declared name.
+        vars: All declared names.
         free_vars: Declared variables that no formula computes.
         var_io_dict: The role of each variable: ``"input"``, ``"output"`` (the default) or
             ``"undefined"``.
         var_object_dict: The last value of each variable: a number, a message, or events.
         var_topic_dict: The path of the topic of each variable.
-        out_var: The name of the result, or of the message of which it is a field; ``"out"`` if the
-            text names neither.
+        out_var: The name of the result, or of the message with the result as a field; ``"out"`` if
+            the text has neither.
         out_var_field: The field, or an empty text.
     """
 
@@ -90,14 +88,13 @@ class AbstractSpecification:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         for name in _MODULES:
-            found = {k: importlib.import_module(v) for k, v in state[name].items()}
-            setattr(self, name, found)
+            setattr(self, name, {k: importlib.import_module(v) for k, v in state[name].items()})
 
     def declare_var(self, var_name: str, var_type: str) -> None:
         """Declare a variable of a primitive or an imported type.
 
         Raises:
-            SpecificationError: On a type that is neither.
+            SpecificationError: If the type is neither.
         """
         if var_name in self.vars:
             _log.warning("variable '%s' is declared again", var_name)
@@ -109,7 +106,7 @@ class AbstractSpecification:
         self.var_topic_dict[var_name] = f"rtamt/{var_name}"
 
     def declare_const(self, const_name: str, const_type: str, const_val: Exact) -> None:  # noqa: ARG002 - all are doubles
-        """Give a constant its value, as a number or its text.
+        """Declare a constant with its value, a number or its text.
 
         Raises:
             SpecificationError: If the name is declared.
@@ -120,7 +117,7 @@ class AbstractSpecification:
         self.vars.add(const_name)
 
     def import_module(self, from_name: str, module_name: str) -> None:
-        """Import a type of messages from a module.
+        """Import a message type from a module.
 
         Args:
             from_name: The module.
@@ -137,14 +134,14 @@ class AbstractSpecification:
         self._paths |= {from_name: module, module.__name__: module}
 
     def set_var_io_type(self, var: str, io_type: str | StlIOType) -> None:
-        """Set the role of a variable in the system: input, output, or (any other value) neither."""
+        """Set the role of a variable: input, output, or undefined for any other value."""
         if var in self.vars:
             self.var_io_dict[var] = _ROLES.get(io_type, "undefined")
         else:
             _log.warning("variable '%s' is not declared; its io type is ignored", var)
 
     def set_var_topic(self, var_name: str, var_topic: str) -> None:
-        """Name the topic of a variable."""
+        """Set the topic of a variable."""
         if var_name in self.vars:
             self.var_topic_dict[var_name] = var_topic
         else:
@@ -155,11 +152,11 @@ class AbstractSpecification:
         self.vars.add(var)
 
     def add_input_var(self, input_var: str) -> None:
-        """Make a variable an input."""
+        """Declare a variable as an input."""
         self.var_io_dict[input_var] = "input"
 
     def add_output_var(self, output_var: str) -> None:
-        """Make a variable an output."""
+        """Declare a variable as an output."""
         self.var_io_dict[output_var] = "output"
 
     def remove_input_var(self, var: str) -> None:
@@ -173,11 +170,11 @@ class AbstractSpecification:
             self.var_io_dict[var] = "undefined"
 
     def add_sub_spec(self, sub_spec: str) -> None:
-        """Put a named formula, ``p = ...``, before the text."""
+        """Add a named formula, ``p = ...``, before the text."""
         self._modular += f"{sub_spec}\n"
 
     def get_spec_from_file(self, path: str) -> str:
-        """The text in a file.
+        """Return the text of a file.
 
         Raises:
             InputError: If there is no such file.
@@ -190,10 +187,10 @@ class AbstractSpecification:
             ) from None
 
     def get_value(self, var_name: str) -> Any:  # noqa: ANN401 - a number, a message, a signal
-        """The last value of a variable, or of a named formula.
+        """Return the last value of a variable or of a named formula.
 
         Raises:
-            InputError: On an unknown name.
+            InputError: If the name is unknown.
         """
         if self._ran is not None and var_name in {*self._specification().formulas, self._result}:
             return self._ran(var_name)
@@ -202,10 +199,10 @@ class AbstractSpecification:
         return self.var_object_dict[var_name]
 
     def parse(self) -> None:
-        """Read the text; monitoring and evaluation start afresh.
+        """Read the text; monitoring and evaluation start again.
 
         Raises:
-            ParseError: With line, column and the way out.
+            ParseError: If the text is wrong; with line, column and a hint.
             SpecificationError: If there is no text.
         """
         parsed = self._read()
@@ -233,7 +230,7 @@ class AbstractSpecification:
 
     @property
     def ast(self) -> ParsedFormulas:
-        """The formulas of the text, with their horizons and variables, to be read."""
+        """The formulas of the text, with their horizons and variables (read-only)."""
         if self._parsed is None:
             return ParsedFormulas()
         return ParsedFormulas.of(self._specification(), self._source, self.var_io_dict)
@@ -243,12 +240,12 @@ class AbstractSpecification:
         self._specification()
 
     def _forget(self) -> None:
-        """Drop the monitor and the trace of the text before."""
+        """Drop the monitor and the trace of the earlier text."""
         self._ran: Callable[[str], object] | None = None
-        """Gives the value of a formula in the last run."""
+        """Return the value of a formula in the last run."""
 
     def _initial(self) -> object:
-        """The value of a variable before its first sample or event."""
+        """Return the value of a variable before its first sample or event."""
         return 0.0
 
     def _new(self, var_type: str) -> object:
@@ -277,7 +274,7 @@ class AbstractSpecification:
         try:
             return self._parse(text)
         except ParseError as error:
-            # A text that declares some of its variables must declare all: the others are added.
+            # A text that declares some variables must declare all, so add the others.
             declared = [f"from {m.__name__} import {t}" for t, m in self.modules.items()]
             declared += [f"{self._types[name]} {name}" for name in sorted(self._types)]
             try:
@@ -297,12 +294,12 @@ class AbstractSpecification:
         return self._parsed
 
     def _named(self, formula: str) -> Specification:
-        """The specification whose result is a named formula."""
+        """Return the specification with a named formula as its result."""
         spec = self._specification()
         return replace(spec, formula=spec.formulas.get(formula, spec.formula))
 
     def _options(self) -> Options:
-        """The options of monitors and evaluations."""
+        """Return the options of monitors and evaluations."""
         roles = {name: self.var_io_dict.get(name, "output") for name in self._sources()}
         return {
             "backend": "native" if self.language is Language.CPP else "auto",
@@ -312,12 +309,12 @@ class AbstractSpecification:
         }
 
     def _source(self, variable: str) -> str:
-        """The name by which users hand in a variable: its declared message's, or its own."""
+        """Return the name under which users pass a variable: of its message, or its own."""
         message = str(steps(variable)[0])
         return message if message in self._types else variable
 
     def _sources(self) -> tuple[str, ...]:
-        """The names by which users hand in the variables of the specification."""
+        """Return the names under which users pass the variables of the specification."""
         return tuple(dict.fromkeys(map(self._source, self._specification().variables)))
 
 
@@ -326,14 +323,14 @@ _Trace = TypeVar("_Trace")
 
 
 class OnlineSpecification(AbstractSpecification, Generic[_M]):
-    """A specification that a monitor runs from the first update on."""
+    """A specification that a monitor runs, from the first update on."""
 
     _monitor: _M | None
     _robustness: float
-    """The value last given."""
+    """The last value."""
 
     def reset(self) -> None:
-        """Forget all samples and events; variables keep their values."""
+        """Drop all samples and events; variables keep their values."""
         if self._monitor is not None:
             self._start()
 
@@ -351,10 +348,10 @@ class OnlineSpecification(AbstractSpecification, Generic[_M]):
         spec = self._specification()
         is_result = spec.formulas.get(formula, spec.formula) == spec.formula
         now = self._robustness if is_result else self._value(formula)
-        return now + 0.0  # programs print it, and know no -0.0
+        return now + 0.0  # programs print it, and do not expect -0.0
 
     def _value(self, formula: str) -> float:
-        """The last value of a named formula that is not the result."""
+        """Return the last value of a named formula other than the result."""
         raise NotImplementedError
 
     def _forget(self) -> None:
@@ -363,22 +360,168 @@ class OnlineSpecification(AbstractSpecification, Generic[_M]):
 
 
 class OfflineSpecification(AbstractSpecification, Generic[_Trace]):
-    """A specification that is evaluated on whole traces."""
+    """A specification that is evaluated on complete traces."""
 
     _trace: _Trace | None
-    """The last one."""
+    """The last trace."""
 
     def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
         raise NotImplementedError
 
     def _evaluated(self, trace: _Trace) -> None:
-        self._trace, self._ran = trace, self._whole
+        self._trace, self._ran = trace, self._history
 
-    def _whole(self, formula: str) -> list[Any]:
-        """The robustness of a named formula in the last trace."""
+    def _history(self, formula: str) -> list[Any]:
+        """Return the robustness of a named formula over the last trace."""
         assert self._trace is not None  # noqa: S101 - for the type checker
         return self._robustness_of(self._named(formula), self._trace)
 
     def _forget(self) -> None:
         super()._forget()
         self._trace = None
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedFormula:
+    """A formula of a specification.
+
+    Attributes:
+        name: The text of the formula.
+        horizon: The time after t that the robustness at t can depend on, in the unit of the
+            specification; inf if it is unbounded. `next` counts as one.
+        in_vars: The declared names of its inputs.
+        out_vars: The declared names of its outputs.
+    """
+
+    name: str
+    horizon: float
+    in_vars: tuple[str, ...]
+    out_vars: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedFormulas:
+    """The formulas of a specification, for checkers of specifications.
+
+    Attributes:
+        specs: The formulas in the order of the text, the result last; empty before `parse`.
+    """
+
+    specs: tuple[ParsedFormula, ...] = ()
+
+    @classmethod
+    def of(
+        cls, spec: Specification, source: Callable[[str], str], roles: Mapping[str, str]
+    ) -> ParsedFormulas:
+        """Return the formulas of a specification.
+
+        Args:
+            spec: The specification.
+            source: Return the declared name of a variable: the name of its message for a field.
+            roles: Declared name to ``"input"``, ``"output"`` (the default) or another role.
+        """
+        specs = []
+        for formula in dict.fromkeys((*spec.formulas.values(), spec.formula)):
+            names = dict.fromkeys(map(source, formula.variables))
+            ins, outs = (
+                tuple(name for name in names if roles.get(name, "output") == role)
+                for role in ("input", "output")
+            )
+            horizon = spec.with_result(formula).horizon
+            specs.append(ParsedFormula(str(formula), horizon, ins, outs))
+        return cls(tuple(specs))
+
+
+def check_declared(parsed: Specification, declared: Collection[str]) -> None:
+    """Refuse a specification with a variable that neither the text nor a call declares.
+
+    A variable keeps its last value, so a mistyped one would stay 0.
+
+    Args:
+        parsed: The specification.
+        declared: The names that calls declared; a message declares its fields.
+
+    Raises:
+        ParseError: At the first use of an undeclared variable.
+    """
+    unknown = {}
+    for node in parsed.nodes():
+        name = node.leaf
+        if node.op is not None or not isinstance(name, str) or parsed.declaration(name):
+            continue
+        if name not in declared and _head(name) not in declared:
+            unknown[name] = node
+    if not unknown:
+        return
+    name = min(unknown, key=lambda each: parsed.positions[unknown[each]])
+    known = {*declared, *parsed.declarations, *parsed.formulas, *parsed.constants}
+    near = nearest(name, sorted(known)).removeprefix("; ")
+    hint = f"{near} declare_var('{_head(name)}', 'float') declares it".lstrip()
+    raise parsed.error(unknown[name], f"'{name}' is not declared", hint)
+
+
+def warn_of_unknown(names: Iterable[object], unread: Collection[str]) -> None:
+    """Log the names of ignored data that are similar to variables without data.
+
+    Args:
+        names: The names that the specification does not use.
+        unread: The variables that keep their values.
+    """
+    for name in names:
+        if isinstance(name, str) and (near := nearest(name, unread)):
+            _log.warning("the data of '%s' is ignored: no variable has that name%s", name, near)
+
+
+def _head(name: str) -> str:
+    return str(steps(name)[0])
+
+
+_HOLD = "; pass nan='hold' to keep the last value instead$"
+_ADVICE = (
+    (
+        r"take samples (\S+) s apart, or let align= round it$",
+        r"or take samples \1 s apart and say so with set_sampling_period()",
+    ),
+    (
+        r"give resolution=('.*'), of which it is one$",
+        r"write whole nanoseconds, or use rtamt.DenseMonitor with resolution=\1",
+    ),
+    (
+        r"; resolution=('.*') would do$",
+        r"; rtamt.DenseMonitor takes it with resolution=\1",
+    ),
+    (
+        r"or use (EpisodeMonitor or evaluate|evaluate_dense)\(\)$",
+        "or call evaluate() with all of it",
+    ),
+    (r"use evaluate\(\) with n=, or", "use StlDiscreteTimeSpecification, or"),
+    (r"or use Monitor with a period$", "or use StlDiscreteTimeSpecification"),
+    (r" and n=(\d+)$", r" and time: \1"),
+    (_HOLD, "; rtamt.evaluate with nan='hold' keeps the last value instead"),
+)
+
+
+@contextmanager
+def own_advice() -> Iterator[None]:
+    """Raise errors of the library with advice that applies to the drop-in classes."""
+    try:
+        yield
+    except ParseError as error:
+        hint = _replaced(error.hint)
+        raise ParseError(error.reason, error.text, error.line, error.column, hint) from None
+    except SpecificationError as error:
+        raise SpecificationError(_replaced(str(error))) from None
+    except InputError as error:
+        raise InputError(_replaced(str(error))) from None
+
+
+def of_a_sample(error: InputError) -> InputError:
+    """Return an error about a sample, with advice for ``update``."""
+    advice = "; leave it out of the sample, and it keeps its last value"
+    return InputError(re.sub(_HOLD, advice, str(error)))
+
+
+def _replaced(text: str) -> str:
+    for advice, own in _ADVICE:
+        text = re.sub(advice, own, text)
+    return text
