@@ -152,7 +152,7 @@ def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
     that is wrong is so for all of them.
     """
     from rtamt_gym.inputs.case import Case
-    from rtamt_gym.play.recorder import failed
+    from rtamt_gym.play.simulation import failed
     from rtamt_gym.results.trial import Trial
 
     first: Exception | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -10,11 +10,9 @@ import gymnasium as gym
 from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.loop import Lane, SimulatedTrace, Task, side_by_side
-from rtamt_gym.play.runner import CaseLike, Requirements, Runner
+from rtamt_gym.play.loop import Played, SideBySide, Task, play
+from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.play.simulation import Simulation, Simulator
-from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.environment import monitor_of
 from rtamt_gym.systems.models import Model
 from rtamt_gym.systems.policies import evaluated
@@ -100,41 +98,24 @@ class Episodes(Runner):
             env.close()
         super().close()
 
-    def run(
-        self,
-        cases: Iterable[CaseLike],
-        seeds: Sequence[int] | None = None,
-        *,
-        keep: Callable[[int, SimulatedTrace], object] | None = None,
-        above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Trial]]:
-        """Plays episodes, as `Runner.run` does."""
+    def _play(
+        self, tasks: Sequence[Task], above: Mapping[str, float] | None, *, keeps: bool
+    ) -> Iterator[Played]:
         model = self._model
-        if not self._envs or model is None or keep is not None:
-            yield from super().run(cases, seeds, keep=keep, above=above)
+        if not self._envs or model is None or keeps:
+            yield from super()._play(tasks, above, keeps=keeps)
             return
-        listed = [Case(case) for case in cases]
-        given: Sequence[int | None] = seeds or [None] * len(listed)
-        left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
-
-        def begin(env: Any, task: Task, policy: Policy) -> Simulation:  # noqa: ANN401
-            return self._begin(
-                task.case, task.seed, above, None, policy, self._simulator_of(env), light=True
-            )
-
-        while len(self._envs) < min(self._n_envs, len(listed)):
+        size = min(self._n_envs, len(tasks))
+        while len(self._envs) < size:
             self._envs.append(self._another())
-        lanes = [Lane(env, begin) for env in self._envs[: min(self._n_envs, len(listed))]]
-        space = self.system.observation_space
-        try:
-            for index, row in side_by_side(lanes, model, space, list(left.values())):
-                del left[index]
-                yield index, row
-        except (Exception, SystemExit):  # noqa: BLE001 - it stands in the row of the episode that has it
-            for index, task in left.items():
-                own = None if task.seed is None else [task.seed]
-                for _, row in super().run([task.case], own, above=above):
-                    yield index, row
+
+        def begin(place: int, task: Task, policy: Policy) -> Simulation:
+            simulator = self._simulator_of(self._envs[place])
+            return self._begin(task.case, task.seed, above, None, policy, simulator, light=True)
+
+        batch = SideBySide(size, begin, model, self.system.observation_space)
+        alone = self._one_by_one(above, light=True)
+        yield from self._played(batch, tasks, lambda task: play(alone, [task]))
 
     def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
         """The simulator of an environment, made once for all episodes in it."""

@@ -1,167 +1,213 @@
-"""Episodes that run side by side: a model acts in all of them at once."""
+"""`play`: the loop that plays tasks in a batch of places, and the simplest batches.
+
+A batch adapts what runs: one system (`OneByOne`), several environments in which one model acts
+(`SideBySide`), a vector environment (`rtamt_gym.play.vector`) and native rollouts
+(`rtamt_gym.play.native`).
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from fractions import Fraction
-from typing import Any, NamedTuple
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
 
-import gymnasium as gym
-import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.recorder import failed
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.simulation import Simulation
+from rtamt_gym.play.run_record import SimulatedTrace
+from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.models import Model
-from rtamt_gym.systems.system import Policy, System
+from rtamt_gym.systems.system import Policy
 
 
 class Task(NamedTuple):
-    """An episode that is to be played: its number in the order of all, what it is given."""
+    """A run to play: its number among all tasks, its case, and its seed."""
 
     number: int
     case: Case
     seed: int | None
 
 
-Begin = Callable[[Any, Task, Policy], Simulation]
-"""Begins an episode in an environment, with a policy."""
-
-
-class Lane:
-    """One place of those side by side: an environment, and the episode that runs in it.
+class PlayEpisode(Protocol):
+    """A task while it is played: a `Simulation`, or a place of native rollouts.
 
     Attributes:
-        task: The episode; None if there is none.
-        action: What the next step does.
-        shown: What the environment has shown last; None if it has shown nothing.
-        run: The last episode that was over without an error, if it was the last.
-
-    Args:
-        env: The environment, or what stands for it.
-        begin: Begins an episode in it.
+        wall: Seconds that it took so far.
     """
 
-    def __init__(self, env: gym.Env[Any, Any] | System, begin: Begin) -> None:
-        self._env = env
-        self._begin = begin
-        self._wall = 0.0
-        self.task: Task | None = None
-        self.action: Any = None
-        self.shown: Any = None
-        self.run: Run | None = None
-
-    def begin(self, task: Task) -> Trial | None:
-        """Begins an episode and takes sample 0; gives its row if it is over then."""
-        self.task, self._wall, self.run = task, 0.0, None
-        try:
-            self._simulation = self._begin(self._env, task, lambda _obs: self.action)
-        except Exception as error:  # noqa: BLE001 - the row has it
-            self.task = None
-            return failed(error, task.case, task.seed, 0.0)
-        return self.step()
-
-    def step(self) -> Trial | None:
-        """Makes a step of the episode; gives its row if it is over then."""
-        task, simulation = self.task, self._simulation
-        assert task is not None, "an episode has begun"  # noqa: S101 - for mypy
-        begin = time.perf_counter()
-        row: Trial | None = None
-        try:
-            simulation.step()
-            self.shown = simulation.observation
-            self.run = simulation.run
-            if simulation.over:
-                row = replace(simulation.trial(task.case), seed=task.seed)
-        except Exception as error:  # noqa: BLE001 - the row has it
-            text = f"{type(error).__name__}: {error}"
-            row = replace(simulation.trial(task.case, text), seed=task.seed)
-        self._wall += time.perf_counter() - begin
-        if row is None:
-            return None
-        self.task = None
-        return replace(row, wall=self._wall)
-
-    def leave(self) -> None:
-        """Ends an episode that nobody goes on with: its environment becomes what it was before."""
-        if self.task is not None:
-            self.task = None
-            self._simulation.leave()
-
-    def share(self, wall: float) -> None:
-        """Adds the episode's share of the seconds that a step of all episodes took."""
-        self._wall += wall
-
-
-def side_by_side(
-    lanes: Sequence[Lane], model: Model, space: spaces.Space[Any], tasks: Iterable[Task]
-) -> Iterator[tuple[int, Trial]]:
-    """Plays episodes, each lane one after the other; gives the row of each when it is over.
-
-    The model acts on all lanes in every step, also on those that have no more episodes, so that
-    batches are of one size.
-
-    Raises:
-        Exception: What the model raises. The episodes that run then are lost.
-    """
-    try:
-        yield from _played(lanes, model, space, iter(tasks))
-    finally:  # after an error, an interruption, and where no more episodes are asked for
-        for lane in lanes:
-            lane.leave()
-
-
-def _played(
-    lanes: Sequence[Lane], model: Model, space: spaces.Space[Any], todo: Iterator[Task]
-) -> Iterator[tuple[int, Trial]]:
-    batch = model.batch(space, len(lanes))
-    free = list(enumerate(lanes))
-    while True:
-        for place, lane in free:
-            for task in todo:
-                row = lane.begin(task)
-                if row is None:
-                    batch.begin(place)
-                    break
-                yield task.number, row
-        running = [lane for lane in lanes if lane.task is not None]
-        if not running:
-            return
-        begin = time.perf_counter()
-        some = running[0].shown
-        actions = batch.act([some if lane.shown is None else lane.shown for lane in lanes])
-        share = (time.perf_counter() - begin) / len(running)
-        free = []
-        for place, (lane, action) in enumerate(zip(lanes, actions, strict=True)):
-            if lane.task is None:
-                continue
-            lane.share(share)
-            lane.action, number = action, lane.task.number
-            row = lane.step()
-            if row is not None:
-                yield number, row
-                free.append((place, lane))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatedTrace:
-    """The samples of one simulation.
-
-    Attributes:
-        signals: The values of every variable, by name.
-        period: Seconds between samples, or None.
-    """
-
-    signals: Mapping[str, NDArray[np.float64]]
-    period: Fraction | None
+    wall: float
 
     @property
-    def samples(self) -> int | None:
-        """The number of samples; None of no variables."""
-        return next((len(values) for values in self.signals.values()), None)
+    def trace(self) -> SimulatedTrace | None:
+        """The samples, if they were kept."""
+
+    def step(self) -> bool:
+        """Take sample 0 or make a step; return whether the episode is over."""
+
+    def trial(self, case: Case, error: str = "") -> Trial:
+        """Return the result, with the error that ended it."""
+
+    def leave(self) -> None:
+        """Abandon the episode, and undo its changes of the system."""
+
+
+class PlayBatch:
+    """Places that play one task each at a time.
+
+    Attributes:
+        size: The number of places.
+    """
+
+    size = 1
+
+    def free(self, running: Collection[int]) -> Sequence[int]:
+        """Return the places in which a task may start now.
+
+        Args:
+            running: The places that play one.
+        """
+        return [place for place in range(self.size) if place not in running]
+
+    def start(self, tasks: Mapping[int, Task]) -> None:
+        """Prepare places for tasks that start together."""
+
+    def begin(self, place: int, task: Task) -> PlayEpisode:
+        """Start a task in a place; `start` has prepared it."""
+        raise NotImplementedError
+
+    def step(self, running: Sequence[int]) -> float:  # noqa: ARG002
+        """Make the common part of a step; return the seconds that its episodes share."""
+        return 0.0
+
+    def advance(self, episode: Any) -> bool:  # noqa: ANN401 - what `begin` has returned
+        """Take sample 0 or the sample of a step; return whether the episode is over."""
+        over: bool = episode.step()
+        return over
+
+    def close(self) -> None:
+        """Release what the batch has taken."""
+
+
+class Played(NamedTuple):
+    """A task that is over; `episode` is None if an error came before it started."""
+
+    task: Task
+    trial: Trial
+    episode: Any
+
+
+def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
+    """Play tasks in the places of a batch; yield each as soon as it is over.
+
+    An error of an episode is in its trial, with the results of the samples before it.
+
+    Raises:
+        Exception: An error of what the places share. The tasks that are running then are lost.
+    """
+    todo = deque(tasks)
+    running: dict[int, tuple[Task, PlayEpisode]] = {}
+    try:
+        while todo or running:
+            while starting := dict(zip(batch.free(running), _taken(todo), strict=False)):
+                batch.start(starting)
+                for place, task in starting.items():
+                    since = time.perf_counter()
+                    try:
+                        running[place] = task, batch.begin(place, task)
+                    except Exception as error:  # noqa: BLE001 - the trial has it
+                        wall = time.perf_counter() - since
+                        yield Played(task, failed(error, task.case, task.seed, wall), None)
+                    else:
+                        yield from _advanced(batch, running, place)
+            if running:
+                share = batch.step([*running]) / len(running)
+                for place in [*running]:
+                    running[place][1].wall += share
+                    yield from _advanced(batch, running, place)
+    finally:  # also if the caller wants no more
+        for _, episode in running.values():
+            episode.leave()
+        batch.close()
+
+
+def _taken(todo: deque[Task]) -> Iterator[Task]:
+    while todo:
+        yield todo.popleft()
+
+
+def _advanced(
+    batch: PlayBatch, running: dict[int, tuple[Task, PlayEpisode]], place: int
+) -> Iterator[Played]:
+    """Advance the episode of a place; yield it and free the place if it is over."""
+    task, episode = running[place]
+    text = ""
+    try:
+        if not batch.advance(episode):
+            return
+    except Exception as error:  # noqa: BLE001 - the trial has it
+        text = f"{type(error).__name__}: {error}"
+    del running[place]
+    trial = episode.trial(task.case, text)
+    if trial.seed != task.seed:  # of a place in a vector environment, which is reset with others
+        trial = replace(trial, seed=task.seed)
+    yield Played(task, trial, episode)
+
+
+class OneByOne(PlayBatch):
+    """A batch of one system, which plays each task to its end.
+
+    Args:
+        begin: Starts a task.
+    """
+
+    def __init__(self, begin: Callable[[Task], Simulation]) -> None:
+        self._begin = begin
+
+    def begin(self, place: int, task: Task) -> Simulation:  # noqa: ARG002
+        return self._begin(task)
+
+    def advance(self, episode: Simulation) -> bool:
+        return episode.play()
+
+
+class SideBySide(PlayBatch):
+    """A batch of several environments, in all of which a model acts at once.
+
+    The model also acts in places without a task, so that its batches have one size.
+
+    Args:
+        size: The number of environments.
+        begin: Starts a task in the environment of a place, with the policy that acts there.
+        model: The model.
+        space: The space of an observation.
+    """
+
+    def __init__(
+        self,
+        size: int,
+        begin: Callable[[int, Task, Policy], Simulation],
+        model: Model,
+        space: spaces.Space[Any],
+    ) -> None:
+        self.size = size
+        self._begin = begin
+        self._policies = model.batch(space, size)
+        self._actions: list[Any] = [None] * size
+        self._episodes: dict[int, Simulation] = {}
+
+    def begin(self, place: int, task: Task) -> Simulation:
+        self._policies.begin(place)
+        episode = self._begin(place, task, lambda _obs: self._actions[place])
+        self._episodes[place] = episode
+        return episode
+
+    def step(self, running: Sequence[int]) -> float:
+        since = time.perf_counter()
+        shown = {place: episode.observation for place, episode in self._episodes.items()}
+        instead = shown[running[0]]
+        seen = [shown.get(place) for place in range(self.size)]
+        self._actions = [*self._policies.act([instead if obs is None else obs for obs in seen])]
+        return time.perf_counter() - since

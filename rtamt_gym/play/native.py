@@ -1,12 +1,12 @@
-"""Runs cases side by side, in the lanes of a native vector environment."""
+"""Native rollouts: the environments of a vector environment with a ``rollout``, as a batch."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Final, cast
+from typing import Any, Final, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
@@ -23,42 +23,48 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.vector_panel import VectorPanel
-from rtamt_gym.play.loop import SimulatedTrace
-from rtamt_gym.play.run_record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
+from rtamt_gym.play.loop import PlayBatch, Played, Task, play
+from rtamt_gym.play.run_record import (
+    AT_VERDICTS,
+    AT_VIOLATION,
+    KNOWN_EVERY,
+    Floats,
+    SimulatedTrace,
+    Stop,
+)
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
-Floats = NDArray[np.float64]
-
 _STEPS: Final = 100
-"""The steps of a call. A lane that is over within a call throws the rest of its steps away."""
+"""The steps of a call of ``rollout``. A run that is over within a call discards the rest."""
 
 _REWARD: Final = 0.0
-"""The sum of rewards where there is a ``rollout``, which gives observations alone: scenarios have
-requirements in place of rewards."""
+"""The sum of rewards: ``rollout`` returns observations only, and scenarios have requirements."""
 
 _NUMBERS: Final = 2**24
-"""The most numbers that the actions of a batch may be; a batch of long runs has fewer lanes."""
+"""The maximum size of a batch's actions; a batch of long runs has fewer places."""
 
 
-class NativeLanes:
-    """The lanes of a native vector environment: each runs a case, and all step together.
+class NativeRollouts:
+    """The native vector environment of a scenario, and what its runs are judged by.
 
-    `rtamt_gym.simulate` gives the same numbers, to the last bit.
+    The trials equal those of `rtamt_gym.simulate` to the last bit.
 
     Attributes:
-        size: The greatest number of cases of a batch.
+        size: The maximum number of runs in a batch.
+        steps: The number of steps of a run that is not stopped.
+        end: Why such a run is over.
 
     Args:
-        env: The environment of one case, which is registered with a vector environment.
+        env: The environment of one run; it is registered with a vector environment.
         judging: The requirements, and how runs are judged.
-        elements: The element of the observation that each of their variables reads.
-        most: The greatest number of steps; None: the time limit of the environment.
-        stop: When runs are stopped, as `rtamt_gym.simulate` describes it.
-        batch: The greatest number of lanes.
+        elements: The element of the observation that each variable reads.
+        most: The maximum number of steps; None: the time limit of the environment.
+        stop: As for `rtamt_gym.simulate`.
+        batch: The maximum number of places.
     """
 
     def __init__(
@@ -71,8 +77,7 @@ class NativeLanes:
         batch: int,
     ) -> None:
         self._spec = cast("EnvSpec", env.spec)
-        self._elements = elements
-        self.judging, self.stop = judging, stop
+        self.elements, self.judging, self.stop = elements, judging, stop
         self.questions = Questions(judging.specs, judging.reading)
         simulation: Any = env.unwrapped
         self._actions: tuple[str, ...] = tuple(simulation.action_names)
@@ -88,155 +93,107 @@ class NativeLanes:
         self._panel: VectorPanel | None = None
         self._defaults: dict[str, Floats] = {}
 
-    def kind(self, case: Case) -> str | None:
-        """How a lane runs a case: ``"driven"``, or by the ``"baseline"``.
+    @classmethod
+    def of(
+        cls,
+        system: Any,  # noqa: ANN401
+        judging: Judging,
+        duration: float | None,
+        stop: Stop,
+        batch: int,
+    ) -> NativeRollouts | None:
+        """Return the native rollouts of a system; None if it has none, or they do not fit."""
+        spec = system.spec if isinstance(system, gym.Env) else None
+        if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
+            return None
+        if judging.reading.substeps:
+            return None
+        elements = _elements(system, judging.specs, judging.signals)
+        vector = gym.make_vec(spec, num_envs=1)
+        has_rollout = hasattr(vector.unwrapped, "rollout")
+        vector.close()
+        if elements is None or not has_rollout or spec.max_episode_steps is None:
+            return None
+        if judging.reading.period is None:
+            reading = judging.reading.having(period=read_period(system))
+            judging = judging._replace(reading=reading)
+        panel = Panel(judging.specs, judging.reading)
+        most = None
+        if duration is not None and duration != math.inf:
+            most = int(exact(duration) / (panel.period or 1))
+        return cls(system, judging, elements, most, stop, batch)
 
-        None: no lane can, because the case drives some actions alone, or out of their bounds, or
-        has an entry that the scenario does not know.
+    def kind(self, case: Case) -> str | None:
+        """Return how rollouts run a case: ``"driven"`` or by the ``"baseline"``.
+
+        None if they cannot: the case drives only some actions, or out of their bounds, or has an
+        entry that the scenario does not know.
         """
         acted = 0
         for name, entry in case.items():
             if name in self._bounds:
-                least, most = self._bounds[name]
+                smallest, largest = self._bounds[name]
                 low, high = _range(entry)
-                if not least <= low <= high <= most:
+                if not smallest <= low <= high <= largest:
                     return None
                 acted += 1
             elif name not in self._parameters or isinstance(entry, Waveform):
                 return None
         return {0: "baseline", len(self._actions): "driven"}.get(acted)
 
-    def run(
-        self,
-        cases: Sequence[Case],
-        seeds: Sequence[int | None],
-        keep: Callable[[int, SimulatedTrace], object] | None = None,
-        above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Trial]]:
-        """Runs cases of one kind, ``size`` at most; gives each with its index when it is over.
+    def batch(
+        self, tasks: Sequence[Task], above: Mapping[str, float] | None, *, keeps: bool
+    ) -> NativeBatch:
+        """Return a batch for tasks of one kind, at most ``size``.
 
         Args:
-            cases: What they are given.
-            seeds: The seed of each.
-            keep: Is called with the samples of each before it is given.
+            tasks: The tasks.
             above: As for `rtamt_gym.simulate`.
-
-        Raises:
-            Exception: What the environment or a monitor raises in any lane. What has not been given
-                by then is lost.
+            keeps: Whether the samples are needed after the runs.
         """
-        env, panel = self._made(len(cases))
-        panel.reset()
-        batch = _Batch(self, panel, env.num_envs, len(cases), above or {})
-        begin = time.perf_counter()
-        made = self._reset(env, cases, seeds)[None]
-        actions = self._driven(cases, env.num_envs, panel.period)
-        kept: list[Floats] = []
+        return NativeBatch(self, len(tasks), above or {}, keeps=keeps)
 
-        def signals_of(lane: int) -> dict[str, Floats]:
-            if not kept:
-                return {}
-            samples = np.concatenate([each[:, :, lane] for each in kept])
-            values = np.ascontiguousarray(samples[: int(batch.last[lane]) + 1].T)
-            return dict(zip(self._elements, values, strict=True))
-
-        while True:
-            # By samples, variables and lanes, which monitors read fastest.
-            tables = np.ascontiguousarray(made.transpose(0, 2, 1)[:, list(self._elements.values())])
-            over = batch.feed(tables, begin)
-            if keep is not None or self.questions:
-                kept.append(tables)
-            if keep is not None:
-                for lane in over.tolist():
-                    keep(lane, SimulatedTrace(signals_of(lane), panel.period))
-            for lane, outcomes in batch.outcomes(over, signals_of):
-                yield (
-                    lane,
-                    Trial(
-                        cases[lane],
-                        seeds[lane],
-                        outcomes,
-                        batch.ends[lane],
-                        float(int(batch.last[lane]) * (panel.period or 1)),
-                        float(batch.wall[lane]),
-                        reward=_REWARD,
-                    ),
-                )
-            if not batch.active.any():
-                return
-            begin = time.perf_counter()
-            done = batch.samples - 1
-            steps = min(_STEPS, self.steps - done)
-            due = steps if actions is None else actions[done : done + steps]
-            made = env.unwrapped.rollout(due, batch.active)  # type: ignore[attr-defined]  # see `runner`
-
-    def whole(
-        self, cases: Sequence[Case], seeds: Sequence[int | None]
-    ) -> list[tuple[Trial, SimulatedTrace]]:
-        """Runs cases of one kind, ``size`` at most, to the end without monitors.
-
-        Gives the row of each, without outcomes, and its samples.
-
-        Raises:
-            Exception: What the environment raises in any lane.
-        """
-        begin = time.perf_counter()
-        env, panel = self._made(len(cases))
-        first = self._reset(env, cases, seeds)[None]
-        actions = self._driven(cases, env.num_envs, panel.period)
-        due = self.steps if actions is None else actions
-        active = np.arange(env.num_envs) < len(cases)
-        made = env.unwrapped.rollout(due, active)  # type: ignore[attr-defined]  # see `runner`
-        samples = np.concatenate([first, made])[:, :, list(self._elements.values())]
-        simulated = float(self.steps * (panel.period or 1))
-        wall = (time.perf_counter() - begin) / len(cases)
-        found = []
-        for lane, (case, seed) in enumerate(zip(cases, seeds, strict=True)):
-            values = np.ascontiguousarray(samples[:, lane].T)
-            trace = SimulatedTrace(dict(zip(self._elements, values, strict=True)), panel.period)
-            row = Trial(case, seed, {}, self.end, simulated, wall, reward=_REWARD)
-            found.append((row, trace))
-        return found
+    def whole(self, tasks: Sequence[Task]) -> Iterator[Played]:
+        """Play tasks of one kind to their end without monitors: trials without outcomes."""
+        return play(NativeBatch(self, len(tasks), None, keeps=True), tasks)
 
     def close(self) -> None:
-        """Frees the vector environment."""
+        """Close the vector environment."""
         if self._env is not None:
             self._env.close()
             self._env = self._panel = None
 
-    def _made(self, count: int) -> tuple[VectorEnv[Any, Any, Any], VectorPanel]:
-        """The environment and the monitors, with lanes for as many cases at least."""
+    def opened(self, count: int) -> tuple[VectorEnv[Any, Any, Any], VectorPanel]:
+        """Return the environment and the monitors, with at least ``count`` places."""
         if self._env is None or self._panel is None or self._env.num_envs < count:
             self.close()
             self._env = gym.make_vec(self._spec, num_envs=count)
             simulation: Any = self._env.unwrapped
-            self._defaults = simulation.parameters  # before an episode has others
+            self._defaults = simulation.parameters  # before an episode changes them
             specs, _, reading = self.judging
-            self._panel = VectorPanel(specs, count, reading, list(self._elements))
+            self._panel = VectorPanel(specs, count, reading, list(self.elements))
         return self._env, self._panel
 
-    def _reset(
-        self, env: VectorEnv[Any, Any, Any], cases: Sequence[Case], seeds: Sequence[int | None]
-    ) -> Floats:
-        """Begins the episodes; returns the observations of sample 0."""
+    def reset(self, env: VectorEnv[Any, Any, Any], tasks: Sequence[Task]) -> Floats:
+        """Start the episodes of tasks; return the observations of sample 0."""
         options: dict[str, Any] = {}
-        for name in {name for case in cases for name in case if name in self._parameters}:
+        for name in {name for task in tasks for name in task.case if name in self._parameters}:
             options[name] = self._defaults[name].copy()
-            for lane, case in enumerate(cases):
-                options[name][lane] = case.get(name, options[name][lane])
-        every: Any = [*seeds, *[None] * (env.num_envs - len(cases))]
-        found: Floats = env.reset(seed=every, options=options)[0]
-        return found
+            for place, task in enumerate(tasks):
+                options[name][place] = task.case.get(name, options[name][place])
+        seeds: Any = [task.seed for task in tasks] + [None] * (env.num_envs - len(tasks))
+        observations: Floats = env.reset(seed=seeds, options=options)[0]
+        return observations
 
-    def _driven(self, cases: Sequence[Case], num: int, period: Fraction | None) -> Floats | None:
-        """The actions of every step, shape (steps, lanes, actions); None: the baseline acts."""
-        if self.kind(cases[0]) == "baseline":
+    def driven(self, tasks: Sequence[Task], num: int, period: Fraction | None) -> Floats | None:
+        """Return the actions, shape (steps, places, actions); None if the baseline acts."""
+        if self.kind(tasks[0].case) == "baseline":
             return None
         actions = np.zeros((self.steps, num, len(self._actions)))
-        for lane, case in enumerate(cases):
+        for place, task in enumerate(tasks):
             for i, name in enumerate(self._actions):
-                entry = case[name]
-                actions[:, lane, i] = (
+                entry = task.case[name]
+                actions[:, place, i] = (
                     entry.of_steps(period or 1, self.steps)
                     if isinstance(entry, Waveform)
                     else entry
@@ -244,162 +201,216 @@ class NativeLanes:
         return actions
 
 
-def _range(entry: float | Waveform) -> tuple[float, float]:
-    """The least and the greatest value of an entry of a case."""
-    if isinstance(entry, Waveform):
-        return min(entry.values), max(entry.values)
-    return (entry, entry) if math.isfinite(entry) else (math.inf, -math.inf)
+class NativeBatch(PlayBatch):
+    """The runs of one reset, in which all places step together.
 
-
-class _Batch:
-    """The runs of one batch: which are active, and how the others ended.
-
-    Attributes:
-        active: The lanes whose runs go on.
-        samples: How many samples the active lanes have been fed.
-        ends: Why the run of a lane is over, by lane.
-        last: The last sample of each lane.
-        wall: The seconds that each lane took: an equal share of each call, for lanes that ran.
+    Args:
+        rollouts: The environment and the requirements.
+        count: The number of tasks.
+        above: As for `rtamt_gym.simulate`; None: runs go to their end without monitors.
+        keeps: Whether the samples are needed after the runs.
     """
 
     def __init__(
         self,
-        lanes: NativeLanes,
-        panel: VectorPanel,
-        num: int,
+        rollouts: NativeRollouts,
         count: int,
-        above: Mapping[str, float],
+        above: Mapping[str, float] | None,
+        *,
+        keeps: bool,
     ) -> None:
-        self._panel = panel
-        self._above = above
-        self._stops, self._at_end = lanes.stop, lanes.judging.reading.at_truncation
-        self._questions = lanes.questions
-        self._steps = lanes.steps
-        self._end = lanes.end
-        self._all = np.arange(num)
-        self.active = self._all < count
-        self.samples = 0
-        self.ends: dict[int, RunEnd] = {}
-        self.last = np.zeros(num, np.int64)
-        self.wall = np.zeros(num)
+        self.size = count
+        self._rollouts, self._above = rollouts, above
+        self._kept: list[Floats] | None = [] if keeps or rollouts.questions else None
+        self._traces = keeps
+        self._at_end = rollouts.judging.reading.at_truncation
+        self._samples = 0
+        self._begun = False
+        self._results: dict[int, _Result] = {}
 
-    def feed(self, tables: Floats, begin: float) -> NDArray[np.int64]:
-        """Feeds samples, shape (samples, variables, lanes), until all runs are over.
+    def free(self, running: Collection[int]) -> Sequence[int]:
+        return [] if self._begun or running else range(self.size)
 
-        Returns:
-            The lanes whose runs are over now.
-        """
-        running = self.active.copy()
-        whole = bool(running.all())
+    def start(self, tasks: Mapping[int, Task]) -> None:
+        since, self._begun = time.perf_counter(), True
+        listed = [*tasks.values()]
+        self._env, self._panel = self._rollouts.opened(self.size)
+        self._all = np.arange(self._env.num_envs)
+        self._active = self._all < self.size
+        self._wall = np.zeros(len(self._all))
+        self._panel.reset()
+        first = self._rollouts.reset(self._env, listed)[None]
+        self._actions = self._rollouts.driven(listed, len(self._all), self._panel.period)
+        self._take(first, since)
+
+    def begin(self, place: int, task: Task) -> _Place:
+        return _Place(self, place, task)
+
+    def step(self, running: Sequence[int]) -> float:  # noqa: ARG002
+        since = time.perf_counter()
+        done = self._samples - 1
+        left = self._rollouts.steps - done
+        steps = left if self._above is None else min(_STEPS, left)
+        due = steps if self._actions is None else self._actions[done : done + steps]
+        simulation: Any = self._env.unwrapped
+        self._take(simulation.rollout(due, self._active), since)
+        return 0.0
+
+    def result(self, place: int) -> _Result | None:
+        """Return the result of a run that is over, else None."""
+        return self._results.get(place)
+
+    def trace(self, place: int) -> SimulatedTrace | None:
+        """Return the samples of a run that is over, if they are needed."""
+        if not self._traces:
+            return None
+        return SimulatedTrace(self._signals(place, self._results[place].last), self._panel.period)
+
+    def _signals(self, place: int, last: int) -> dict[str, Floats]:
+        if not self._kept:
+            return {}
+        samples = np.concatenate([block[:, :, place] for block in self._kept])
+        values = np.ascontiguousarray(samples[: last + 1].T)
+        return dict(zip(self._rollouts.elements, values, strict=True))
+
+    def _take(self, observations: Floats, since: float) -> None:
+        """Take observations, shape (samples, places, elements), until all runs are over."""
+        # By samples, variables and places, the order that monitors read fastest.
+        elements = list(self._rollouts.elements.values())
+        tables = np.ascontiguousarray(observations.transpose(0, 2, 1)[:, elements])
+        if self._kept is not None:
+            self._kept.append(tables)
+        running = self._active.copy()
+        ends: dict[int, tuple[RunEnd, int]] = {}
+        if self._above is None:
+            self._samples += len(tables)
+            if self._samples > self._rollouts.steps:
+                self._over(running, self._rollouts.end, ends)
+        else:
+            self._judge(tables, ends)
+        self._wall[running] += (time.perf_counter() - since) / np.count_nonzero(running)
+        for place, result in self._outcomes(ends):
+            self._results[place] = result
+
+    def _judge(self, tables: Floats, ends: dict[int, tuple[RunEnd, int]]) -> None:
+        """Feed samples to the monitors, and collect the runs that are over."""
+        all_running = bool(self._active.all())
         for table in tables:
-            self._panel.feed(table.T, None if whole else self.active)
-            self._stop()
-            self.samples += 1
-            if not self.active.any():
+            self._panel.feed(table.T, None if all_running else self._active)
+            self._stop(ends)
+            self._samples += 1
+            if not self._active.any():
                 break
-            whole = whole and not self.ends
-        self.wall[running] += (time.perf_counter() - begin) / np.count_nonzero(running)
-        over: NDArray[np.int64] = (running & ~self.active).nonzero()[0]
-        return over
+            all_running = all_running and not ends
 
-    def outcomes(
-        self, over: NDArray[np.int64], signals_of: Callable[[int], Mapping[str, Floats]]
-    ) -> Iterator[tuple[int, dict[str, Outcome]]]:
-        """What the requirements have become in these lanes, whose runs are over.
-
-        Args:
-            over: The lanes.
-            signals_of: Gives the samples of a lane, if they were kept.
-        """
-        if not len(over):
+    def _stop(self, ends: dict[int, tuple[RunEnd, int]]) -> None:
+        """End the runs that the last sample ends, in the order of `Simulation`."""
+        panel, stop = self._panel, self._rollouts.stop
+        last = self._samples == self._rollouts.steps
+        if last and self._rollouts.end == "truncated":
+            panel.finish(self._active, self._at_end)
+            self._over(self._active, "truncated", ends)
             return
-        panel = self._panel
-        found: dict[str, list[NDArray[Any]]] = {
+        if stop in AT_VIOLATION:
+            self._over(panel.any_violated(), "violation", ends)
+        if stop in AT_VERDICTS:
+            self._over(~np.logical_or.reduce(panel.undecided(self._all)), "decided", ends)
+        if stop == "known" and self._samples % KNOWN_EVERY == 0:
+            self._over(panel.knows(self._above or {}), "known", ends)
+        if last:
+            panel.finish(self._active, self._at_end)
+            self._over(self._active, "duration", ends)
+
+    def _over(
+        self, places: NDArray[np.bool_], why: RunEnd, ends: dict[int, tuple[RunEnd, int]]
+    ) -> None:
+        chosen = (places & self._active).nonzero()[0]
+        self._active[chosen] = False
+        last = self._samples if self._above is not None else self._rollouts.steps
+        ends.update(dict.fromkeys(chosen.tolist(), (why, last)))
+
+    def _outcomes(self, ends: Mapping[int, tuple[RunEnd, int]]) -> Iterator[tuple[int, _Result]]:
+        """Yield the results of runs that are over."""
+        if not ends or self._above is None:
+            for place, (why, last) in ends.items():
+                yield place, _Result(why, last, {})
+            return
+        panel, places = self._panel, sorted(ends)
+        columns: dict[str, list[NDArray[Any]]] = {
             name: [judge.robustness, judge.lower, judge.upper, judge.verdict]
             for name, (_, judge) in panel.monitors.items()
         }
         moments = {
             name: (each["decided_at"], each["ended_at"])
-            for name, each in panel.outcomes(over).by_name().items()
+            for name, each in panel.outcomes(np.array(places)).by_name().items()
         }
         progress = panel.progress
-        for place, lane in enumerate(over.tolist()):
-            verdicts = {name: Verdict(columns[-1][lane].item()) for name, columns in found.items()}
-            stopped = self.ends[lane] in STOPPED
-            stands_on = self._questions.answers(
-                signals_of(lane),
-                int(self.last[lane]) + 1,
-                None if stopped else self._at_end,
-                verdicts,
-            )
+        for row, place in enumerate(places):
+            why, last = ends[place]
+            verdicts = {name: Verdict(values[-1][place].item()) for name, values in columns.items()}
+            end = None if why in STOPPED else self._at_end
+            questions = self._rollouts.questions
+            samples = self._signals(place, last) if questions else {}
+            evidence = questions.answers(samples, last + 1, end, verdicts)
             outcomes = {}
-            for name, (*bounds, _) in found.items():
+            for name, (*bounds, _) in columns.items():
                 decided, ended = (
-                    at.value[place].item() if at.there[place] else None for at in moments[name]
+                    at.value[row].item() if at.there[row] else None for at in moments[name]
                 )
                 outcomes[name] = Outcome.at(
-                    [column[lane].item() for column in bounds],
+                    [values[place].item() for values in bounds],
                     verdicts[name],
                     decided,
                     panel.period,
-                    stands_on[name],
-                    progress[name][lane].item() if name in progress else None,
+                    evidence[name],
+                    progress[name][place].item() if name in progress else None,
                     ended=ended,
                 )
-            yield lane, outcomes
+            yield place, _Result(why, last, outcomes)
 
-    def _stop(self) -> None:
-        """Ends the runs that the sample ends which has been fed, in the order of `simulate`."""
-        ends = self.samples == self._steps
-        if ends and self._end == "truncated":
-            self._panel.finish(self.active, self._at_end)
-            self._over(self.active, "truncated")
-            return
-        if self._stops in AT_VIOLATION:
-            self._over(self._panel.any_violated(), "violation")
-        if self._stops in AT_VERDICTS:
-            self._over(~np.logical_or.reduce(self._panel.undecided(self._all)), "decided")
-        if self._stops == "known" and self.samples % KNOWN_EVERY == 0:
-            self._over(self._panel.knows(self._above), "known")
-        if ends:
-            self._panel.finish(self.active, self._at_end)
-            self._over(self.active, "duration")
-
-    def _over(self, lanes: NDArray[np.bool_], why: RunEnd) -> None:
-        chosen = (lanes & self.active).nonzero()[0]
-        if len(chosen):
-            self.active[chosen] = False
-            self.last[chosen] = self.samples
-            self.ends.update(dict.fromkeys(chosen.tolist(), why))
+    def made(self, place: int, task: Task) -> Trial:
+        """Return the trial of a run that is over."""
+        why, last, outcomes = self._results[place]
+        simulated = float(last * (self._panel.period or 1))
+        wall = float(self._wall[place])
+        return Trial(task.case, task.seed, outcomes, why, simulated, wall, reward=_REWARD)
 
 
-def lanes_of(
-    system: Any,  # noqa: ANN401
-    judging: Judging,
-    duration: float | None,
-    stop: Stop,
-    batch: int,
-) -> NativeLanes | None:
-    """The lanes that run the cases of an environment; None if it has none, or they do not do."""
-    spec = system.spec if isinstance(system, gym.Env) else None
-    if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
-        return None
-    if judging.reading.substeps:
-        return None
-    elements = _elements(system, judging.specs, judging.signals)
-    vector = gym.make_vec(spec, num_envs=1)
-    has_rollout = hasattr(vector.unwrapped, "rollout")
-    vector.close()
-    if elements is None or not has_rollout or spec.max_episode_steps is None:
-        return None
-    if judging.reading.period is None:
-        reading = judging.reading.having(period=read_period(system))
-        judging = judging._replace(reading=reading)
-    panel = Panel(judging.specs, judging.reading)
-    most = None
-    if duration is not None and duration != math.inf:
-        most = int(exact(duration) / (panel.period or 1))
-    return NativeLanes(system, judging, elements, most, stop, batch)
+class _Result(NamedTuple):
+    """Why a run is over, its last sample, and its outcomes."""
+
+    why: RunEnd
+    last: int
+    outcomes: Mapping[str, Outcome]
+
+
+class _Place:
+    """The run of one place, a `PlayEpisode`; the batch plays it."""
+
+    wall = 0.0
+
+    def __init__(self, batch: NativeBatch, place: int, task: Task) -> None:
+        self._batch, self._place, self._task = batch, place, task
+
+    @property
+    def trace(self) -> SimulatedTrace | None:
+        return self._batch.trace(self._place)
+
+    def step(self) -> bool:
+        return self._batch.result(self._place) is not None
+
+    def trial(self, case: Case, error: str = "") -> Trial:  # noqa: ARG002
+        return self._batch.made(self._place, self._task)
+
+    def leave(self) -> None:
+        """Do nothing: the next reset ends the episode."""
+
+
+def _range(entry: float | Waveform) -> tuple[float, float]:
+    """Return the smallest and the largest value of an entry of a case."""
+    if isinstance(entry, Waveform):
+        return min(entry.values), max(entry.values)
+    return (entry, entry) if math.isfinite(entry) else (math.inf, -math.inf)
 
 
 def _elements(
@@ -407,7 +418,7 @@ def _elements(
     specs: Mapping[str, rtamt.Specification],
     signals: Mapping[str, SignalLike] | None,
 ) -> dict[str, int] | None:
-    """The element of the observation that each variable reads; None if one reads something else."""
+    """Return the element of the observation that each variable reads; None for other signals."""
     variables = list(dict.fromkeys(name for spec in specs.values() for name in spec.variables))
     own = own_signals(env)
     chosen = {name: (signals or {}).get(name, own.get(name)) for name in variables}
@@ -415,8 +426,8 @@ def _elements(
     if set(texts) != set(variables) or not set(signals or {}) <= set(variables):
         return None
     try:
-        bound = [each.bind(env) for each in parse_signals(texts, variables, SOURCES)]
-    except rtamt.RtamtError:  # which the first simulation raises, in words of its own
+        bound = [signal.bind(env) for signal in parse_signals(texts, variables, SOURCES)]
+    except rtamt.RtamtError:  # the first simulation raises it in its own words
         return None
     if not all(isinstance(read, ElementRead) for read in bound):
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from typing import Any, Final, Literal
@@ -141,6 +141,58 @@ class Course(_ComparesArrays):
         return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
 
 
+class CoursesOnDemand(Mapping[str, Course]):
+    """Courses that are computed when the first of them is read.
+
+    Args:
+        names: The names of the specifications.
+        compute: Returns their courses.
+    """
+
+    def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, Course]]) -> None:
+        self._names = names
+        self._compute: Callable[[], dict[str, Course]] | None = compute
+        self._courses: dict[str, Course] = {}
+
+    def __getitem__(self, name: str) -> Course:
+        return self._read()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return repr(self._read())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (self._read(),)
+
+    def _read(self) -> dict[str, Course]:
+        if self._compute is not None:
+            self._courses, self._compute = self._compute(), None
+        return self._courses
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedTrace:
+    """The samples of one simulation.
+
+    Attributes:
+        signals: The values of every variable, by name.
+        period: Seconds between samples, or None.
+    """
+
+    signals: Mapping[str, Floats]
+    period: Fraction | None
+
+    @property
+    def samples(self) -> int | None:
+        """The number of samples; None if there are no variables."""
+        return next((len(values) for values in self.signals.values()), None)
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunRecord(_ComparesArrays):
     """The fields of a `Run`, which describes them, and what follows from them."""
@@ -176,7 +228,10 @@ class RunRecord(_ComparesArrays):
     @property
     def steps(self) -> int:
         """The number of steps: one less than the number of samples."""
-        return len(next(iter(self.courses.values())).robustness) - 1
+        samples = next(iter(self.signals.values()), None)
+        if samples is None:  # the specifications read nothing
+            samples = next(iter(self.courses.values())).robustness
+        return len(samples) - 1
 
     @property
     def last_sample(self) -> int:

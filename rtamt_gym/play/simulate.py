@@ -150,4 +150,7 @@ def simulate(
             policy=policy,
             duration=duration,
         )
-        return simulator.begin(seed=seed, stop=stop, above=above, label=label).go()
+        simulation = simulator.begin(seed=seed, stop=stop, above=above, label=label)
+        simulation.play()
+    assert simulation.run is not None  # noqa: S101 - for mypy
+    return simulation.run

@@ -1,4 +1,4 @@
-"""`Simulation`: one simulation under specifications, which can be made step by step."""
+"""`Simulator` prepares a system for runs under monitors; `Simulation` is one of these runs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from contextlib import suppress
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
@@ -21,15 +21,22 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge
-from rtamt_gym.judging.panel import PanelResult
 from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import AtTermination, Reading
-from rtamt_gym.play.recorder import Recorder, Tally, carry
+from rtamt_gym.play.recorder import Recorder
 from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
+from rtamt_gym.play.run_record import (
+    AT_VERDICTS,
+    AT_VIOLATION,
+    KNOWN_EVERY,
+    Course,
+    CoursesOnDemand,
+    SimulatedTrace,
+    Stop,
+)
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
@@ -37,53 +44,44 @@ from rtamt_gym.signals.signals import Read, SignalLike
 from rtamt_gym.systems.environment import Environment
 from rtamt_gym.systems.kinds import as_system, driven, refuse_seed
 from rtamt_gym.systems.system import Policy, System, exited
+from rtamt_gym.tables import sample_text
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
 
 class _Bound(NamedTuple):
-    """A system whose signals are bound, with what judges it.
+    """A system whose signals are bound, and its monitors.
 
     Attributes:
         system: The system.
-        reads: What reads the variables after a step of an environment, where each is a sample.
-        judge: Its monitors; None of a `StepMonitor`, which has its own.
-        tallies: What has fed monitors of the judge in runs that are over, for further runs.
+        reads: What reads the variables after a step of an environment, if a step is one sample.
+        judge: Makes the monitors; None for a `StepMonitor`, which has its own.
+        free: Recorders of finished runs, which further runs use again.
         variables: The names that the specifications read.
         period: Seconds between samples.
-        most: The number of steps after which a run is cut short, or None.
-        questions: Counts how often a run puts the specifications to the test.
+        most: The number of steps at which ``duration`` ends a run, or None.
+        questions: Counts triggers.
     """
 
     system: System
     reads: Sequence[Read] | None
     judge: Judge | None
-    tallies: list[Tally]
+    free: list[Recorder]
     variables: Sequence[str]
     period: Fraction | None
     most: int | None
     questions: Questions
 
-    def tally(self) -> Tally:
-        """What feeds the samples of a run that begins, to monitors that have none."""
-        if self.tallies:
-            tally = self.tallies.pop()
-            tally.reset()
-        else:
-            panel = cast("Judge", self.judge).begin()
-            tally = Tally(panel, self.variables, keeps=bool(self.questions))
-        return tally
-
 
 class Simulator:
-    """A system under specifications: checked, bound and compiled once, for any number of runs.
+    """A system under specifications, checked, bound and compiled once for many runs.
 
-    `rtamt_gym.simulate` documents the arguments. A case is the same for all runs.
+    `rtamt_gym.simulate` documents the arguments. Every run has the same case.
 
     Raises:
-        RtamtError: What every run would raise before its first sample.
+        RtamtError: An error that every run would raise before its first sample.
     """
 
     def __init__(
@@ -119,16 +117,9 @@ class Simulator:
         else:
             self.specs = _loaded(specs, system, ran.name)
             if isinstance(self._plain, Environment):
-                known = self._plain.known(signals)
-                read = {name: known.get(name) for name in _variables(self.specs)}
-                reading, refuse_nan = with_unknown_start(reading, read)
-                timed = any(spec.timed for spec in self.specs.values())
-                own = self._plain.period is not None and reading.period is None
-                if own and timed and not reading.substeps:
-                    warn_of_unverified_period(system)
-                for each in (self._plain, cast("Environment", ran)):
-                    each.refuses_nan, each.timed = refuse_nan, timed
-                    each.below, each.rescaled = reading.below, reading.rescaled
+                reading = self._read_environment(
+                    self._plain, cast("Environment", ran), signals, reading
+                )
             elif reading.below:
                 raise InputError(
                     Argument("below", value=True),
@@ -136,10 +127,30 @@ class Simulator:
                 )
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
-        self._tallies: list[Tally] = []  # of the judge
+        self._free: list[Recorder] = []  # of the judge
         self._questions: Questions | None = None  # of a `StepMonitor`
         self.of_environment = isinstance(self._plain, Environment)
         self._bound = self._bind(ran)
+
+    def _read_environment(
+        self,
+        plain: Environment,
+        ran: Environment,
+        signals: Mapping[str, SignalLike] | None,
+        reading: Reading,
+    ) -> Reading:
+        """Pass options to an environment; return the options of its monitors."""
+        known = plain.known(signals)
+        read = {name: known.get(name) for name in _variables(self.specs)}
+        reading, refuse_nan = with_unknown_start(reading, read)
+        timed = any(spec.timed for spec in self.specs.values())
+        own = plain.period is not None and reading.period is None
+        if own and timed and not reading.substeps:
+            warn_of_unverified_period(self._given)
+        for system in (plain, ran):
+            system.refuses_nan, system.timed = refuse_nan, timed
+            system.below, system.rescaled = reading.below, reading.rescaled
+        return reading
 
     def begin(
         self,
@@ -152,25 +163,24 @@ class Simulator:
         label: str = "",
         light: bool = False,
     ) -> Simulation:
-        """Begins a run.
+        """Start a run; the arguments are those of `rtamt_gym.simulate`.
 
         Args:
-            case: What the run is given; None: what all are.
-            policy: Who acts in an environment; None: who does in all.
-            seed: As for `rtamt_gym.simulate`.
-            stop: As for `rtamt_gym.simulate`.
-            above: As for `rtamt_gym.simulate`.
-            label: As for `rtamt_gym.simulate`.
-            light: Whether only the trial is asked for, and not the run.
+            case: What the run is given; None: the case of the simulator.
+            policy: Who acts in an environment; None: the policy of the simulator.
+            seed: As for `rtamt_gym.simulate`, like the following ones.
+            stop: See there.
+            above: See there.
+            label: See there.
+            light: Whether only the trial is needed, and not the run.
 
         Raises:
-            RtamtError: If the case, the seed or what stops the run does not fit.
+            RtamtError: If an argument does not fit the system.
         """
         _check_stop(stop, above)
         if self.monitor is not None:
             _refuse_options({"above": above})
-        if above is None:
-            above = {}
+        above = {} if above is None else above
         check_known("above", above, self.specs)
         bound, plain = self._bound, self._plain
         system = bound.system
@@ -184,21 +194,21 @@ class Simulator:
                 system = cast("Environment", system).again(acting, seed)
         else:
             refuse_seed(seed, self._given)
-            if case is not None:  # an empty one too: a model of MuJoCo begins anew with a copy
+            if case is not None:  # also an empty one: a MuJoCo model starts again as a copy
                 bound = self._bind(driven(plain, case))
                 system = bound.system
         case = self._case if case is None else case
         return Simulation(self, bound, system, case, seed, stop, above, label, light)
 
     def of(self, system: System) -> Simulator:
-        """A simulator of another system like this one, whose signals are bound already."""
-        made = copy.copy(self)
-        made.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
-        made.of_environment = isinstance(system, Environment)
-        return made
+        """Return a simulator of another system like this one, whose signals are bound already."""
+        other = copy.copy(self)
+        other.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
+        other.of_environment = isinstance(system, Environment)
+        return other
 
     def _bind(self, ran: System) -> _Bound:
-        """Compiles the specifications for the period of a system, and binds its signals."""
+        """Compile the specifications for the period of a system, and bind its signals."""
         variables: Sequence[str]
         if self.monitor is not None:
             variables = _variables(self.specs)
@@ -206,8 +216,8 @@ class Simulator:
             most = _most(self._duration, exact(ran.period or 1), ran)
             if self._questions is None:
                 self._questions = Questions(self.specs, self.monitor.reading)
-            its = self.monitor.period, most, self._questions
-            return _Bound(ran, None, None, [], variables, *its)
+            period = self.monitor.period
+            return _Bound(ran, None, None, [], variables, period, most, self._questions)
         reading = self.reading
         if reading.period is None:
             reading = reading.having(period=ran.period)
@@ -220,21 +230,22 @@ class Simulator:
         judge = self._judge
         if judge is None or judge.reading.period != reading.period:
             judge = self._judge = Judge(self.specs, reading)
-            self._tallies = []
+            self._free = []
         most = _most(self._duration, judge.period, ran)
         ran.bind(judge.variables, self.signals, judge.period)
         reads = ran.reads if isinstance(ran, Environment) and ran.plain else None
-        its = judge.period, most, judge.questions
-        return _Bound(ran, reads, judge, self._tallies, judge.variables, *its)
+        variables, questions = judge.variables, judge.questions
+        return _Bound(ran, reads, judge, self._free, variables, judge.period, most, questions)
 
 
 class Simulation:
-    """One run of a simulation under specifications; a `Simulator` begins it.
+    """One run of a system under specifications; `Simulator.begin` starts it.
 
     Attributes:
-        run: The run; None as long as the simulation is not over, where an error came before
-            sample 0, and where only the trial was asked for.
+        run: The run; None while it is not over, if an error came before sample 0, and if only the
+            trial is needed.
         over: Whether it is over.
+        wall: Seconds that its steps took so far.
     """
 
     run: Run | None = None
@@ -256,69 +267,47 @@ class Simulation:
         self._case, self._seed, self._label = case, seed, label
         self._stop, self._above, self._most = stop, above, bound.most
         signals = simulator.signals or {}
-        self._record: Recorder | Tally
-        if light and monitor is None and all(name in variables for name in signals):
-            self._record = tally = bound.tally()
-            self._panel = tally.panel
+        self._light = light and monitor is None and all(name in variables for name in signals)
+        if self._light and bound.free:
+            self._record = bound.free.pop()
+            self._record.reset()
         else:
-            judge, fed = bound.judge, monitor is not None
-            panel = self._panel = judge.begin() if judge else cast("StepMonitor", monitor).panel
-            self._record = Recorder(panel, variables, signals, simulator.reading.nan, fed=fed)
+            judge = bound.judge
+            panel = judge.begin() if judge else cast("StepMonitor", monitor).panel
+            self._record = Recorder(
+                panel,
+                variables,
+                () if self._light else signals,
+                simulator.reading.nan,
+                keeps=not self._light or bool(bound.questions),
+                fed=monitor is not None,
+            )
+        self._panel = self._record.panel
         self._ended: RunEnd = "error"
-        self._steps = 0  # and one more once sample 0 was taken
-        self._samples = 0  # once it is over
+        self._steps = 0  # plus one after sample 0
+        self._samples = 0  # set at the end
         self.over = False
         self._outcomes: Mapping[str, Outcome] = {}
-        self._wall = 0.0
-        self._begin = time.perf_counter()
+        self.wall = 0.0
+        self._since: float | None = time.perf_counter()
 
-    def go(self) -> Run:
-        """Runs the simulation until it is over."""
-        self.play()
-        assert self.run is not None, "it was not asked for its trial alone"  # noqa: S101 - for mypy
-        return self.run
-
-    def play(self) -> None:
-        """Runs the simulation until it is over; what it came to is its run, or its trial."""
-        try:
-            self._step()
-            if self._bound.reads is not None and isinstance(self._record, Tally):
-                self._play_on(cast("Environment", self._system), self._bound.reads)
-            while not self.over:
-                self._step()
-        except SystemExit as end:
-            error = exited(self._system.name, end)
-            self._fail(error)
-            raise error from end
-        except BaseException as error:
-            self._fail(error)
-            raise
+    def play(self) -> bool:
+        """Run the simulation to its end; return True, since it is over."""
+        return self._advance(to_end=True)
 
     def step(self) -> bool:
-        """Takes sample 0, or makes a step and takes the sample after it; whether it is over."""
-        try:
-            self._step()
-        except SystemExit as end:
-            error = exited(self._system.name, end)
-            self._fail(error)
-            raise error from end
-        except BaseException as error:
-            self._fail(error)
-            raise
-        return self.over
+        """Take sample 0, or make a step and take its sample; return whether the run is over."""
+        return self._advance(to_end=False)
 
     def leave(self) -> None:
-        """Ends a simulation that nobody goes on with: what it changed of the system is undone."""
+        """Abandon a run that is not over, and undo its changes of the system."""
         if not self.over:
             self._close()
 
     def trial(self, case: Case, error: str = "") -> Trial:
-        """What the simulation came to; with the error that has ended it, if one did."""
-        reported = getattr(self._system, "reported", None)
-        if self.run is not None:
-            return replace(self.run.trial(case, error), reported=reported)
+        """Return the result of the run without its samples, with the error that ended it."""
         reward, simulated = None, 0.0
-        if self._outcomes:
+        if self._samples:
             reward = getattr(self._system, "reward", None)
             simulated = float(Moment.of(self._samples - 1, self._bound.period).time or 0)
         return Trial(
@@ -327,46 +316,71 @@ class Simulation:
             self._outcomes,
             self._ended,
             simulated,
-            self._wall,
+            self.wall,
             error,
             reward,
-            reported=reported,
+            reported=getattr(self._system, "reported", None),
         )
+
+    @property
+    def trace(self) -> SimulatedTrace | None:
+        """The samples, if the run is there."""
+        return None if self.run is None else SimulatedTrace(self.run.signals, self.run.period)
 
     @property
     def observation(self) -> Any:  # noqa: ANN401
         """What an environment has shown last, on which the next step acts."""
         return cast("Environment", self._system).observation
 
+    def _advance(self, *, to_end: bool) -> bool:
+        if self._since is None:
+            self._since = time.perf_counter()
+        try:
+            self._step()
+            if to_end and self._bound.reads is not None and self._record.plain:
+                self._play_on(cast("Environment", self._system), self._bound.reads)
+            while to_end and not self.over:
+                self._step()
+        except SystemExit as end:
+            error = exited(self._system.name, end)
+            self._fail(error)
+            raise error from end
+        except BaseException as error:
+            self._fail(error)
+            raise
+        if not self.over:
+            self.wall += time.perf_counter() - self._since
+            self._since = None
+        return self.over
+
     def _step(self) -> None:
         system = self._system
         values = system.advance() if self._steps else system.start()
-        why = (system.ended or "terminated") if values is None else self._take(values)
+        if values is None:
+            why: RunEnd | None = system.ended or "terminated"
+        else:
+            self._record.take(values)
+            why = self._why()
         self._steps += 1
         if why is not None:
             self._conclude(why)
 
     def _play_on(self, system: Environment, reads: Sequence[Read]) -> None:
-        """Runs an environment to its end or to a stop, without a call between step and monitors."""
-        tally, known = cast("Tally", self._record), self._stop == "known"
-        most, feed = math.inf if self._most is None else self._most, tally.feeder(reads)
+        """Run an environment to an end or a stop, with no call between step and monitors."""
+        record, known = self._record, self._stop == "known"
+        most, feed = math.inf if self._most is None else self._most, record.feeder(reads)
         while not self.over:
             last = self._steps - 1
             pause = min(most, (last // KNOWN_EVERY + 1) * KNOWN_EVERY) if known else most
             system.play(self._panel, feed, pause - last)
-            self._steps = len(tally) - 1
+            self._steps = len(record) - 1
             why = self._why()
             self._steps += 1
             if why is not None:
                 self._conclude(why)
 
-    def _take(self, values: Sequence[float]) -> RunEnd | None:
-        """Feeds a sample to the monitors; returns why the run is over, if it is."""
-        self._record.take(values)
-        return self._why()
-
     def _why(self) -> RunEnd | None:
-        """Why the run is over with the last sample, if it is."""
+        """Return why the last sample ends the run, if it does."""
         panel, stop = self._panel, self._stop
         if self._system.ended:
             return self._system.ended
@@ -379,26 +393,26 @@ class Simulation:
         return "duration" if self._steps == self._most else None
 
     def _conclude(self, why: RunEnd) -> None:
-        """Reads the end of the run, and closes it."""
+        """Evaluate the end of the run, and close it."""
         self._ended = why
-        panel, end = self._panel, self._reading
-        unasked = (
+        panel, end = self._panel, self._end
+        default = (
             why == "terminated"
             and self._simulator.reading.at_termination is None
             and self._simulator.of_environment
         )
-        undecided, windows = (panel.undecided, panel.cut_windows()) if unasked else ([], ())
+        undecided, windows = (panel.undecided, panel.cut_windows()) if default else ([], ())
         if end is not None:
             self._record.finish(end)
-        if unasked:
-            told = assumed([name for name in undecided if panel.satisfies(name)], windows)
-            if told is not None:
-                warn_of_open_end(told[0], window=told[1])
+        if default:
+            open_end = assumed([name for name in undecided if panel.satisfies(name)], windows)
+            if open_end is not None:
+                warn_of_open_end(open_end[0], window=open_end[1])
         self._close()
 
     @property
-    def _reading(self) -> AtTermination | End | None:
-        """How the end is read; None of a run that was stopped or goes on, which has none."""
+    def _end(self) -> AtTermination | End | None:
+        """How the end is evaluated; None if the run was stopped or the episode goes on."""
         simulator, ended = self._simulator, self._ended
         goes_on = simulator.monitor is not None and simulator.start is None
         if ended == "truncated" or (ended == "duration" and not goes_on):
@@ -406,55 +420,58 @@ class Simulation:
         return (simulator.reading.at_termination or "complete") if ended == "terminated" else None
 
     def _close(self) -> None:
-        """Makes the run or the outcomes, if there is a sample, and closes the system."""
+        """Make the outcomes and the run, if there is a sample, and close the system."""
         record, bound, self.over = self._record, self._bound, True
         try:
             if self._ended == "error":
                 record.rewind()
             self._samples = len(record)
-            if isinstance(record, Tally):
-                self._outcomes = self._found(record) if self._samples else {}
-                self._wall = time.perf_counter() - self._begin
-            else:
-                self.run = self._made(record) if self._samples else None
+            evidence = self._evidence() if self._samples else {}
+            if self._samples:
+                self._outcomes = self._found(evidence)
+            if self._since is not None:
+                self.wall += time.perf_counter() - self._since
+            if self._samples and not self._light:
+                self.run = self._made(evidence)
         finally:
             self._system.close()
-        # What came of it is copied, and an error has left it whole.
-        if isinstance(record, Tally):
-            bound.tallies.append(record)
+        # The results are copies, and after an error the monitors are complete.
+        if self._light:
+            bound.free.append(record)
         elif bound.judge is not None:
             bound.judge.end(self._panel)
 
-    def _found(self, record: Tally) -> dict[str, Outcome]:
-        """What the specifications have become."""
-        results, period = self._panel.results(), self._bound.period
-        stands_on, progress = self._stands_on(record, results), self._panel.progress
+    def _evidence(self) -> Mapping[str, Evidence[Asked]]:
+        """Return how often the samples triggered implications; empty if samples are missing."""
+        record, questions = self._record, self._bound.questions
+        if record.first_sample:
+            return {}
+        verdicts = {name: verdict for name, _, verdict, *_ in self._panel.results()}
+        samples = record.columns() if questions else {}
+        return questions.answers(samples, len(record), self._end, verdicts)
+
+    def _found(self, evidence: Mapping[str, Evidence[Asked]]) -> dict[str, Outcome]:
+        period, progress = self._bound.period, self._panel.progress
         return {
             name: Outcome.at(
-                bounds, verdict, decided, period, stands_on[name], progress.get(name), ended=ended
+                bounds,
+                verdict,
+                decided,
+                period,
+                evidence.get(name),
+                progress.get(name),
+                ended=ended,
             )
-            for name, bounds, verdict, decided, ended in results
+            for name, bounds, verdict, decided, ended in self._panel.results()
         }
 
-    def _stands_on(
-        self, record: Tally | Recorder, results: Sequence[PanelResult]
-    ) -> Mapping[str, Evidence[Asked]]:
-        """How often the samples of a whole run have put the specifications to the test."""
-        verdicts = {name: verdict for name, _, verdict, *_ in results}
-        questions = self._bound.questions
-        samples = record.columns() if questions else {}
-        return questions.answers(samples, len(record), self._reading, verdicts)
-
-    def _made(self, record: Recorder) -> Run:
+    def _made(self, evidence: Mapping[str, Evidence[Asked]]) -> Run:
         simulator, bound, system = self._simulator, self._bound, self._system
-        # One that goes on lacks the samples before it.
-        results = self._panel.results()
-        stands_on = {} if record.first_sample else self._stands_on(record, results)
         limits = [steps for steps in (self._most, system.limit) if steps is not None]
         return Run(
             system=system.name,
-            signals=record.signals(),
-            courses=record.courses(simulator.specs, stands_on),
+            signals=self._record.columns(),
+            courses=self._courses(evidence),
             ended=self._ended,
             violated_by=self._panel.violated_by,
             period=bound.period,
@@ -462,20 +479,67 @@ class Simulation:
             align=simulator.reading.align,
             stop=self._stop,
             limit=min(limits, default=None),
-            wall_time=time.perf_counter() - self._begin,
-            first_sample=record.first_sample,
+            wall_time=self.wall,
+            first_sample=self._record.first_sample,
             reward=getattr(system, "reward", None),
             case=self._case,
             seed=self._seed,
             label=self._label,
         )
 
+    def _courses(self, evidence: Mapping[str, Evidence[Asked]]) -> Mapping[str, Course]:
+        """Return the courses; those of monitors of a `Judge` are computed when they are read."""
+        record, judge, specs, end = (
+            self._record,
+            self._bound.judge,
+            self._simulator.specs,
+            self._end,
+        )
+        if judge is None:
+            return record.courses(specs, evidence)
+
+        def courses() -> dict[str, Course]:
+            panel = judge.begin()
+            result = record.replayed(panel, end).courses(specs, evidence)
+            judge.end(panel)
+            return result
+
+        return CoursesOnDemand(tuple(specs), courses)
+
     def _fail(self, error: BaseException) -> None:
-        """Ends the simulation with an error, which carries the run."""
+        """End the run with an error, which carries the run so far."""
         if not self.over:
             self._close()
         if self.run is not None:
-            carry(error, self.run)
+            _carry(error, self.run)
+
+
+def failed(error: Exception, case: Case, seed: int | None, wall: float) -> Trial:
+    """Return the trial of a run that an error ended, with the samples that the error carries."""
+    text = f"{type(error).__name__}: {error}"
+    run = getattr(error, "run", None)
+    if isinstance(run, Run):
+        return run.trial(case, text)
+    return Trial(case, seed, {}, "error", 0.0, wall, text)
+
+
+def _carry(error: BaseException, run: Run) -> None:
+    """Make a run the attribute ``run`` of an error, and add a note.
+
+    The run replaces the run of a nested simulation that the error ended before.
+    """
+    before = getattr(error, "run", None)
+    with suppress(AttributeError):  # some errors take no attributes
+        crashed: Any = error
+        crashed.run = run
+        if isinstance(before, Run):
+            crashed.__notes__.remove(_note(before))
+        error.add_note(_note(run))
+
+
+def _note(run: Run) -> str:
+    samples = f"{run.steps + 1} samples" if run.steps else "1 sample"
+    return f"error.run holds {samples}, up to {sample_text(run.last_sample, run.period)}"
 
 
 def _variables(specs: Mapping[str, rtamt.Specification]) -> tuple[str, ...]:
@@ -483,7 +547,7 @@ def _variables(specs: Mapping[str, rtamt.Specification]) -> tuple[str, ...]:
 
 
 def _loaded(specs: SpecsLike | None, system: object, name: str) -> dict[str, rtamt.Specification]:
-    """The specifications; None: those that an environment has of its own."""
+    """Load specifications; None: the environment's own."""
     own = own_requirements(system)
     if specs is None and not own:
         raise InputTypeError(
@@ -499,14 +563,14 @@ def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:
         raise InputError(f"expected above= with stop='known' alone, got stop={stop!r}")
 
 
-def _refuse_options(given: Mapping[str, object]) -> None:
-    """Refuses what a monitor has of its own."""
-    if type(given.get("specs")).__name__ == "Snapshot":
+def _refuse_options(options: Mapping[str, object]) -> None:
+    """Refuse options that a `StepMonitor` has of its own."""
+    if type(options.get("specs")).__name__ == "Snapshot":
         raise InputTypeError(
             "expected a snapshot as start=, got it as specs; "
             "write simulate(monitor, start=snapshot)"
         )
-    for name, value in given.items():
+    for name, value in options.items():
         if value is not None:
             raise InputError(
                 f"{name}= is for systems without a monitor, got {name}={value!r} for a "
@@ -515,10 +579,10 @@ def _refuse_options(given: Mapping[str, object]) -> None:
 
 
 def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:
-    """The number of steps after which a run is cut short, or None.
+    """Return the number of steps at which ``duration`` ends a run, or None.
 
     Raises:
-        InputError: If it might go on for ever, or the duration is not positive.
+        InputError: If a run might never end, or the duration is not positive.
     """
     if duration is None:
         if system.endless:

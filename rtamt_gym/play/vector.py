@@ -1,9 +1,8 @@
-"""`VectorEpisodes`: plays episodes of a policy in a vector environment that somebody has made."""
+"""`VectorEpisodes`: plays episodes of a policy in a given vector environment."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
@@ -22,13 +21,11 @@ from rtamt_gym.judging.specs import autoreset_mode, own_requirements
 from rtamt_gym.judging.unknown import with_unknown_start
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.options.evaluation import AtTermination, Reading, checked_options, seconds_of
-from rtamt_gym.play.loop import Lane, SimulatedTrace, Task
-from rtamt_gym.play.recorder import failed
+from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import CaseLike, Requirements, Runner, load_requirements
 from rtamt_gym.play.simulation import Simulation, Simulator
-from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.periods import ask_another, read_period, warn_of_unverified_period
 from rtamt_gym.signals.signals import own_signals, parse_signals
@@ -42,18 +39,19 @@ from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, no_exit
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 Vector = VectorEnv[Any, Any, Any]
+Mask = NDArray[np.bool_]
 
 
 class VectorEpisodes(Runner):
-    """Plays episodes in the environments of a vector environment, each with a seed of its own.
+    """Plays episodes in the environments of a vector environment, each with its own seed.
 
-    A vector environment that resets by itself plays waves: one reset with seeds, and steps until
-    all episodes that it began are over, so that short ones do not come more often. One that resets
-    single environments when it is told begins the next episode as soon as one is over.
+    A vector environment that resets by itself plays waves: a reset with seeds, and steps until all
+    episodes of this reset are over, so that short ones are not played more often. If single
+    environments can be reset, a place starts its next episode as soon as the last one is over.
 
     Attributes:
         evaluated: The policy.
-        unasked: Whether nobody has said what the environment's own end means.
+        unasked: Whether ``at_termination`` was not given.
         monitor: The monitor of the environment, or None.
 
     Args:
@@ -61,7 +59,7 @@ class VectorEpisodes(Runner):
         requirements: The requirements.
         policy: The policy, as for `Episodes`.
         deterministic: As for `Episodes`.
-        made: What the function has made, if it was called already.
+        made: The result of the function, if it was called already.
         **options: As for `Runner`.
 
     Raises:
@@ -108,21 +106,24 @@ class VectorEpisodes(Runner):
         )
         self.stop: Stop = stop
         self._of_runs: dict[str, Any] = {"duration": duration, "stop": stop}
-        alone: Any = SimpleNamespace(
-            observation_space=self._env.single_observation_space,
-            action_space=self._env.single_action_space,
-            unwrapped=None,
-            spec=spec,
-        )
         if isinstance(policy, str) and policy == "baseline":
             raise InputError(
                 "the policy baseline is for one environment; give the id of the environment with "
                 f"n_envs={self._env.num_envs}"
             )
-        self.evaluated = evaluated(policy, alone, deterministic=deterministic)
-        make = self.evaluated.make
-        assert make is not None, "the baseline was refused"  # noqa: S101 - for mypy
-        self._make = make
+        single: Any = SimpleNamespace(
+            observation_space=self._env.single_observation_space,
+            action_space=self._env.single_action_space,
+            unwrapped=None,
+            spec=spec,
+        )
+        self.evaluated = evaluated(policy, single, deterministic=deterministic)
+        self._bind_signals()
+        self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
+        self._simulators = self._simulators_of(self._judged)
+
+    def _bind_signals(self) -> None:
+        """Bind the signals of all environments together."""
         specs = self.requirements.values()
         variables = list(dict.fromkeys(name for spec in specs for name in spec.variables))
         known = {**own_signals(self._inside)}
@@ -141,8 +142,6 @@ class VectorEpisodes(Runner):
         )
         read_in = self._inside if self._rescaler is None else self._rescaler.env
         self._columns = SignalColumns(parsed, read_in, same_step=same_step)
-        self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
-        self._simulators = self._simulators_of(self._judged)
 
     def _comparison(
         self, period: Fraction | None, reading: Reading, *, timed: bool
@@ -160,7 +159,6 @@ class VectorEpisodes(Runner):
         return compare
 
     def _simulators_of(self, reading: Reading) -> list[Simulator]:
-        """The simulators of the environments."""
         first, *others = self._places
         duration = self._of_runs["duration"]
         read = reading.having(below=False)  # the signals of all environments are read together
@@ -169,14 +167,13 @@ class VectorEpisodes(Runner):
 
     @property
     def _acting(self) -> Sequence[object]:
-        """As `Runner._acting`."""
-        return [self._make]
+        return [self.evaluated.make]
 
     def check(self, case: CaseLike) -> None:
-        """Has nothing to do: the construction has refused what does not fit."""
+        """Do nothing: the construction has refused what does not fit."""
 
     def close(self) -> None:
-        """Leaves the environment open: somebody else has made it."""
+        """Leave the environment open: it belongs to the caller."""
 
     @property
     def system(self) -> Any:  # noqa: ANN401
@@ -203,32 +200,6 @@ class VectorEpisodes(Runner):
         """How many episodes a worker gets at once."""
         return self._env.num_envs
 
-    def run(
-        self,
-        cases: Iterable[CaseLike],
-        seeds: Sequence[int] | None = None,
-        *,
-        keep: Callable[[int, SimulatedTrace], object] | None = None,  # noqa: ARG002 - for searches alone
-        above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Trial]]:
-        """Plays episodes, as `Runner.run` does."""
-        listed = [Case(case) for case in cases]
-        given: Sequence[int | None] = seeds or [None] * len(listed)
-        left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
-        stop: Stop = self._of_runs["stop"]
-        try:
-            for number, row, _ in self._play(list(left.values()), stop, above):
-                del left[number]
-                yield number, row
-        except (Exception, SystemExit):  # noqa: BLE001 - it stands in the row of the episode that has it
-            for task in left.values():
-                try:
-                    with no_exit(self.name):
-                        played = list(self._play([task], stop, above))
-                    yield from ((number, row) for number, row, _ in played)
-                except Exception as error:  # noqa: BLE001
-                    yield task.number, failed(error, task.case, task.seed, 0.0)
-
     def simulate(
         self,
         case: CaseLike,
@@ -239,51 +210,62 @@ class VectorEpisodes(Runner):
         policy: Policy | None = None,  # noqa: ARG002 - an evaluation has its own
         at_termination: AtTermination | None = None,
     ) -> Run:
-        """Plays one episode and keeps every sample, as `Runner.simulate` does."""
+        """Play one episode and keep every sample, as `Runner.simulate` does."""
         simulators = self._simulators
         if at_termination is not None:
             simulators = self._simulators_of(self._judged.having(at_termination=at_termination))
         when: Stop = self._of_runs["stop"] if stop is None else stop
-        task = Task(0, Case(case), seed)
-        ((_, row, run),) = self._play([task], when, above, simulators, light=False)
-        if run is None:
-            raise StateError(f"expected an episode as it was before, got {row.error}")
+        batch = self._batch(simulators, when, above, light=False)
+        ((_, trial, episode),) = play(batch, [Task(0, Case(case), seed)])
+        if trial.error or episode is None:
+            raise StateError(f"expected an episode as it was before, got {trial.error}")
+        run: Run = episode.run
         return replace(run, seed=seed)
 
     def _play(
+        self, tasks: Sequence[Task], above: Mapping[str, float] | None, *, keeps: bool
+    ) -> Iterator[Played]:
+        light = not keeps
+        batch = self._batch(self._simulators, self._of_runs["stop"], above, light=light)
+        yield from self._played(batch, tasks, lambda task: self._alone(task, above, light=light))
+
+    def _alone(
+        self, task: Task, above: Mapping[str, float] | None, *, light: bool
+    ) -> Iterator[Played]:
+        """Play one task while the other environments have none."""
+        batch = self._batch(self._simulators, self._of_runs["stop"], above, light=light)
+        with no_exit(self.name):
+            played = list(play(batch, [task]))
+        return iter(played)
+
+    def _batch(
         self,
-        tasks: Sequence[Task],
+        simulators: Sequence[Simulator],
         stop: Stop,
         above: Mapping[str, float] | None,
-        simulators: Sequence[Simulator] = (),
         *,
-        light: bool = True,
-    ) -> Iterator[tuple[int, Trial, Run | None]]:
-        """Plays episodes; gives each with its number and its run when it is over."""
-        of_places = dict(zip(map(id, self._places), simulators or self._simulators, strict=True))
+        light: bool,
+    ) -> VectorBatch:
+        taps, tap = ExitStack(), None
+        if self.monitor is not None:
+            tap = VectorTap(self._inside)
+            taps.enter_context(self.monitor.tapped(tap))
+        if self._rescaler is not None:
+            inner = self._rescaler.env
+            tap = tapped(self._rescaler)
+            taps.callback(setattr, self._rescaler, "env", inner)
+        make = self.evaluated.make
+        assert make is not None, "the baseline was refused"  # noqa: S101 - for mypy
 
-        def begin(place: Any, _task: Task, _policy: Policy) -> Simulation:  # noqa: ANN401
-            return of_places[id(place)].begin(stop=stop, above=above, light=light)
+        def begin(place: int) -> Simulation:
+            return simulators[place].begin(stop=stop, above=above, light=light)
 
-        lanes = [Lane(place, begin) for place in self._places]
-        todo = deque(tasks)
-        with ExitStack() as stack:
-            tap = None
-            if self.monitor is not None:
-                tap = VectorTap(self._inside)
-                stack.enter_context(self.monitor.tapped(tap))
-            if self._rescaler is not None:
-                inner = self._rescaler.env
-                tap = tapped(self._rescaler)
-                stack.callback(setattr, self._rescaler, "env", inner)
-            waves = Waves(
-                self._env, self._make, self._columns, self._places, lanes, tap, self._times
-            )
-            while todo:
-                yield from waves.play(todo)
+        return VectorBatch(
+            self._env, make, self._columns, self._places, begin, self._times, tap, taps
+        )
 
     def _check_resets(self) -> None:
-        """Refuses one that takes no seeds for its environments, or has monitors in them."""
+        """Refuse an environment without a seed for each place, or with monitors inside."""
         try:
             _, infos = self._inside.reset(seed=[0] * self._env.num_envs)  # type: ignore[arg-type]  # what is asked
         except (gym.error.Error, TypeError) as error:
@@ -293,7 +275,7 @@ class VectorEpisodes(Runner):
                 f"one for all; give {self.name!r} with n_envs={self._env.num_envs}, or "
                 "gym.make_vec(..., vectorization_mode='sync')"
             ) from error
-        if "stl_lower" in infos:  # they might end episodes, unseen and unsaid
+        if "stl_lower" in infos:  # they might end episodes without notice
             raise InputError(
                 f"expected environments without monitors in {self._env.unwrapped}, got some with; "
                 f"give the function that makes one of them with n_envs={self._env.num_envs}, or "
@@ -301,114 +283,73 @@ class VectorEpisodes(Runner):
             )
 
 
-def _monitor_of(env: Any) -> VectorStlMonitor | None:  # noqa: ANN401
-    while isinstance(env, VectorWrapper):
-        if isinstance(env, VectorStlMonitor):
-            return env
-        env = env.env
-    return None
+class VectorBatch(PlayBatch):
+    """The environments of a vector environment, which step together.
 
-
-Played = tuple[int, Trial, Run | None]
-"""The number of an episode, its row, and its run, if no error has ended it."""
-
-Mask = NDArray[np.bool_]
-
-
-class Waves:
-    """Plays episodes in the environments of a vector environment.
+    A place without a task repeats the action of another one.
 
     Args:
         env: The vector environment.
         make: Makes the policy of an episode.
         columns: Reads the signals of all environments.
         places: Each environment as a system.
-        lanes: What plays episodes in these systems.
-        tap: What has shown the samples that are read, to a monitor of the environment or to a
-            wrapper that rescales them; None: the environment itself.
+        begin: Starts the simulation of a place.
         times: Compares the period with the environments.
+        tap: Holds the samples that a monitor of the environment, or a wrapper that rescales them,
+            sees; None: the environment itself shows them.
+        taps: What undoes the tap.
     """
 
     def __init__(
         self,
-        env: VectorEnv[Any, Any, Any],
+        env: Vector,
         make: SeededPolicy,
         columns: SignalColumns,
         places: Sequence[Place],
-        lanes: Sequence[Lane],
-        tap: VectorTap | None,
+        begin: Callable[[int], Simulation],
         times: StepTimes,
+        tap: VectorTap | None,
+        taps: ExitStack,
     ) -> None:
-        self._env = env
-        self._make = make
-        self._columns = columns
-        self._places = places
-        self._lanes = lanes
-        self._tap = tap
-        self._times = times
+        self.size = len(places)
+        self._env, self._make, self._columns, self._places = env, make, columns, places
+        self._begin, self._times, self._tap, self._taps = begin, times, tap, taps
         self._mode = autoreset_mode(env)
+        self._fresh = True  # the next reset is of all environments
+        self._ended: Mask = np.zeros(self.size, np.bool_)
+        self._acting: _Acting
         self._obs: Any = None
 
-    def play(self, todo: deque[Task]) -> Iterator[Played]:
-        """Plays an episode in each environment; in those that can be reset alone, all.
+    def free(self, running: Collection[int]) -> Sequence[int]:
+        if not running:
+            self._fresh = self._fresh or self._mode is not AutoresetMode.DISABLED
+        elif self._fresh or self._mode is not AutoresetMode.DISABLED:
+            return ()
+        return super().free(running)
 
-        An environment without an episode begins and does what another one does.
+    def start(self, tasks: Mapping[int, Task]) -> None:
+        if self._fresh:
+            self._acting = _Acting(self._env, self._make)
+            self._fresh = False
+            self._reset(np.ones(self.size, np.bool_), tasks, {})
+        else:
+            mask = self._ended | np.isin(np.arange(self.size), [*tasks])
+            self._reset(mask, tasks, {"reset_mask": mask})
 
-        Raises:
-            Exception: What the environment or the policy raises where several episodes run.
-        """
-        single = self._mode is AutoresetMode.DISABLED
-        acting = _Acting(self._env, self._make)
-        mask: Mask = np.ones(len(self._lanes), np.bool_)
-        yield from self._begin(mask, todo, acting, {})
-        begun: Mask | None = None
-        while running := self._running():
-            with no_exit("the policy"):
-                actions = acting.act(self._obs, running)
-            ended = self._step(actions, begun, running)
-            for place in running:
-                yield from self._over(place, self._lanes[place].task, self._lanes[place].step())
-            if ended is None:
-                return
-            begun = ended if self._mode is AutoresetMode.NEXT_STEP and ended.any() else None
-            if single:
-                mask = self._free(todo) | ended
-                while mask.any() and (todo or self._running()):
-                    yield from self._begin(mask, todo, acting, {"reset_mask": mask})
-                    mask = self._free(todo)
+    def begin(self, place: int, task: Task) -> Simulation:
+        self._acting.begin(place, task.seed)
+        return self._begin(place)
 
-    def _running(self) -> list[int]:
-        return [place for place, lane in enumerate(self._lanes) if lane.task is not None]
-
-    def _free(self, todo: deque[Task]) -> Mask:
-        """The environments without an episode, if one is left for them."""
-        return np.array([lane.task is None and bool(todo) for lane in self._lanes])
-
-    def _begin(
-        self, mask: Mask, todo: deque[Task], acting: _Acting, options: dict[str, Any]
-    ) -> Iterator[Played]:
-        """Resets the environments of the mask and begins episodes, as far as some are left."""
-        due = {int(place): todo.popleft() for place in np.flatnonzero(mask) if todo}
-        seeds = [due[place].seed if place in due else None for place in range(len(mask))]
-        if due:
-            first = next(iter(due.values())).seed
-            seeds = [first if seed is None else seed for seed in seeds]
-        found: Any = self._env.reset(seed=seeds, options=options)  # type: ignore[arg-type]  # a seed for each
-        self._obs = found[0]
-        self._times.begin(mask)
-        shown, infos = found if self._tap is None else self._tap.shown
-        table = self._columns.reset(shown, infos, mask)
-        for place, task in due.items():
-            self._places[place].take(table[place], None)
-            acting.begin(place, task.seed)
-            yield from self._over(place, task, self._lanes[place].begin(task))
-
-    def _over(self, place: int, task: Task | None, row: Trial | None) -> Iterator[Played]:
-        if row is not None and task is not None:
-            yield task.number, row, self._lanes[place].run
-
-    def _step(self, actions: Any, begun: Mask | None, running: Sequence[int]) -> Mask | None:  # noqa: ANN401
-        """Makes a step; gives which environments it has ended, None if it raised an error."""
+    def step(self, running: Sequence[int]) -> float:
+        """Step all environments; an error of a step that plays one episode is that episode's."""
+        if self._mode is AutoresetMode.DISABLED and self._ended.any():
+            mask = self._ended
+            self._reset(mask, {}, {"reset_mask": mask})
+        begun = None
+        if self._mode is AutoresetMode.NEXT_STEP and self._ended.any():
+            begun = self._ended
+        with no_exit("the policy"):
+            actions = self._acting.act(self._obs, running)
         try:
             with no_exit("an environment"):
                 result = self._env.step(actions)
@@ -418,7 +359,8 @@ class Waves:
             if len(running) > 1:
                 raise
             self._places[running[0]].error = error
-            return None
+            self._fresh = True
+            return 0.0
         self._obs, terminated = result[0], result[2]
         if self._tap is not None:
             actions, result = self._tap.actions, self._tap.result
@@ -427,10 +369,29 @@ class Waves:
             self._places[place].take(table[place], result[1][place])
             if ended[place]:
                 self._places[place].end = "terminated" if terminated[place] else "truncated"
-        return ended
+        self._ended = ended
+        return 0.0
+
+    def close(self) -> None:
+        self._taps.close()
+
+    def _reset(self, mask: Mask, tasks: Mapping[int, Task], options: dict[str, Any]) -> None:
+        """Reset the environments of a mask; those with tasks get their seeds."""
+        seeds = [tasks[place].seed if place in tasks else None for place in range(self.size)]
+        if tasks:
+            first = next(iter(tasks.values())).seed
+            seeds = [first if seed is None else seed for seed in seeds]
+        shown: Any = self._env.reset(seed=seeds, options=options)  # type: ignore[arg-type]  # a seed for each
+        self._obs = shown[0]
+        self._times.begin(mask)
+        observations, infos = shown if self._tap is None else self._tap.shown
+        table = self._columns.reset(observations, infos, mask)
+        self._ended = np.zeros(self.size, np.bool_)
+        for place in tasks:
+            self._places[place].take(table[place], None)
 
     def _read(self, result: Any, actions: Any, begun: Mask | None) -> Any:  # noqa: ANN401
-        """The signals after a step, also of the episodes that the step has ended."""
+        """Return the signals after a step, also of the episodes that the step has ended."""
         obs, rewards, terminated, truncated, infos = result
         ended = np.logical_or(terminated, truncated)
         if self._mode is AutoresetMode.SAME_STEP and ended.any():
@@ -442,48 +403,13 @@ class Waves:
         return self._columns.step(obs, actions, rewards, infos, begun)
 
 
-class _Acting:
-    """Acts in the environments of a vector environment."""
-
-    def __init__(self, env: VectorEnv[Any, Any, Any], make: SeededPolicy) -> None:
-        self._make = make
-        self._observations, self._space = env.observation_space, env.single_action_space
-        self._policies: list[Policy | None] = [None] * env.num_envs
-        self._batch: PolicyBatch | None = None
-        if isinstance(make, Model) and make.deterministic:
-            self._batch = make.batch(env.single_observation_space, env.num_envs)
-
-    def begin(self, place: int, seed: int | None) -> None:
-        """Begins an episode."""
-        if self._batch is not None:
-            self._batch.begin(place)
-        else:
-            self._policies[place] = self._make(seed or 0)
-
-    def act(self, observations: Any, running: Sequence[int]) -> Any:  # noqa: ANN401
-        """The actions; an environment without an episode does what the first with one does."""
-        if self._batch is not None:
-            return self._batch.of(observations)
-        shown = list(iterate(self._observations, observations))
-        policies: Any = self._policies
-        made = {place: policies[place](shown[place]) for place in running}
-        actions = [made.get(place, made[running[0]]) for place in range(len(shown))]
-        room: Any = create_empty_array(self._space, len(actions))
-        return concatenate(self._space, actions, room)
-
-
 class Place(System):
-    """One environment of a vector environment, whose steps all make together.
+    """One environment of a vector environment as a system.
 
     Attributes:
-        end: How the last step has ended the episode.
-        error: What the last step has raised, if it did.
+        end: How the last step ended the episode.
+        error: The error of the last step, if there is one.
         reward: The sum of the rewards of the episode.
-
-    Args:
-        name: The name of the environment.
-        period: Seconds between samples.
-        limit: The time limit in steps.
     """
 
     observation: Any = None
@@ -497,24 +423,62 @@ class Place(System):
         self._values: list[float] = []
 
     def take(self, values: Any, reward: Any) -> None:  # noqa: ANN401
-        """Takes a sample and the reward of its step; None at a reset."""
+        """Take a sample and the reward of its step; None at a reset."""
         self._values, self.end = values.tolist(), ""
         self.reward = 0.0 if reward is None else self.reward + float(reward)
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Has nothing to do: the signals of all environments are read together."""
+        """Do nothing: the signals of all environments are read together."""
 
     def start(self) -> list[float]:
-        """Gives sample 0, which was taken before."""
+        """Return sample 0, which was taken before."""
         self.ended, self.error = "", None
         return self._values
 
     def advance(self) -> list[float]:
-        """Gives the sample that was taken last, or raises what that step has raised."""
+        """Return the last sample, or raise the error of the last step."""
         if self.error is not None:
             raise self.error
         self.ended = self.end
         return self._values
 
     def close(self) -> None:
-        """Has nothing to close."""
+        """Do nothing."""
+
+
+class _Acting:
+    """Acts in the environments of a vector environment, from a reset of all on."""
+
+    def __init__(self, env: Vector, make: SeededPolicy) -> None:
+        self._make = make
+        self._observations, self._space = env.observation_space, env.single_action_space
+        self._policies: list[Policy | None] = [None] * env.num_envs
+        self._batch: PolicyBatch | None = None
+        if isinstance(make, Model) and make.deterministic:
+            self._batch = make.batch(env.single_observation_space, env.num_envs)
+
+    def begin(self, place: int, seed: int | None) -> None:
+        """Start an episode."""
+        if self._batch is not None:
+            self._batch.begin(place)
+        else:
+            self._policies[place] = self._make(seed or 0)
+
+    def act(self, observations: Any, running: Sequence[int]) -> Any:  # noqa: ANN401
+        """Return the actions; a place without an episode repeats the first that has one."""
+        if self._batch is not None:
+            return self._batch.of(observations)
+        shown = list(iterate(self._observations, observations))
+        policies: Any = self._policies
+        own = {place: policies[place](shown[place]) for place in running}
+        actions = [own.get(place, own[running[0]]) for place in range(len(shown))]
+        room: Any = create_empty_array(self._space, len(actions))
+        return concatenate(self._space, actions, room)
+
+
+def _monitor_of(env: Any) -> VectorStlMonitor | None:  # noqa: ANN401
+    while isinstance(env, VectorWrapper):
+        if isinstance(env, VectorStlMonitor):
+            return env
+        env = env.env
+    return None

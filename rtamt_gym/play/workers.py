@@ -22,8 +22,8 @@ from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.child import Making
-from rtamt_gym.play.loop import SimulatedTrace
 from rtamt_gym.play.process import SearchTask, Setup, end_processes, run_chunk
+from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.whole import Whole
 from rtamt_gym.results.fingerprint import Fingerprint, listed

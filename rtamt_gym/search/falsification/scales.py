@@ -13,7 +13,7 @@ from rtamt import Formula, InputError, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
-from rtamt_gym.play.loop import SimulatedTrace
+from rtamt_gym.play.run_record import SimulatedTrace
 
 __all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
 

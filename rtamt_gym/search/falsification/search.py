@@ -17,7 +17,7 @@ from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.play.loop import SimulatedTrace
+from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.whole import MakeRunner, Whole, judged_whole
 from rtamt_gym.play.workers import Elsewhere

@@ -24,8 +24,7 @@ from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import contained, csv_reader
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.readers import refusing
-from rtamt_gym.recorded.readers import FORMATS, open_recording
+from rtamt_gym.recorded.readers import FORMATS, open_recording, refusing
 from rtamt_gym.recorded.recording import Wanted
 
 Output = pytest.CaptureFixture[str]

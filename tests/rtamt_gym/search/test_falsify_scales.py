@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt_gym import Parameter, falsify
-from rtamt_gym.play.loop import SimulatedTrace
+from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.search.falsification.protocol import Evaluate
 from rtamt_gym.search.falsification.scales import in_scales, needs_scales, spreads
 
