@@ -20,7 +20,6 @@ version = release = rtamt.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown", ".ipynb": "notebook"}
-exclude_patterns = ["search.md"]  # where the page of sweeps was; the site searches there
 
 # Pages: links to files and headings as on the pages of a repository.
 myst_heading_anchors = 4

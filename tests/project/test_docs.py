@@ -16,8 +16,6 @@ import rtamt_gym
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-MOVED = {"search"}
-"""Pages that only say where they are now."""
 RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials" and page.stem != "taliro"]
 """`test_tutorials.py` plays the tutorials, each in a folder; `tests/optimizers` plays another."""
 LONG = {"evaluation", "falsification", "sweeps"}
@@ -82,22 +80,17 @@ def test_every_page_stands_in_one_list_of_the_site() -> None:
         for toctree in re.findall(
             r"^```{toctree}\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
         ):
-            names = [line for line in toctree.split() if not line.startswith(":")]
+            names = [line for line in toctree.splitlines() if not line.startswith(":")]
             files = [page.parent / f"{name}.md" for name in names]
             listed += [file if file.exists() else file.with_suffix(".ipynb") for file in files]
-    wanted = [page for page in PAGES if page.stem not in MOVED | {"index"}]
+    wanted = [page for page in PAGES if page.stem != "index"]
     wanted += DOCS.rglob("*.ipynb")
     named = {page.relative_to(DOCS).as_posix(): listed.count(page) for page in wanted}
-    lists = "tutorials.md, guides.md, understanding.md or reference.md in docs"
-    assert {name for name, times in named.items() if not times} == set(), f"add them to {lists}"
+    assert {name for name, times in named.items() if not times} == set(), (
+        "add them to docs/index.md"
+    )
     assert {name: times for name, times in named.items() if times > 1} == {}, "they stand twice"
     assert set(listed) == set(wanted), "a list names a page that is not there"
-
-
-@pytest.mark.parametrize("page", sorted(MOVED))
-def test_a_page_that_has_moved_points_on(page: str) -> None:
-    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
-    assert re.search(r"This page is now \[\w+\.md\]\(\w+\.md\)\.\n$", text)
 
 
 @pytest.mark.parametrize("module", [rtamt, rtamt_gym], ids=lambda module: module.__name__)
