@@ -29,7 +29,7 @@ from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period, as_period
 
-_UPDATE = """Take in new events, and give the breakpoints that are settled by them.
+_UPDATE = """Take in new events, and return the breakpoints that they settle.
 
 A call that raises an error leaves the monitor as it was.
 
@@ -53,7 +53,7 @@ Raises:
 """
 
 
-_EPISODE_UPDATE = """Take in new events, and give the robustness of the trace so far.
+_EPISODE_UPDATE = """Take in new events, and return the robustness of the trace so far.
 
 A call that raises an error leaves the monitor as it was.
 
@@ -72,20 +72,20 @@ Raises:
 
 
 class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]):
-    """Robustness over dense time, from events that need not come at the same times.
+    """A monitor of the robustness over dense time, from events at any times.
 
-    Signals are right-continuous step functions: a value lasts until the variable's next event.
-    The robustness is one too, and exact: nothing is sampled. The trace begins when the last
-    variable has its first event; a variable with a declared value has it until then, and nothing
-    waits for it. The robustness of a time is given, once and for all, when every
-    variable has an event later than that by `horizon`, whatever the chunks in which events come.
-    Memory holds the events inside the longest windows, and events of variables that run ahead.
+    Signals are right-continuous step functions: a value lasts until the variable's next event. The
+    robustness is one too, and exact: nothing is sampled. The trace begins when the last variable
+    has its first event; a declared value counts from the start. The robustness of a time is
+    returned once, when every variable has an event later than that by `horizon`, for chunks of any
+    size. Memory holds the events inside the longest windows, and events of variables that run
+    ahead.
 
     Future operators need an end, except a top-level ``always p`` or ``eventually p``: there
-    ``update`` gives the least or greatest robustness of p so far. Bounds without a unit are in the
-    specification's (seconds), and so are the times of events; times may be `numpy.datetime64`, and
-    come back as that. Operators on neighbouring samples (`prev`, `next`, `rise`, `fall`) have no
-    meaning here.
+    ``update`` returns the minimum or maximum robustness of p so far. Times and bounds without a
+    unit are in the unit of the specification, seconds by default; times may be `numpy.datetime64`,
+    and are returned as such. Operators on neighbouring samples (`prev`, `next`, `rise`, `fall`) are
+    refused.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -182,11 +182,11 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
     )
 
     def finish(self) -> list[tuple[float, float]]:
-        """End the trace, and give the breakpoints that are left.
+        """End the trace, and return the remaining breakpoints.
 
         The trace ends at the earliest of the variables' last events, and windows are cut to it. The
         end is an instant of the trace: it is the last breakpoint if the robustness there differs
-        from the value just before. Calling it again gives nothing.
+        from the value just before. Further calls return nothing.
 
         Raises:
             StateError: If a variable has no event.
@@ -204,26 +204,22 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
 @described("max_gap")
 class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram]):
-    """The robustness of a whole trace in dense time, and its bounds, as events come.
+    """A monitor of the robustness of a whole trace in dense time, with bounds as events come.
 
-    It is `EpisodeMonitor` for events: everything is about the begin of the trace, the first time at
+    It is `EpisodeMonitor` for events: everything is about the start of the trace, the first time at
     which all variables are known, and exact at that instant; invariants are written
     ``always(...)``. Future operators need no end. The trace so far ends at the earliest of the
-    variables' last events, `settled`, an instant that is known. After every update
+    variables' last events, `settled`. After every update
 
-    * ``robustness`` is the one that the trace has if it ends there, where windows are cut to it;
-    * ``lower`` and ``upper`` bound the robustness whatever follows, nothing too: ``lower`` never
-      falls, ``upper`` never rises, and the robustness of this and every later end lies between;
-    * ``verdict`` is decided as soon as both have the same sign bit, `decided_at` says since when.
+    * ``robustness`` is the robustness if the trace ends there, where windows are cut to it;
+    * ``lower`` and ``upper`` bound the robustness over all continuations and ends: ``lower`` never
+      falls, ``upper`` never rises;
+    * ``verdict`` is decided as soon as both have the same sign bit, at the time `decided_at`.
 
     With ``nan="unknown"`` an event may be nan or a `Between`: until its next event the variable may
-    be any number, or lies between two. The bounds hold for whatever it is, as for unknown samples;
-    ``robustness`` is the least.
-
-    Events come in chunks of any size, each variable at its own pace; what is said of a time does
-    not depend on the chunks. A variable with a declared value has it until its first event, and
-    nothing waits for it: that event must come later than `settled`. Memory holds the events inside
-    the longest windows, and events of variables that run ahead.
+    be any number, or any number between the two. The bounds hold for all of them, and
+    ``robustness`` is the smallest. Events come in chunks of any size. A variable with a declared
+    value has it until its first event, which must be later than `settled`.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -322,20 +318,19 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:
-        """End the trace at `settled`: make bounds and verdict final, give the robustness.
+        """End the trace at `settled`: make bounds and verdict final.
 
-        `EpisodeMonitor.finish` describes the readings of the end. Calling it again changes nothing,
-        whatever the reading.
+        `EpisodeMonitor.finish` describes the end modes. Further calls change nothing.
 
         Args:
-            end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
+            end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
 
         Returns:
-            ``robustness``: it judges the complete trace, moved to the bounds.
+            ``robustness``, the robustness of the complete trace, moved to the bounds.
 
         Raises:
-            InputError: On another reading, or if there is no time at which all variables are known;
-                then the trace goes on.
+            InputError: On another end mode, or if no time has all variables known; then the trace
+                continues.
             StateError: If a variable has no event.
 
         Example:

@@ -31,15 +31,13 @@ from rtamt.program.timing import Period
 
 
 class Implications:
-    """The implications of a specification; counts how often a trace puts them to the test.
+    """The implications of a specification, and their triggers on traces with a known verdict.
 
-    It is checked and compiled once, for many traces whose verdict is known: from `EpisodeMonitor`,
-    from a lane of `VectorEpisodeMonitor`, or from `judge`, whose judgements have the same rows.
-    Nothing is kept from one trace to the next.
+    The specification is compiled once, for many traces. `judge` counts the same for one trace.
 
     Attributes:
-        texts: The implications that count, in positive position, as `Asked.text` has them; none: a
-            verdict on the specification needs no answer.
+        texts: The implications that count, in positive position, as text; empty if a verdict on the
+            specification needs no trigger.
         variables: The variables of the specification, in the order of columns.
 
     Args:
@@ -87,14 +85,12 @@ class Implications:
         *,
         n: int | None = None,
     ) -> Evidence[Asked]:
-        """How often a trace puts the implications to the test; `judge` says the same of it.
+        """Return how often a trace triggers the implications, as `judge` does.
 
         Args:
             signals: As for `judge`. It is not read where there is no implication.
-            end: What lies behind the last sample, as for `judge`: the reading with which the
-                monitor was finished.
-            verdict: The verdict on the trace; it says whether an answer could be missing. None:
-                the one that `judge` gives.
+            end: The end mode, as for `judge`.
+            verdict: The verdict on the trace. None: the verdict that `judge` returns.
             n: The length, for a formula without variables.
 
         Raises:
@@ -115,9 +111,9 @@ class Implications:
 
 
 class DenseImplications:
-    """The implications of a specification; counts how often a trace in dense time asks them.
+    """The implications of a specification, and their triggers in dense time.
 
-    It is the twin of `Implications`, over events.
+    It is `Implications` for events.
 
     Attributes:
         texts: As for `Implications`.
@@ -163,7 +159,7 @@ class DenseImplications:
         end: End = "complete",
         verdict: Verdict | None = None,
     ) -> Evidence[DenseAsked]:
-        """How often a trace puts the implications to the test; `judge_dense` says the same of it.
+        """Return how often a trace triggers the implications, as `judge_dense` does.
 
         Args:
             signals: As for `judge_dense`. It is not read where there is no implication.

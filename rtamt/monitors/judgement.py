@@ -1,4 +1,4 @@
-"""The judgement of a whole trace, over samples and over dense time."""
+"""Judgements of recorded traces, over samples and over dense time."""
 
 from __future__ import annotations
 
@@ -68,23 +68,23 @@ class _Details:
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Judgement:
-    """The verdict on a whole trace, and what it rests on; made by `judge` or `judge_dense`.
+    """The verdict on a trace and its evidence; returned by `judge` and `judge_dense`.
 
-    ``str`` gives a text of at most 80 columns, which says what was not recorded, how often each
-    implication was put to the test, and the way out. `judge_dense` makes the same of a trace in
-    dense time, with times in place of sample numbers.
+    ``str`` gives a text of at most 80 columns with the unrecorded intervals and the triggers. In
+    dense time, times replace sample numbers. `untested`, `decided_at`, `asked`, `vacuous` and
+    `never_asked` are computed when they are first read.
 
     Attributes:
-        robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s;
-            moved to the nearest bound if it is outside, which it can be under ``"cut"``.
-        lower: The least robustness that the reading of the end leaves possible.
-        upper: The greatest.
+        robustness: The robustness at the first sample of the complete trace, as `evaluate` returns
+            it; under ``"cut"`` moved to the nearest bound if it lies outside.
+        lower: The smallest robustness that the end mode leaves possible.
+        upper: The largest.
         verdict: VIOLATED if ``upper`` is below 0 or -0.0, SATISFIED if ``lower`` is above 0 or
-            +0.0, else UNDECIDED.
-        end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
+            +0.0; otherwise, UNDECIDED.
+        end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
         formula: The formula as text.
-        complete: The verdict of the complete reading.
-        unknown: The variables of which a value is not known (`Between`, ``nan="unknown"``).
+        complete: The verdict if the trace is complete.
+        unknown: The variables with a value that is not known (`Between`, ``nan="unknown"``).
     """
 
     robustness: float
@@ -105,15 +105,7 @@ class Judgement:
         complete: tuple[float, float],
         unknown: tuple[str, ...],
     ) -> Judgement:
-        """Return the judgement of a trace.
-
-        Args:
-            trace: The trace.
-            end: The end mode.
-            bounds: Robustness, lower and upper bound.
-            complete: The bounds of the complete trace.
-            unknown: The variables with a value that is not known.
-        """
+        """Return the judgement of a trace from its bounds and the bounds of the complete trace."""
         verdict = Verdict(verdict_of(*bounds[1:]))
         return Judgement(
             *bounds,
@@ -127,7 +119,7 @@ class Judgement:
 
     @property
     def open_for(self) -> str:
-        """What leaves the verdict of the complete reading open, in words; empty if it is not."""
+        """Why the verdict on the complete trace is undecided; empty if it is decided."""
         if self.complete is not Verdict.UNDECIDED:
             return ""
         if self.unknown:
@@ -136,49 +128,34 @@ class Judgement:
 
     @property
     def untested(self) -> tuple[Untested, ...]:
-        """What the verdict needs and the trace does not have; empty if the verdict is decided.
-
-        It is found when it is first asked for.
-        """
+        """The times that the verdict needs and the trace lacks; empty if it is decided."""
         return self._details.unrecorded
 
     @property
     def decided_at(self) -> float | None:
-        """The first sample after which nothing could change the verdict; None: there is no such.
-
-        It is the sample at which `EpisodeMonitor` decides, the first one if it needs none; found
-        when it is first asked for.
-        """
+        """The sample at which `EpisodeMonitor` decides; None if no sample decides."""
         return self._details.decided_at
 
     @property
     def asked(self) -> tuple[Any, ...]:
-        """For each implication of the formula an `Asked`: how often it was put to the test.
+        """How often each implication was triggered: an `Asked`, in dense time a `DenseAsked`.
 
-        In dense time it is a `DenseAsked`.
-
-        Those count that stand in positive position: more robustness of them is never less of the
-        whole. They come in the order of the text, the outer one first, after names are substituted.
-        It is found when it is first asked for.
+        Implications count in positive position, where more robustness of them is never less of the
+        formula. They are in the order of the text, the outer implication first.
         """
         return self._details.evidence.asked
 
     @property
     def vacuous(self) -> bool:
-        """Whether the verdict is SATISFIED without an answer.
+        """Whether the verdict is SATISFIED, and would be with all right sides ``false``.
 
-        The formula has an implication then, and the verdict stays SATISFIED with ``false`` as the
-        right side of all of them, as on a trace of no request, or of a goal that was reached
-        without one.
+        It is False for a formula without an implication.
         """
         return self._details.evidence.vacuous
 
     @property
     def never_asked(self) -> bool:
-        """Whether the verdict is SATISFIED, and none of the implications was put to the test.
-
-        A formula without an implication is never said to be.
-        """
+        """Whether the verdict is SATISFIED, and no implication of the formula was triggered."""
         return self._details.evidence.never_asked
 
     def _robustness_text(self) -> str:
@@ -211,12 +188,12 @@ class Judgement:
         return "\n".join(line for each in lines for line in _wrapped(each))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the verdict, the formula, and what ``str`` says of them."""
+        """Return the text for notebooks, with a coloured verdict."""
         head = f"{self.verdict._repr_html_()} <code>{escape(self.formula)}</code>"
         return "<br>".join([head, *map(escape, self._lines())])
 
     def _lines(self) -> Iterator[str]:
-        """The lines below the formula, before they are wrapped."""
+        """Yield the lines below the formula, before they are wrapped."""
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
         yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
         yield from map(str, self.untested)
@@ -244,30 +221,27 @@ def judge(
     n: int | None = None,
     **options: Unpack[SampleOptions],
 ) -> Judgement:
-    """The verdict on a whole trace, by what its end means.
+    """Return the verdict on a recorded trace of samples, by what its end means.
 
-    It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
-    them; invariants are written ``always(...)``. The native back-end runs the machine of
-    `EpisodeMonitor` on short traces; long ones, and all those of the Python back-end, are judged
-    column by column (`rtamt.machines.walk`). On a million samples that costs 1.3 to 4.2 times as
-    much as `evaluate`.
+    It is the verdict of `EpisodeMonitor` after ``finish(end)``, about the first sample; invariants
+    are written ``always(...)``. A million samples take 1.3 to 4.2 times as long as `evaluate`.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: As for `evaluate`; a column may also be a `Between` of two arrays.
         period: As for `Monitor`.
-        end: What lies behind the last sample. ``"complete"``: nothing, windows are cut to the
-            trace. ``"cut"``: the trace is a recording; what bounded windows need of the time after
-            it is unknown, and future operators without an end speak of the recorded time.
-            ``"open"``: the trace is a beginning, of which nothing may be said that a continuation
-            could change. See `EpisodeMonitor.finish`.
+        end: What follows the last sample. ``"complete"``: nothing, windows are cut to the trace.
+            ``"cut"``: the trace is a recording; what bounded windows need of the time after it is
+            unknown, and future operators without an end cover the recorded time. ``"open"``:
+            anything may follow, so the verdict holds for every continuation. See
+            `EpisodeMonitor.finish`.
         n: The length, for a formula without variables.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known.
 
     Raises:
         SpecificationError: As for `evaluate`.
-        InputError: As for `evaluate`, and on another reading of the end.
+        InputError: As for `evaluate`, and on another end mode.
         InputTypeError: As for `evaluate`.
 
     Example:
@@ -314,15 +288,12 @@ def judge_dense(
     resolution: Period = "1ns",
     **options: Unpack[EventOptions],
 ) -> Judgement:
-    """The verdict on a whole trace in dense time, by what its end means.
+    """Return the verdict on a recorded trace in dense time, by what its end means.
 
     It is about the first time at which all variables are known, and exact at that instant: values
-    at single instants count, those inside nested formulas too, which `evaluate_dense` leaves out.
-    The trace ends at the earliest of the variables' last events, an instant that is known. If other
-    variables have later events, the text of the result names the variable that ends the trace, and
-    ``until`` holds its last value. Invariants are written ``always(...)``. The attributes
-    `untested`, `decided_at`, `asked` and `vacuous` of the result cost extra, when they are first
-    asked for.
+    at single instants count, which `evaluate_dense` leaves out. The trace ends at the earliest of
+    the variables' last events; the text of the result names that variable if others have later
+    events, and ``until`` holds its last value. Invariants are written ``always(...)``.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -342,7 +313,7 @@ def judge_dense(
 
     Raises:
         SpecificationError: As for `evaluate_dense`.
-        InputError: As for `evaluate_dense`; on another reading of the end; on a time ``until``
+        InputError: As for `evaluate_dense`; on another end mode; on a time ``until``
             before the last event of every variable; and on a trace that with the bounds of the
             formula lasts 2^62 ticks or more.
         InputTypeError: As for `evaluate_dense`.

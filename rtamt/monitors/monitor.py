@@ -31,14 +31,13 @@ from rtamt.monitors.verdict import Verdict
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
-_UPDATE = """Take in one sample and give the robustness {when}.
+_UPDATE = """Take in one sample and return the robustness {when}.
 
 The sample is given by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order
 of ``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars
-are converted; +-inf is legal. For a variable that is a field, such as ``cmd.linear.x``, the message
-may be given, an object with attributes or a mapping: ``update(cmd=message)``.
-
-A call that raises an error leaves the monitor as it was.
+are converted; +-inf is legal. For fields, such as ``cmd.linear.x``, the message may be given, an
+object with attributes or a mapping: ``update(cmd=message)``. A call that raises an error leaves the
+monitor as it was.
 
 Raises:
     InputError: On a missing or unknown variable, a wrong count or shape, a message without the
@@ -82,15 +81,15 @@ class _Single(DirectUpdate, Sampled[_M]):
 
 @described(*SampleOptions.__annotations__)
 class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
-    """Robustness at every sample, late by a known latency.
+    """A monitor of the robustness at every sample, late by a known latency.
 
-    At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
-    that margin; negative, violated by it; at 0 the sign bit decides (`holds`). The first
-    ``latency`` values are nan. Every value equals the one of `evaluate` wherever the formula's
-    future lies inside the trace. An update costs the same whatever the length of the windows.
+    At sample t, ``update`` returns the robustness at time ``t - latency``: positive if satisfied by
+    that margin, negative if violated; at 0 the sign bit decides (`holds`). The first ``latency``
+    values are nan. Every value equals the value of `evaluate` where the formula's future lies
+    inside the trace. An update costs the same for windows of any length.
 
     Future operators need an end (``eventually[0:5]``), except a top-level ``always p`` or
-    ``eventually p``: there ``update`` gives the least or greatest robustness of p so far.
+    ``eventually p``: there ``update`` returns the minimum or maximum robustness of p so far.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -135,10 +134,10 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
 
     def update_many(self, block: TraceColumns) -> NDArray[np.float64]:
-        """Take in a block of samples and give what `update` gives for each, as an array.
+        """Take in a block of samples and return the values of `update` as an array.
 
         A call that raises an error takes in no sample of the block, unless another thread writes to
-        its arrays meanwhile.
+        its arrays.
 
         Args:
             block: A mapping (or data frame) of every variable to its n values, or of a message to
@@ -161,30 +160,26 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
 
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
-    """The robustness of a whole episode, and its bounds wherever it ends, at every sample.
+    """A monitor of the robustness of a whole episode, with bounds at every sample.
 
-    Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
-    ``always(...)``. Future operators need no end. After every sample
+    Everything is about time 0 of the episode; invariants are written ``always(...)``. Future
+    operators need no end. After every sample
 
-    * ``robustness`` is the one that the episode has if it ends now: `evaluate`'s for sample 0;
-    * ``lower`` and ``upper`` bound the robustness over all continuations and all ends, the end now
-      included (the robust satisfaction interval): a predicate at an unseen sample lies in
-      [-inf, +inf], but for the instant of an operator itself that sample may not be there, and
-      bounds go through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never
-      rises, and always ``lower <= robustness <= upper``;
+    * ``robustness`` is the robustness if the episode ends now, as `evaluate` returns for sample 0;
+    * ``lower`` and ``upper`` bound the robustness over all continuations and all ends, including an
+      end now: a predicate at an unseen sample lies in [-inf, +inf], and bounds go through the
+      formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
     * ``verdict`` is decided as soon as both bounds have the same sign bit (+0.0 holds, -0.0 does
-      not): a violation is known at the first sample at which interval arithmetic shows that
-      nothing can save the episode, and it is a violation wherever the trace then ends.
+      not), and stays wherever the trace then ends.
 
-    A value of a sample may be a `Between`, which is known only to lie between two numbers. From
-    then on the bounds hold for all values in these intervals too: predicates follow by interval
-    arithmetic, ``robustness`` is the least one if the episode ends now, and `finish` may leave the
-    verdict open. An episode in which every sample is known costs and gives what it always does.
+    A value may be a `Between`, which is known only to lie between two numbers. Then the bounds hold
+    for all values in these intervals, ``robustness`` is the smallest if the episode ends now, and
+    `finish` may leave the verdict undecided.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `Monitor`.
-        history: Whether to keep the samples for `explain`: 8 bytes a value, until the reset.
+        history: Whether to keep the samples for `explain`, with 8 bytes a value, until the reset.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known,
             ``Between(-math.inf, math.inf)``.
@@ -262,31 +257,29 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:
-        """End the trace with the last sample: make bounds and verdict final, give the robustness.
+        """End the trace with the last sample: make bounds and verdict final.
 
-        ``end`` says how the trace is to be read. The bounds become narrower or stay as they are, so
-        a decided verdict never changes:
+        The bounds become narrower or stay, so a decided verdict never changes:
 
-        * ``"complete"``: the trace is all there is. Windows are cut to it, and both bounds become
-          the robustness, whose sign bit is the verdict.
-        * ``"cut"``: the trace is a recording of something longer. What a bounded window needs of
-          the time after the last sample is there, and unknown; a future operator without an end
-          speaks of the recorded time, and has the bounds of ``"open"`` if no sample of its window
-          was recorded. The robustness is moved to the nearest bound if it lies outside.
-        * ``"open"``: the trace is a beginning. The bounds stay as they are.
+        * ``"complete"``: nothing follows. Windows are cut to the trace, and both bounds become the
+          robustness, whose sign bit is the verdict.
+        * ``"cut"``: the trace is a recording of something longer. What a bounded window needs after
+          the last sample is unknown; a future operator without an end covers the recorded time, and
+          has the bounds of ``"open"`` if no sample of its window was recorded. The robustness is
+          moved to the nearest bound if it lies outside.
+        * ``"open"``: anything may follow. The bounds stay as they are.
 
-        What hangs on a predicate that counts 0 under interface-aware semantics has the bounds -0.0
-        and +0.0, and stays UNDECIDED under every reading. Calling it again changes nothing,
-        whatever the reading.
+        What depends on a predicate that counts 0 under interface-aware semantics has the bounds
+        -0.0 and +0.0, and stays UNDECIDED under every end mode. Further calls change nothing.
 
         Args:
-            end: The reading of the end.
+            end: The end mode.
 
         Returns:
-            ``robustness``, between the bounds: it judges the complete trace, unless it was moved.
+            ``robustness``, the robustness of the complete trace unless it was moved.
 
         Raises:
-            InputError: On another reading; then the episode goes on.
+            InputError: On another end mode; then the episode continues.
             StateError: Before the first sample.
 
         Example:
@@ -306,7 +299,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return self._machine.finish(checked_end(end))
 
     def explain(self) -> Explanation:
-        """The sub-formulas and samples that decided ``robustness``; see `rtamt.explain`.
+        """Return the sub-formulas and samples that decided ``robustness``; see `rtamt.explain`.
 
         Raises:
             StateError: Without ``history=True``, or before the first sample.
@@ -375,10 +368,7 @@ for _slot in _SHOWN:
 
 
 def _recording(machine: EpisodeMachine, history: array[float], width: int) -> Callable[..., float]:
-    """The machine's update, which puts every sample that it takes in into the history.
-
-    A sample has ``width`` values, without rates. What is not known is nan there.
-    """
+    """Return an update of the machine that adds its samples, nan if not known, to a history."""
     update, keep = machine.update, history.extend
 
     def recorded(*args: object, **named: object) -> float:

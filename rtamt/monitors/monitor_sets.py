@@ -21,11 +21,11 @@ _FLAGS = np.dtype(np.bool_)
 
 
 class VerdictBook:
-    """When each of several specifications was decided in each lane, and which was violated first.
+    """The verdict log of several vector monitors of episodes.
 
-    A row of an array is of a monitor, a column of a lane; arrays of shape (num,) are of the lanes.
-    They are the book's own, change in place, and are to be read only. The book holds the monitors:
-    what is called on it does for all of them what they would do one after the other.
+    A row of an array is a monitor, a column a lane; arrays of shape (num,) are about lanes. Arrays
+    belong to the log, change in place, and are to be read only. A call does for all monitors what
+    it would do for each of them.
 
     Args:
         monitors: One or more, of as many lanes. They may be fed by themselves too, before `note`.
@@ -33,12 +33,10 @@ class VerdictBook:
     Attributes:
         settled_at: The sample at which a verdict was settled, counted from 0: the sample that
             decided it, or the last one if only the end did; -1 while it is open.
-        open_at_end: Whether a verdict was open when its trace ended: if it is settled now, only the
-            end decided it.
+        open_at_end: Whether a verdict was open when its trace ended.
         violated: Whether a specification is violated.
         failed: Whether it is violated because `fail` said so.
-        first: The place of the monitor that was violated first in a lane, of several at one
-            sample that of the first; -1 while none is.
+        first: The number of the monitor that was violated first in a lane; -1 while none is.
         violated_at: The sample at which that was settled; -1 while none is.
 
     Raises:
@@ -171,7 +169,7 @@ class VerdictBook:
         return functions.least(banks, value, self.failed if self._failing(value) else None)
 
     def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
-        """The outcomes of the episodes so far in these lanes.
+        """Return the outcomes of the episodes so far.
 
         Args:
             lanes: Numbers of lanes; None: all.
@@ -260,7 +258,7 @@ JointRead = int | str | tuple[int, ...] | tuple[Floats, int] | Callable[..., flo
 
 
 class JointFeed(Protocol):
-    """Several monitors that take in the same samples; made by `joint_feed`."""
+    """Several monitors on the same samples; returned by `joint_feed`."""
 
     def feed(self, *args: object) -> tuple[float, float, float]:
         """Reads a sample from the arguments, and has all monitors take it in.
@@ -285,10 +283,10 @@ def joint_feed(
     seen: Callable[[list[float]], object] | None = None,
     number: type[float] = float,
 ) -> JointFeed | None:
-    """Makes what feeds several monitors with one call, where all of them run in C++.
+    """Return an object that updates several C++ monitors in one call, or None.
 
-    A sample costs one call, whatever their number, and each monitor shows its values as after an
-    ``update`` of its own. An error leaves the monitors before the one that raised it fed.
+    Each monitor then shows its values as after an ``update`` of its own. After an error the
+    monitors before the one that raised it have taken the sample.
 
     Args:
         monitors: The monitors.

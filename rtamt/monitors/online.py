@@ -1,4 +1,4 @@
-"""What monitors share: options, copies and pickles, values that are read from the machine."""
+"""The base classes of monitors: options, copies and pickles, values of the machine."""
 
 from __future__ import annotations
 
@@ -18,17 +18,6 @@ from rtamt.program.interface import Interface
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
-__all__ = [
-    "DirectUpdate",
-    "EpisodeValues",
-    "Late",
-    "MachineValue",
-    "NamedValues",
-    "Online",
-    "Sampled",
-    "machine_value",
-]
-
 _M = TypeVar("_M", bound=Stateful)
 _P = TypeVar("_P", Program, DenseProgram)
 _T_co = TypeVar("_T_co", covariant=True)
@@ -43,7 +32,7 @@ class MachineValue(Protocol[_T_co]):
 
 
 def machine_value(name: str, doc: str) -> MachineValue[_T_co]:
-    """The attribute of the machine as an attribute of its monitor.
+    """Return a property of a monitor that reads the attribute of its machine.
 
     It is read after every update: an attrgetter needs half the time of a property in Python.
     """
@@ -71,7 +60,7 @@ class Online(Generic[_M, _P]):
     specification: Specification
 
     def _arguments(self) -> dict[str, Any]:
-        """The keywords that make another monitor of the specification."""
+        """Return the keywords for another monitor of the specification."""
         return {
             "semantics": self.interface.semantics,
             "inputs": self.interface.inputs,
@@ -80,7 +69,7 @@ class Online(Generic[_M, _P]):
         }
 
     def _runs(self, machine: _M) -> None:
-        """Takes a machine; that of an `__init__` before this one refuses further updates."""
+        """Set the machine; the machine of an earlier `__init__` refuses further updates."""
         before: Any = getattr(self, "_machine", None)
         if before is not None:
             before.retire()
