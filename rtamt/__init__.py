@@ -57,8 +57,9 @@ if TYPE_CHECKING:
     from rtamt.language.template import SpecificationTemplate
     from rtamt.language.words import in_words
     from rtamt.machines.backend import BACKEND
+    from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
     from rtamt.machines.protocols import End
-    from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
+    from rtamt.monitors.clocks import OperatorClocks
     from rtamt.monitors.dense_monitor import DenseEpisodeMonitor, DenseMonitor
     from rtamt.monitors.evaluation import evaluate, evaluate_dense, evaluate_many
     from rtamt.monitors.explainer import explain, explain_dense
@@ -176,8 +177,8 @@ _MODULES = {
     "Between": "rtamt.inputs.between",
     "Check": "rtamt.checking.answers",
     "CheckedRequirement": "rtamt.checking.answers",
-    "ClockEvent": "rtamt.monitors.clocks",
-    "ClockKind": "rtamt.monitors.clocks",
+    "ClockEvent": "rtamt.machines.clocks",
+    "ClockKind": "rtamt.machines.clocks",
     "DenseAsked": "rtamt.monitors.triggers",
     "DenseEpisodeMonitor": "rtamt.monitors.dense_monitor",
     "DenseExplanation": "rtamt.monitors.explanation",
@@ -206,7 +207,7 @@ _MODULES = {
     "Mutation": "rtamt.mutation.mutations",
     "Names": "rtamt.program.interface",
     "NanPolicy": "rtamt.inputs.samples",
-    "OperatorClock": "rtamt.monitors.clocks",
+    "OperatorClock": "rtamt.machines.clocks",
     "OperatorClocks": "rtamt.monitors.clocks",
     "ParseError": "rtamt.errors",
     "Period": "rtamt.program.timing",

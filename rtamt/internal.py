@@ -1,6 +1,7 @@
 """Names that only the packages of this project use; any version may change them."""
 
-from rtamt.monitors.clocks import ClockEvent, ClockKind, OperatorClock, OperatorClocks
+from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
+from rtamt.monitors.clocks import OperatorClocks
 from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""`OperatorClocks`: how old what temporal operators owe is, in many lanes."""
+"""Clocks of temporal operators: the age of their pending obligations, in many lanes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.lanes import Lanes
 from rtamt.machines.backend import BACKENDS, Backend, choose
-from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
-
-__all__ = ["ClockEvent", "ClockKind", "OperatorClock", "OperatorClocks"]
+from rtamt.machines.clocks import OperatorClock
 
 
 class OperatorClocks:
@@ -80,14 +78,11 @@ class OperatorClocks:
         self._bank = BACKENDS[choose(backend)].clock_bank(self._clocks, parts, num)
 
     def feed(self, values: ArrayLike, mask: Lanes | None = None) -> None:
-        """Take in a sample in the lanes that the mask chooses; None: in all.
+        """Take in a sample in the lanes of the mask; None: in all.
 
         Args:
             values: The newest value of each part in each lane, of shape (parts, num).
             mask: A boolean for each lane.
-
-        Raises:
-            InputError: On values or a mask of another shape.
         """
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.shape != self._shape:
@@ -98,11 +93,7 @@ class OperatorClocks:
         self._bank.feed(table, None if mask is None else self._mask(mask))
 
     def reset(self, mask: Lanes | None = None) -> None:
-        """Forget every sample of the lanes that the mask chooses; None: of all.
-
-        Raises:
-            InputError: On a mask of another shape.
-        """
+        """Forget every sample of the lanes of the mask; None: of all."""
         self._bank.reset(None if mask is None else self._mask(mask))
 
     @property

@@ -8,6 +8,7 @@ from typing import Any, Unpack
 from rtamt.errors import InputTypeError, brief
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.language.formula import Formula
 from rtamt.machines.dense.rows import dense_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
@@ -30,7 +31,28 @@ from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period
 
 
-class Implications:
+class _Implications:
+    """What both kinds of implications share."""
+
+    __slots__ = ("_formula", "texts", "variables")
+
+    def _describe(self, formula: Formula, variables: tuple[str, ...]) -> None:
+        self._formula, self.texts, self.variables = formula, texts_of(formula), variables
+
+    def __bool__(self) -> bool:
+        return bool(self.texts)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._formula}: {len(self.texts)}>"
+
+    def _needs_trace(self, verdict: object) -> bool:
+        """Check a verdict, and return whether there are implications to count."""
+        if verdict is not None and not isinstance(verdict, Verdict):
+            raise InputTypeError(f"expected an rtamt.Verdict, got {brief(verdict)}")
+        return bool(self.texts)
+
+
+class Implications(_Implications):
     """The implications of a specification, and their triggers on traces with a known verdict.
 
     The specification is compiled once, for many traces. `judge` counts the same for one trace.
@@ -60,7 +82,7 @@ class Implications:
         False
     """
 
-    __slots__ = ("_align", "_compiled", "_period", "texts", "variables")
+    __slots__ = ("_align", "_compiled", "_period")
 
     @listed_in_signature(SampleOptions)
     def __init__(
@@ -68,14 +90,7 @@ class Implications:
     ) -> None:
         self._compiled = compiled(Implications, spec, period, options, online=False)
         self._period, self._align = period, options.get("align")
-        self.texts = texts_of(self._compiled.specification.formula)
-        self.variables = self._compiled.program.inputs
-
-    def __bool__(self) -> bool:
-        return bool(self.texts)
-
-    def __repr__(self) -> str:
-        return f"<Implications of {self._compiled.specification.formula}: {len(self.texts)}>"
+        self._describe(self._compiled.specification.formula, self._compiled.program.inputs)
 
     def evidence(
         self,
@@ -97,20 +112,19 @@ class Implications:
             InputError: As `judge` does.
             InputTypeError: As `judge` does, and if ``verdict`` is none.
         """
-        reading = checked_end(end)
-        _check_verdict(verdict)
-        if not self.texts:
+        mode = checked_end(end)
+        if not self._needs_trace(verdict):
             return _NOTHING
         reader = SampleReader(self._compiled.program, self._compiled.nan, bounds=True)
         least, greatest, length = trace_between(reader, signals, n, self._period)
         trace = SampleTrace(
-            *(self._compiled, self._align, reading, (least, greatest), length), by_columns=True
+            *(self._compiled, self._align, mode, (least, greatest), length), by_columns=True
         )
         satisfied = trace.satisfied_without(()) if verdict is None else verdict > 0
         return evidence_of(trace, satisfied=satisfied)
 
 
-class DenseImplications:
+class DenseImplications(_Implications):
     """The implications of a specification, and their triggers in dense time.
 
     It is `Implications` for events.
@@ -134,7 +148,7 @@ class DenseImplications:
         asked 1x, first at time 1
     """
 
-    __slots__ = ("_compiled", "_options", "texts", "variables")
+    __slots__ = ("_compiled", "_options")
 
     @listed_in_signature(EventOptions)
     def __init__(
@@ -144,14 +158,7 @@ class DenseImplications:
             DenseImplications, spec, resolution, options, online=False, bounds=True
         )
         self._options = options
-        self.texts = texts_of(self._compiled[0].formula)
-        self.variables = self._compiled[-1].program.variables
-
-    def __bool__(self) -> bool:
-        return bool(self.texts)
-
-    def __repr__(self) -> str:
-        return f"<DenseImplications of {self._compiled[0].formula}: {len(self.texts)}>"
+        self._describe(self._compiled[0].formula, self._compiled[-1].program.variables)
 
     def evidence(
         self,
@@ -170,22 +177,16 @@ class DenseImplications:
             InputError: As `judge_dense` does.
             InputTypeError: As `judge_dense` does, and if ``verdict`` is none.
         """
-        reading = checked_end(end)
-        _check_verdict(verdict)
-        if not self.texts:
+        mode = checked_end(end)
+        if not self._needs_trace(verdict):
             return _NOTHING
         specification, interface, backend, whole = self._compiled
         regions = compile_regions(specification, whole.resolution, interface=interface)
         reader = event_reader(dense_of(regions), self._options)
         given = reader.whole(signals)
-        trace = DenseTrace(specification, interface, reading, regions, given, reader, backend)
+        trace = DenseTrace(specification, interface, mode, regions, given, reader, backend)
         satisfied = verdict_of(*trace.values[1:]) if verdict is None else verdict
         return evidence_of(trace, satisfied=satisfied > 0)
 
 
 _NOTHING: Evidence[Any] = Evidence((), vacuous=False, never_asked=False)
-
-
-def _check_verdict(verdict: object) -> None:
-    if verdict is not None and not isinstance(verdict, Verdict):
-        raise InputTypeError(f"expected an rtamt.Verdict, got {brief(verdict)}")

@@ -28,20 +28,17 @@ class VerdictBook:
     it would do for each of them.
 
     Args:
-        monitors: One or more, of as many lanes. They may be fed by themselves too, before `note`.
+        monitors: One or more, of as many lanes. They may also be updated by themselves, before
+            `note`.
 
     Attributes:
         settled_at: The sample at which a verdict was settled, counted from 0: the sample that
             decided it, or the last one if only the end did; -1 while it is open.
         open_at_end: Whether a verdict was open when its trace ended.
         violated: Whether a specification is violated.
-        failed: Whether it is violated because `fail` said so.
+        failed: Whether `fail` violated it.
         first: The number of the monitor that was violated first in a lane; -1 while none is.
         violated_at: The sample at which that was settled; -1 while none is.
-
-    Raises:
-        InputError: Without a monitor, or on monitors of different numbers of lanes.
-        InputTypeError: On something else than a `VectorEpisodeMonitor`.
 
     Example:
         >>> near, far = (VectorEpisodeMonitor(f"always(x < {k})", 2) for k in (1, 3))
@@ -77,31 +74,23 @@ class VerdictBook:
 
     @property
     def decided_at(self) -> NDArray[np.int64]:
-        """The sample that decided a verdict, counted from 0; a fresh array.
-
-        It is -1 while the verdict is open, and where only the end decided it.
-        """
+        """The sample that decided a verdict; -1 if it is open or only the end decided it."""
         return np.where(self.open_at_end, np.int64(-1), self.settled_at)
 
     def feed(
         self, table: Floats, columns: Sequence[tuple[int, ...]], mask: ArrayLike | None = None
     ) -> Floats:
-        """Take in a sample in every lane that the mask chooses, and note the verdicts.
+        """Take in a sample in every lane of the mask, and return the minimum robustness of lanes.
 
         Args:
-            table: Numbers of shape (num, width), a row for each lane. An array of float64 in
-                Fortran's order is read fastest.
+            table: Numbers of shape (num, width), a row for each lane; float64 in Fortran's order is
+                read fastest.
             columns: For each monitor the columns of the table that are its variables.
             mask: num booleans; None: all lanes.
 
-        Returns:
-            The least robustness of each lane over the monitors; nan before its first sample.
-
         Raises:
-            InputError: As `VectorEpisodeMonitor.update` does; then monitors in front of the one
-                that refuses its sample have taken theirs.
-            InputTypeError: As `VectorEpisodeMonitor.update` does.
-            StateError: If a lane that is to take a sample is finished.
+            RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the one that refuses
+                its sample have taken theirs.
         """
         banks, functions = self._found
         functions.feed(banks, columns, table, self._mask(mask))
@@ -109,18 +98,12 @@ class VerdictBook:
         return functions.least(banks, "robustness", None)
 
     def note(self) -> None:
-        """Record what the monitors have decided since, with the last sample of each lane."""
+        """Record new decisions of the monitors, with the last sample of each lane."""
         banks, functions = self._found
         functions.note(banks, None, *self._arrays())
 
     def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
-        """End the traces of the lanes of the mask, as `VectorEpisodeMonitor.finish` does.
-
-        Raises:
-            StateError: If one of these lanes has no sample; then no lane is finished.
-            InputError: On a mask of another shape than (num,), or another reading of the end.
-            InputTypeError: On a mask that is not of booleans.
-        """
+        """End the traces of the lanes of the mask, as `VectorEpisodeMonitor.finish` does."""
         banks, functions = self._found
         chosen = self._mask(mask)
         functions.note(banks, None, *self._arrays())
@@ -130,13 +113,9 @@ class VerdictBook:
         self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
-        """Count verdicts that are open in the lanes of the mask as violated by the last sample.
+        """Count open verdicts in the lanes of the mask as violated by the last sample, if any.
 
-        Monitors stay as they are, and so does a lane without a sample.
-
-        Raises:
-            InputError: On a mask of another shape than (num,).
-            InputTypeError: On a mask that is not of booleans.
+        Monitors stay as they are.
         """
         chosen, begun = self._mask(mask), self.monitors[0].samples > 0
         lanes = begun if chosen is None else begun & chosen
@@ -147,12 +126,7 @@ class VerdictBook:
         self.note()
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget the lanes of the mask, here and in the monitors; without a mask, all.
-
-        Raises:
-            InputError: On a mask of another shape than (num,).
-            InputTypeError: On a mask that is not of booleans.
-        """
+        """Forget the lanes of the mask, here and in the monitors; without a mask, all."""
         chosen = self._mask(mask)
         banks, functions = self._found
         functions.reset(banks, chosen)
@@ -161,28 +135,22 @@ class VerdictBook:
         self._fails = self._fails and chosen is not None
 
     def least(self, value: LaneValue) -> Floats:
-        """The least of a value over the monitors, ``"robustness"``, ``"lower"`` or ``"upper"``.
+        """Return the minimum over the monitors of robustness, lower or upper bound.
 
-        The upper bound of what has failed is -0.0. A fresh array of shape (num,).
+        The upper bound of a failed verdict is -0.0.
         """
         banks, functions = self._found
-        return functions.least(banks, value, self.failed if self._failing(value) else None)
+        return functions.least(
+            banks, value, self.failed if self._fails and value == "upper" else None
+        )
 
     def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
-        """Return the outcomes of the episodes so far.
+        """Return the outcomes of the episodes so far in some lanes; None: all.
 
-        Args:
-            lanes: Numbers of lanes; None: all.
-
-        Returns:
-            Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0),
-            both 0 without a sample, ``settled_at`` and whether there is one, ``settled``,
-            ``satisfied``, and ``by_end``, whether the verdict is -1 at a robustness that holds;
-            and of shape (lanes,) ``success``, whether all are satisfied, and ``undecided``, whether
-            a verdict is open.
-
-        Raises:
-            IndexError: If there is no such lane.
+        Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0), both
+        0 without a sample, ``settled_at``, ``settled``, ``satisfied``, and ``by_end``, whether the
+        verdict is -1 at a robustness that holds; and of shape (lanes,) ``success``, whether all are
+        satisfied, and ``undecided``, whether a verdict is open.
         """
         banks, functions = self._found
         return functions.outcomes(banks, self._numbers(lanes), self.failed, self.settled_at)
@@ -191,16 +159,11 @@ class VerdictBook:
         """Write arrays of all lanes, and masks, into dictionaries, from values of some lanes.
 
         Args:
-            columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or of
-                values of two dimensions a list of one for each row; under which keys the array, 0
-                (None among objects) where there is no element, and the mask of the elements are
-                written; the values, whose last dimension is of the lanes; which of them there are,
-                None: all. A row without any is not written.
+            columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or for
+                values of two dimensions a list of dictionaries; the keys of the array, 0 (None
+                among objects) where it has no element, and of the mask of its elements; the values,
+                whose last dimension is lanes; which of them exist, None: all.
             lanes: The numbers of the lanes, each once.
-
-        Raises:
-            IndexError: If there is no such lane; then nothing is written.
-            ValueError: If values, what there is of them and dictionaries do not fit each other.
 
         Example:
             >>> book = VerdictBook([VectorEpisodeMonitor("always(x < 1)", 4)])
@@ -226,16 +189,13 @@ class VerdictBook:
             fresh[...] = held
             setattr(self, name, fresh)
 
-    def _failing(self, value: LaneValue) -> bool:
-        return self._fails and value == "upper"
-
     def _arrays(
         self,
     ) -> tuple[NDArray[np.int64], Lanes, Lanes, NDArray[np.int64], NDArray[np.int64]]:
         return self.settled_at, self.violated, self.failed, self.first, self.violated_at
 
     def _banks(self) -> tuple[tuple[EpisodeBank, ...], BookFunctions]:
-        """The machines of the monitors, and the functions that read them fastest."""
+        """Return the machines of the monitors, and the fastest functions that read them."""
         banks = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
         return banks, books_of(banks)
 
@@ -261,17 +221,13 @@ class JointFeed(Protocol):
     """Several monitors on the same samples; returned by `joint_feed`."""
 
     def feed(self, *args: object) -> tuple[float, float, float]:
-        """Reads a sample from the arguments, and has all monitors take it in.
-
-        Returns:
-            The least robustness, and the least lower and upper bound, over the monitors.
-        """
+        """Update all monitors; return the minimum robustness, lower and upper bound."""
 
     def take(self, *args: object) -> None:
-        """As `feed`, without the numbers, which take time to make: `look` gives them."""
+        """Update all monitors without computing the numbers of `look`."""
 
     def look(self) -> tuple[float, float, float]:
-        """The same of the samples so far."""
+        """Return the numbers of `feed` for the samples so far."""
 
 
 def joint_feed(
@@ -283,7 +239,7 @@ def joint_feed(
     seen: Callable[[list[float]], object] | None = None,
     number: type[float] = float,
 ) -> JointFeed | None:
-    """Return an object that updates several C++ monitors in one call, or None.
+    """Return an object that updates several C++ monitors in one call.
 
     Each monitor then shows its values as after an ``update`` of its own. After an error the
     monitors before the one that raised it have taken the sample.
@@ -301,22 +257,11 @@ def joint_feed(
     Returns:
         The object; None where a monitor runs in Python or keeps a history: then update the monitors
         one after the other.
-
-    Example:
-        >>> import rtamt
-        >>> monitors = [EpisodeMonitor("always(x > 0)"), EpisodeMonitor("always(y < x)")]
-        >>> joint = joint_feed(monitors, ["x", "y"], [0, 1])
-        >>> if joint is not None:
-        ...     fed = joint.feed([2.0, 1.5])
-        ... else:
-        ...     fed = monitors[0].update(2.0), monitors[1].update(1.5, 2.0)
-        >>> [monitor.robustness for monitor in monitors]
-        [2.0, 0.5]
     """
     make = BACKENDS[monitors[0].backend].episode_panel if monitors else None
     machines = [monitor.fed_machine for monitor in monitors]
     if make is None or None in machines:
         return None
     places = [[names.index(name) for name in monitor.variables] for monitor in monitors]
-    made: JointFeed | None = make(machines, places, list(reads), decided, seen, number)
-    return made
+    feed: JointFeed | None = make(machines, places, list(reads), decided, seen, number)
+    return feed
