@@ -8,20 +8,24 @@ from functools import cached_property
 from types import MappingProxyType
 
 from rtamt.language.formula import Formula
-from rtamt.patterns.control import overshoot, rate_limit, rise_time, settling_time
-from rtamt.patterns.occurrence import (
+from rtamt.patterns.formulas import (
+    absence_between,
+    in_order,
     minimum_duration,
     never,
+    overshoot,
+    precedence,
+    rate_limit,
     recurrence,
+    response,
+    rise_time,
+    settling_time,
     success,
     within_limits,
 )
-from rtamt.patterns.order import absence_between, in_order, precedence, response
-
-__all__ = ["CATALOGUE", "Pattern"]
 
 ExampleColumns = Mapping[str, tuple[float, ...]]
-"""The values of each signal at samples one second apart."""
+"""The values of each signal, one second apart."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +33,11 @@ class Pattern:
     """A pattern by an example.
 
     Attributes:
-        name: What it is called.
-        wanted: What the example asks for, in words.
+        name: The name of the pattern.
+        wanted: The example in words.
         written: The example in Python, with the functions of `rtamt.patterns`.
-        make: Makes the formula.
-        satisfying: A trace that satisfies it, of samples one second apart.
+        make: Return the formula.
+        satisfying: A trace that satisfies it, with samples one second apart.
         violating: A trace that violates it.
     """
 
@@ -51,7 +55,7 @@ class Pattern:
 
     @cached_property
     def formula(self) -> Formula:
-        """The formula of the example, read when it is first asked for."""
+        """The formula of the example, parsed when it is first read."""
         return self.make()
 
 

@@ -1,12 +1,11 @@
-"""The stages of requirements that ask for one thing after another.
+"""The stages of requirements that demand one thing after another.
 
-A requirement is in stages if, as a whole, it has the shape
+A requirement has stages if it has the form
 
     eventually(p1 and eventually(p2 and ... eventually(pn)))
 
-of two stages or more, with or without intervals: where the last operand of the ``and`` below an
-``eventually`` is an ``eventually``, what stands before that is a stage, and the rest follows. How
-the formula was written does not matter: by `rtamt.patterns.in_order`, as text, in a file.
+with at least two stages, with or without intervals. If the last operand of the ``and`` below an
+``eventually`` is an ``eventually``, the operands before it are a stage, and the rest follows.
 """
 
 from __future__ import annotations
@@ -22,19 +21,17 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification, parse
 from rtamt.language.specification import Specification
 
-__all__ = ["named_stages", "prefixes", "stages"]
-
 _EVENTUALLY = OPERATORS["eventually"]
 _AND = OPERATORS["and"]
 _VALUE = OPERATORS["value"]
 
 
 def stages(spec: str | Formula | Specification) -> tuple[Formula, ...]:
-    """The stages of a requirement, in order; empty if it is not in stages.
+    """Return the stages of a requirement, in order; empty if it has no stages.
 
     Args:
-        spec: A text, a formula or a specification. Of several formulas the last counts, with names
-            replaced by what they mean.
+        spec: Text, a formula or a specification; the last formula of a text counts, with named
+            formulas inserted.
 
     Raises:
         SpecificationError: If a text is wrong.
@@ -49,10 +46,10 @@ def stages(spec: str | Formula | Specification) -> tuple[Formula, ...]:
 
 
 def prefixes(spec: str | Formula | Specification) -> tuple[Formula, ...]:
-    """The requirement up to each of its stages: of one stage, of two, and so on; the last is whole.
+    """Return the requirement up to each of its stages; the last one is the complete requirement.
 
     Args:
-        spec: As in `stages`.
+        spec: As for `stages`.
 
     Raises:
         SpecificationError: If a text is wrong.
@@ -68,56 +65,57 @@ def prefixes(spec: str | Formula | Specification) -> tuple[Formula, ...]:
 def named_stages(
     spec: str | Formula | Specification, several: Iterable[str | Formula]
 ) -> tuple[Formula, ...]:
-    """The stages of a requirement that are named, whatever its shape.
+    """Return stages that are named, for a requirement of any form.
 
     Args:
-        spec: As in `stages`.
-        several: Formulas or their texts, in order. The names of formulas and of constants of the
-            specification mean in them what they mean there.
+        spec: As for `stages`.
+        several: Formulas or their texts, in order, which may use the named formulas and constants
+            of the specification.
 
     Raises:
-        SpecificationError: If a text is wrong, or a stage reads what the requirement does not.
+        SpecificationError: If a text is wrong, or a stage reads a variable that the requirement
+            does not read.
 
     Example:
         >>> spec = "limit = 2; near = d < limit; eventually always[0:5](near and up > 0)"
         >>> named_stages(spec, ["near", "up > limit"])
         (<Formula d < 2>, <Formula up > 2>)
     """
-    whole = as_specification(spec)
-    instead = _meant(whole)
-    found = []
+    spec = as_specification(spec)
+    definitions = _definitions(spec)
+    formulas = []
     for place, each in enumerate(several, 1):
         formula = each
         if isinstance(formula, str):
             try:
-                formula = parse(formula, unit=whole.unit).formula
+                formula = parse(formula, unit=spec.unit).formula
             except RtamtError as error:
                 error.add_note(f"in stage {place}")
                 raise
-        formula = replaced(formula, instead)
+        formula = replaced(formula, definitions)
         for name in formula.variables:
-            if name not in whole.variables:
-                known = ", ".join(whole.variables) or "no variable"
+            if name not in spec.variables:
+                known = ", ".join(spec.variables) or "no variable"
                 msg = f"stage {place}, {each}, reads {name}, which the requirement does not"
                 raise SpecificationError(f"{msg}; it reads {known}")
-        found.append(formula)
-    return tuple(found)
+        formulas.append(formula)
+    return tuple(formulas)
 
 
-def _meant(spec: Specification) -> dict[Node, Node]:
-    """What stands for the names of formulas and constants of a specification."""
-    found: dict[Node, Node] = {variable(n): number(value) for n, value in spec.constants.items()}
+def _definitions(spec: Specification) -> dict[Node, Node]:
+    """Return the formulas and constants behind the names of a specification."""
+    nodes: dict[Node, Node] = {variable(n): number(value) for n, value in spec.constants.items()}
     for name, formula in spec.formulas.items():
         term = variable(name)
         if formula.op is _VALUE:
-            found[term] = formula.args[0]
+            nodes[term] = formula.args[0]
         else:
-            found[term.formula()] = formula
-    return found
+            nodes[term.formula()] = formula
+    return nodes
 
 
 def _steps(spec: str | Formula | Specification) -> list[tuple[Interval | None, Formula]]:
-    """The interval and the condition of each stage."""
+    """Return the interval and the condition of each stage."""
     formula = as_specification(spec).formula
     steps: list[tuple[Interval | None, Formula]] = []
     while formula.op is _EVENTUALLY:
@@ -131,8 +129,8 @@ def _steps(spec: str | Formula | Specification) -> list[tuple[Interval | None, F
 
 
 def _chain(steps: list[tuple[Interval | None, Formula]]) -> Formula:
-    found: Formula | None = None
+    chain: Formula | None = None
     for interval, stage in reversed(steps):
-        whole = stage if found is None else stage & found
-        found = cast("Formula", make("eventually", (whole,), interval))
-    return cast("Formula", found)
+        inner = stage if chain is None else stage & chain
+        chain = cast("Formula", make("eventually", (inner,), interval))
+    return cast("Formula", chain)
