@@ -21,9 +21,8 @@ from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
-from rtamt_gym.recorded.plausibility import outside_ranges
 from rtamt_gym.recorded.progress import progress, silence
-from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace import EventTrace, Trace, outside_ranges
 from rtamt_gym.results.asked import (
     never_answered_texts,
     never_asked_texts,

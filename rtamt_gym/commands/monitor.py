@@ -261,8 +261,8 @@ def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
 
     With these a trace is read alike under formulas that have lost their declarations.
     """
+    from rtamt_gym.recorded.names import starts_of
     from rtamt_gym.recorded.readers import is_bag
-    from rtamt_gym.recorded.starts import starts_of
 
     columns = replace(asked.columns, starts=starts_of(asked.specs, asked.columns))
     if not all(map(is_bag, paths)):

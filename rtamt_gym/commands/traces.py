@@ -244,7 +244,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         SpecificationError: If a specification is wrong.
     """
     from rtamt_gym.recorded.judge import viewed
-    from rtamt_gym.recorded.starts import starts_of
+    from rtamt_gym.recorded.names import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
     found, ignored = _found(traces)
@@ -356,8 +356,8 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
         OSError: If there is no such file.
     """
     from rtamt_gym.recorded.judge import extent_of
-    from rtamt_gym.recorded.plausibility import constant_note, outside_ranges
     from rtamt_gym.recorded.ruled import read_ruled
+    from rtamt_gym.recorded.trace import constant_note, outside_ranges
 
     trace, period = read_ruled(path, asked.specs, asked.reading, asked.columns)
     if asked.min_duration is not None and extent_of(trace, period).length is None:

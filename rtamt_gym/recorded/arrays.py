@@ -33,12 +33,7 @@ _ARCHIVE: Final = "an archive of numpy.savez, whose arrays are numbers"
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Open an archive of `numpy.savez`, or a file of MATLAB if its name ends in ``.mat``.
-
-    Raises:
-        InputError: If it is another file, holds pickled objects, or is of version 7.3 of MATLAB.
-        OSError: If there is no such file.
-    """
+    """Open an archive of `numpy.savez`, or a file of MATLAB if its name ends in ``.mat``."""
     load = _load_mat if path.lower().endswith(".mat") else _load_npz
     yield ArrayRecording(path, dict(load(path)), decimal=columns.decimal)
 
@@ -221,15 +216,7 @@ def _times_of(
     where: Callable[[int], str],
     part: NDArray[Any] | None,
 ) -> tuple[RawTimes, str]:
-    """Return a column of times as it is, or the dates in its texts, and the unit if it is certain.
-
-    Args:
-        values: The column.
-        wanted: The columns to read.
-        source: The name of the file, for messages.
-        where: Returns the place of a row, for messages.
-        part: The second column of times, or None.
-    """
+    """Return a column of times or the dates in its texts, and the unit if it is certain."""
     kind, column = values.dtype.kind, f"{source}, column '{wanted.time}'"
     if part is not None and wanted.part is not None and wanted.part.unit:
         if kind not in "iuf" or part.dtype.kind not in "iuf":

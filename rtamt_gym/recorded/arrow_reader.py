@@ -28,12 +28,7 @@ _LONGEST_LIST = 1000
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Open a file of the format that its extension names.
-
-    Raises:
-        InputError: If it is not in this format.
-        OSError: If there is no such file.
-    """
+    """Open a file of the format that its extension names."""
     Path(path).stat()  # pyarrow's error for a missing file has no strerror
     match Path(path).suffix.lower():
         case ".parquet":

@@ -24,8 +24,6 @@ from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
-__all__ = ["check_output", "write_mcap"]
-
 _Message = tuple[int, Connection, bytes | memoryview]
 """A message to write: its time, its connection and its bytes."""
 
@@ -46,12 +44,7 @@ class _Topic:
 
 
 def check_output(out: Path, path: str) -> None:
-    """Checks that a copy of a trace can be written to a file.
-
-    Raises:
-        InputError: If the trace is no bag, the file is a part of it, or the name does not end in
-            ``.mcap``.
-    """
+    """Check that a copy of a trace can be written to a file."""
     if not is_bag(path):
         raise InputError(
             f"--write-mcap copies a bag, got {path}; --out writes the robustness of any trace"
@@ -68,7 +61,7 @@ def write_mcap(
     specs: Mapping[str, rtamt.Specification],
     out: Path,
 ) -> tuple[list[str], list[str]]:
-    """Writes all messages of a bag and, at the times of the samples, what was found.
+    """Write all messages of a bag, with robustness and verdicts at the times of the samples.
 
     The robustness of a requirement is on the topic of its output variable, else on
     ``/rtamt/NAME``, and its verdict so far (-1, 0 or 1) on that topic with ``/verdict``; named
@@ -76,17 +69,8 @@ def write_mcap(
     ``/offline``. Messages of ROS 1 become messages of ROS 2 with the same fields, but for the
     ``seq`` of headers.
 
-    Args:
-        trace: What was read of the bag, whose name is its source.
-        judgements: What it came to, with the series of all formulas.
-        specs: The requirements.
-        out: The file.
-
     Returns:
         The added topics, and those left out because the bag does not define their classes.
-
-    Raises:
-        InputError: If the bag is damaged.
     """
     with open_bag(trace.source) as bag, TemporaryDirectory(dir=out.parent) as folder:
         added = _added(trace, judgements, specs, bag)
@@ -105,7 +89,7 @@ def _write(
     added: Mapping[str, _Topic],
     epoch: int,
 ) -> list[str]:
-    """Writes the messages of a bag and those that are added, in the order of their times.
+    """Write the messages of a bag and the added messages in the order of their times.
 
     Returns the topics that are left out: a class that the bag does not define cannot be written.
     """
@@ -132,7 +116,7 @@ def _copied(
     store: Typestore,
     channels: Mapping[tuple[str, str], Connection],
 ) -> Iterator[_Message]:
-    """The messages of the bag that can be written: time, connection, and bytes."""
+    """Yield the messages of the bag that can be written: time, connection and bytes."""
     for connection, time, raw in bag.raw():
         to = channels.get((connection.topic, connection.msgtype))
         if to is None:
@@ -152,7 +136,7 @@ def _messages(
     made: Callable[[int, Any], memoryview],
     epoch: int,
 ) -> Iterator[_Message]:
-    """The messages of a topic that is added: time, connection, and bytes."""
+    """Yield the messages of an added topic: time, connection and bytes."""
     times = epoch + np.rint(found.times * 1e9).astype(np.int64)
     for time, value in zip(times.tolist(), found.values.tolist(), strict=True):
         yield time, to, made(time, value)
@@ -165,7 +149,7 @@ _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 def _store(bag: Bag) -> Typestore:
-    """The classes of the copy: from the bag, from ROS 2, and for our topics."""
+    """Return the classes of the copy: from the bag, from ROS 2, and for our topics."""
     ours = get_typestore(Stores.ROS2_JAZZY).fielddefs
     known = bag.reader.typestore.fielddefs
     store = get_typestore(Stores.EMPTY)
@@ -179,7 +163,7 @@ def _store(bag: Bag) -> Typestore:
 
 
 def _maker(store: Typestore, kind: str) -> Callable[[int, Any], memoryview]:
-    """Gives the bytes of a message with a time and a number."""
+    """Return a function from a time and a number to the bytes of a message."""
     made = store.types[kind]
     if kind not in _STAMPED:
         return lambda _time, value: store.serialize_cdr(made(data=value), kind)
@@ -198,7 +182,7 @@ def _added(
     specs: Mapping[str, rtamt.Specification],
     bag: Bag,
 ) -> dict[str, _Topic]:
-    """The topics of all formulas, and the topics of the verdicts."""
+    """Return the topics of all formulas, and the topics of the verdicts."""
     added: dict[str, _Topic] = {}
     for name, judgement in judgements.items():
         found = specs[name].publications(name)
@@ -217,7 +201,7 @@ def _added(
 
 
 def _placed(each: rtamt.Publication, found: tuple[rtamt.Publication, ...]) -> tuple[str, str]:
-    """The class of the messages of a formula and their topic.
+    """Return the class of the messages of a formula and their topic.
 
     It is the stamped one, if that is declared. The fields of one message have topics below its own.
     """
@@ -229,7 +213,7 @@ def _placed(each: rtamt.Publication, found: tuple[rtamt.Publication, ...]) -> tu
 
 
 def _free(topic: str, bag: Bag) -> str:
-    """The whole name of a topic, which the bag does not have."""
+    """Return a name for a topic that the bag does not have."""
     whole = f"/{topic.lstrip('/')}"
     return f"{whole}/offline" if whole in bag.types else whole
 
@@ -241,7 +225,7 @@ def _same(one: _Topic, other: _Topic) -> bool:
 def _verdicts(
     judgement: TraceJudgement, series: Series, trace: Trace | EventTrace
 ) -> tuple[Floats, NDArray[np.int8]]:
-    """The verdict so far at each time: 0 until it is certain, or until the trace ends."""
+    """Return the verdict so far at each time: 0 until it is certain, or until the trace ends."""
     end = trace.span[1] if isinstance(trace, EventTrace) else float(series.times[-1])
     since = judgement.certain_from
     at = end if since is None else since

@@ -15,10 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
 from rtamt.errors import nearest, shown
-from rtamt_gym.recorded.bag_paths import FieldPath, path_text
+from rtamt_gym.recorded.columns import FieldPath, path_text
 from rtamt_gym.tables import shorten
-
-__all__ = ["Bag", "damaged", "open_bag"]
 
 _KINDS = {".mcap": "an MCAP file of ROS 2", ".bag": "a bag of ROS 1"}
 _RECOVERY = {
@@ -73,18 +71,15 @@ class Bag:
             self.notes.append("the bag defines no classes of messages: Humble's are taken")
 
     def stamped(self, kind: str) -> bool:
-        """Whether messages of a class have a header."""
+        """Return whether messages of a class have a header."""
         fields = self._fields(_long(kind)) or {}
         return fields.get("header") == _HEADER
 
     def times(self, topics: Collection[str]) -> dict[str, tuple[list[int], list[int]]]:
-        """The times of recording of messages on some topics, and the times in their headers.
+        """Return the times of recording of messages on some topics, and the times in their headers.
 
         They are read from the bytes of messages that start with a header; other messages have the
         time of recording.
-
-        Raises:
-            InputError: If the bag is damaged.
         """
         found: dict[str, tuple[list[int], list[int]]] = {}
         for connection, time, raw in self.raw(topics):
@@ -100,15 +95,11 @@ class Bag:
         return found
 
     def fields(self, topic: str) -> Collection[str]:
-        """The fields of the messages on a topic; none if their class is not defined."""
+        """Return the fields of the messages on a topic; none if their class is not defined."""
         return self._fields(_long(self.types[topic])) or ()
 
     def class_at(self, topic: str, path: FieldPath) -> str | None:
-        """The class of the message at a path in messages of a topic; None if a number is there.
-
-        Raises:
-            InputError: If nothing is there, or neither a message nor a number.
-        """
+        """Return the class of the message at a path in a topic; None for a number."""
         kind: Any = (Nodetype.NAME, _long(self.types[topic]))
         place = f"{topic} ({self.types[topic]})"
         for depth, step in enumerate(path):
@@ -129,7 +120,7 @@ class Bag:
         )
 
     def _within(self, kind: Any, step: str | int, where: str) -> Any:  # noqa: ANN401 - as rosbags
-        """The type of a field or an element of something of a type."""
+        """Return the type of a field or an element of something of a type."""
         match kind:
             case (Nodetype.NAME, str(name)) if isinstance(step, str):
                 fields = self._fields(name)
@@ -150,11 +141,7 @@ class Bag:
         raise InputError(f"{where} is no {what}, got {got}")
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
-        """The messages of some topics: topic, time of recording, and the message.
-
-        Raises:
-            InputError: If the bag is damaged.
-        """
+        """Yield the messages of some topics: topic, time of recording, and the message."""
         read = self.reader.deserialize
         for connection, time, raw in self.raw(topics):
             try:
@@ -164,11 +151,7 @@ class Bag:
             yield shown(connection.topic), time, message
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Connection, int, bytes]]:
-        """The messages of some topics, or of all: connection of rosbags, time, and bytes.
-
-        Raises:
-            InputError: If the bag is damaged.
-        """
+        """Yield the messages of some topics, or of all: connection of rosbags, time, and bytes."""
         reader = self.reader
         all_of = reader.connections
         wanted = [each for each in all_of if topics is None or shown(each.topic) in topics]
@@ -180,7 +163,7 @@ class Bag:
             raise damaged(self.source, error) from None
 
     def _fields(self, kind: str) -> Mapping[str, Any] | None:
-        """The fields of a class in their order, each with its type; None if it is not defined."""
+        """Return the types of the fields of a class in order; None if it is not defined."""
         known = self.reader.typestore.fielddefs
         if kind not in known:
             return None
@@ -190,12 +173,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: str) -> Iterator[Bag]:
-    """Opens a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of one of rosbag2.
-
-    Raises:
-        InputError: If it is none, or is not whole.
-        OSError: If there is no such file.
-    """
+    """Open a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of one of rosbag2."""
     Path(path).stat()
     humble = get_typestore(Stores.ROS2_HUMBLE)  # later ones write definitions into their bags
     try:
@@ -221,7 +199,7 @@ def _long(name: str) -> str:
 
 
 def damaged(path: str, error: Exception) -> InputError:
-    """The error about a bag that rosbags cannot read."""
+    """Return the error about a bag that rosbags cannot read."""
     ending = Path(path).suffix.lower()
     path = shown(path)
     kind = _KINDS.get(ending, "a bag of rosbag2")

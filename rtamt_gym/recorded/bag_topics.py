@@ -10,15 +10,11 @@ import rtamt
 from rtamt import InputError, SubscribedField, Subscription
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.recorded.bag_paths import FieldPath, path_text, read_source
-from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.names import near_name
-from rtamt_gym.recorded.starts import starts_of
+from rtamt_gym.recorded.columns import Columns, FieldPath, path_text, read_source
+from rtamt_gym.recorded.names import near_name, starts_of
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.bag_reader import Bag
-
-__all__ = ["TopicFields", "check_topics", "columns_of", "topic_fields"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +50,7 @@ class _Wish:
         return self.topic or self.default
 
     def joined(self, other: _Wish, name: str) -> _Wish:
-        """What two texts say together.
-
-        Raises:
-            InputError: If they say different things.
-        """
+        """Return the wish of two texts."""
         said: dict[str, tuple[object, object]] = {
             "topic": (self.topic, other.topic),
             "class": (self.kind, other.kind),
@@ -75,20 +67,9 @@ class _Wish:
 def topic_fields(
     bag: Bag, specs: Mapping[str, rtamt.Specification], columns: Columns
 ) -> list[TopicFields]:
-    """The topics of a bag that specifications read, with the variables that each has.
+    """Return the topics of a bag that specifications read, each with its variables.
 
     A variable that has a value without a message is in none if its topic is missing or empty.
-
-    Args:
-        bag: The bag.
-        specs: The specifications.
-        columns: Its signals give a variable another field, ``speed=/robot0/odom.pose.x``, or a
-            message another topic, ``cmd=/robot1/cmd_vel``.
-
-    Raises:
-        InputError: If a topic is missing or has messages of another class than declared, a field is
-            missing or is no number, or two specifications differ in what they say.
-        SpecificationError: As of `rtamt.subscriptions`.
     """
     found: dict[str, list[SubscribedField]] = {}
     wishes, parts = _wishes(specs)
@@ -129,11 +110,7 @@ def topic_fields(
 def _check_near(
     bag: Bag, variable: str, where: str, wishes: Mapping[str, _Wish], columns: Columns
 ) -> None:
-    """Checks that no topic is there for a variable that would have its default.
-
-    Raises:
-        InputError: If one has nearly the name, and is no other variable's.
-    """
+    """Refuse a default if a topic has nearly the name of the variable."""
     if variable in columns.defaults:
         return
     others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
@@ -151,17 +128,12 @@ def _check_near(
 
 
 def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:
-    """Checks that specifications say the same of the topics that several of them read.
-
-    Raises:
-        InputError: If they do not.
-        SpecificationError: As of `rtamt.subscriptions`.
-    """
+    """Refuse specifications that declare a shared topic differently."""
     _wishes(specs)
 
 
 def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
-    """The same columns with the topic and the field of every variable, which the texts name.
+    """Return the columns with the topic and field of each variable that the texts name.
 
     With them a bag is read alike under formulas that have lost their declarations.
     """
@@ -180,7 +152,7 @@ _DATA: FieldPath = ("data",)
 def _wishes(
     specs: Mapping[str, rtamt.Specification],
 ) -> tuple[dict[str, _Wish], dict[str, tuple[str, FieldPath]]]:
-    """What the texts say of each message, and the message and the path of each variable."""
+    """Return the wish of the texts for each message, and the message and path of each variable."""
     wishes: dict[str, _Wish] = {}
     parts: dict[str, tuple[str, FieldPath]] = {}
     for spec in specs.values():
@@ -193,14 +165,14 @@ def _wishes(
 
 
 def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
-    """The class that a text declares; a variable without declaration may be of any."""
+    """Return the class that a text declares; None for a variable without a declaration."""
     return f"{each.package}/{each.message}" if each.variable in spec.declarations else None
 
 
 def _placed(
     bag: Bag, variable: str, message: str, path: FieldPath, wish: _Wish, columns: Columns
 ) -> tuple[str, FieldPath]:
-    """The topic of a variable in the bag, and its path there."""
+    """Return the topic of a variable in the bag, and its path there."""
     given = columns.signals.get(variable)
     if given is not None and variable != message:
         wish, path = _Wish(), ()  # a field with a source of its own
@@ -217,7 +189,7 @@ def _placed(
 
 
 def _alike(bag: Bag, written: str) -> list[str]:
-    """The topics of a bag that a text can mean."""
+    """Return the topics of a bag that a text can mean."""
     known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
     whole = f"/{written.lstrip('/')}"
     if whole in known:
@@ -228,18 +200,7 @@ def _alike(bag: Bag, written: str) -> list[str]:
 
 
 def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bool) -> str:
-    """The topic of a bag that a text means.
-
-    Args:
-        bag: The bag.
-        written: How the text writes it.
-        variable: The message or the variable that reads it, for messages.
-        kind: The class that its messages are to have, if one is declared, for messages.
-        named: Whether the text or an option names it.
-
-    Raises:
-        InputError: If there is none, or more than one, or it has no message.
-    """
+    """Return the topic of a bag that a text means."""
     alike, whole = _alike(bag, written), f"/{written.lstrip('/')}"
     if not alike:
         known = {f"/{topic.lstrip('/')}" for topic in bag.types}
@@ -261,7 +222,7 @@ def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bo
 
 
 def _hint(bag: Bag, whole: str, variable: str, kind: str | None, *, named: bool) -> str:
-    """The way out of a topic that is missing."""
+    """Return advice for a missing topic."""
     known = {f"/{topic.lstrip('/')}": of for topic, of in bag.types.items()}
     near = nearest(whole, known)
     if near and named:
@@ -285,13 +246,10 @@ def _listed(topics: Collection[str]) -> str:
 
 
 def _check_class(bag: Bag, topic: str, prefix: FieldPath, wish: _Wish, message: str) -> None:
-    """Checks that messages are of the class that a text declares.
+    """Check that messages are of the class that a text declares.
 
     Every message of ``std_msgs`` that holds a number stands for any other: its values are doubles
     in the end.
-
-    Raises:
-        InputError: If they are not.
     """
     got = bag.class_at(topic, prefix)
     if wish.kind is None or got == wish.kind:

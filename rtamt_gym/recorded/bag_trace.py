@@ -1,29 +1,31 @@
-"""Traces of bags: sampled by hold at a period, or events at the times of the messages."""
+"""Reads traces from bags: values at the times of messages, as samples or events."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import shown
+from rtamt.errors import nearest, shown
 from rtamt_gym.options.evaluation import Reading
-from rtamt_gym.recorded.bag_reader import open_bag
-from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
+from rtamt_gym.recorded.bag_reader import Bag, open_bag
+from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import measured
-from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
+from rtamt_gym.recorded.grid import Records, hole_note, longest_gap
+from rtamt_gym.recorded.names import starts_of, take_default
 from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.same_time import one_record, same_as_before
 from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
-
-__all__ = ["read_bag", "sampled"]
+from rtamt_gym.tables import counted, number
 
 _MOST: Final = 10_000_000
 """The most samples that a bag is turned into."""
@@ -32,18 +34,7 @@ _MOST: Final = 10_000_000
 def read_bag(
     path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a bag, and the period at which it was sampled; None for events.
-
-    Args:
-        path: The bag.
-        specs: The specifications, whose topics and fields are read.
-        reading: Whether the bag is sampled, and at which period.
-        columns: Which fields are read, and which times count.
-
-    Raises:
-        InputError: If there is no period, or as `read_signals` does.
-        OSError: If there is no such file.
-    """
+    """Read a bag, and the period at which it was sampled; None for events."""
     if not reading.dense and reading.period is None:
         raise InputError(
             f"{shown(path)}: expected --period 100ms, at which the messages of a bag are sampled, "
@@ -66,7 +57,7 @@ def sampled(
     period: Fraction,
     columns: Columns | None = None,
 ) -> Trace:
-    """Samples a bag at the multiples of a period since its begin, up to its end.
+    """Sample a bag at the multiples of a period since its begin, up to its end.
 
     A sample has the values of the last messages at its time or before. The first sample is the
     first at which one of the variables has a value, or the begin of the bag if a specification
@@ -77,9 +68,6 @@ def sampled(
         groups: The variables of each specification.
         period: Seconds between samples.
         columns: What the times are called, and for how long a message holds.
-
-    Raises:
-        InputError: If there would be no sample, or more than ten million.
     """
     step, zero = period * 10**9, signals.zero
     known = {
@@ -133,13 +121,13 @@ def sampled(
 
 
 def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
-    """The last of some values at each place or before; nan before the first."""
+    """Return the last value at or before each place; nan before the first."""
     at = np.searchsorted(times, places, side="right") - 1
     return np.where(at >= 0, values[at], np.nan)
 
 
 def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDArray[np.bool_]:
-    """Which of some times lie between two records that are farther apart than values hold.
+    """Return which times lie between two records that are farther apart than values hold.
 
     The times of both are known, but for the end of the bag if it is silent: no message is there.
     """
@@ -156,7 +144,7 @@ def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDA
 
 
 def _events(signals: BagSignals, columns: Columns) -> EventTrace:
-    """The messages as events; the last value of each variable holds to the end of the bag."""
+    """Return the messages as events; last values hold to the end of the bag."""
     events = {
         name: ((times - signals.zero) / 1e9, values)
         for name, (times, values) in signals.signals.items()
@@ -180,3 +168,295 @@ def _events(signals: BagSignals, columns: Columns) -> EventTrace:
         absent=absent,
     )
     return measured(trace, signals.recorded, columns)
+
+
+CLOCKS: Final = ("log", "header")
+"""The times of messages: when they were recorded, and what their headers say."""
+
+Stamps = NDArray[np.int64]
+
+_JUMP: Final = 1.0
+"""Seconds by which a late message may be older than the one before it: more is another clock."""
+
+_APART: Final = 60.0
+"""Seconds between stamps and times of recording from which on they are of different clocks."""
+
+_QUIET, _LEAST_QUIET = 5.0, 0.5
+"""A topic without a message for so many usual distances, and so many seconds, is quiet."""
+
+
+@dataclass(frozen=True, slots=True)
+class BagSignals:
+    """The values of variables at the times of their messages.
+
+    Attributes:
+        source: The name of the bag.
+        signals: For each variable the times of its values in nanoseconds, which increase, and the
+            values.
+        zero: The time that counts as 0 s.
+        end: The time up to which the last values hold.
+        epoch: What time 0 s was on the clock that recorded.
+        notes: What was read otherwise than it is written, in sentences to print.
+        recorded: When each variable was recorded, in seconds since ``zero``, and the end.
+        defaults: The variables that have their default up to their first message, or throughout.
+    """
+
+    source: str
+    signals: Mapping[str, tuple[Stamps, Floats]]
+    zero: int
+    end: int
+    epoch: int
+    notes: Sequence[str]
+    recorded: Mapping[str, Floats]
+    defaults: Mapping[str, float]
+
+
+@dataclass(slots=True)
+class _Messages:
+    """The messages of a topic.
+
+    Attributes:
+        topic: Its name.
+        variables: The variables that are read of a message.
+        logged: The time of recording of each message.
+        stamps: The time in the header of each message; empty if that is not read.
+        values: The values of each variable, nan where a message has none.
+    """
+
+    topic: str
+    variables: tuple[str, ...]
+    logged: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    values: list[list[Any]] = field(default_factory=list)
+
+
+def read_signals(
+    bag: Bag, specs: Mapping[str, rtamt.Specification], columns: Columns
+) -> BagSignals:
+    """Read the variables of specifications from a bag."""
+    clock = columns.time or "log"
+    if clock not in CLOCKS:
+        raise InputError(
+            f"{bag.source}: expected --time log, the times of recording of a bag, or --time "
+            f"header, got {clock!r}{nearest(clock, CLOCKS)}"
+        )
+    wanted = topic_fields(bag, specs, columns)
+    read = _read(bag, wanted, stamped=clock == "header", strict=columns.missing == "raise")
+    notes, choice = list(bag.notes), columns.same_time or "last"
+    signals: dict[str, tuple[Stamps, Floats]] = {}
+    apart: dict[str, float] = {}
+    spans: dict[str, Stamps] = {}
+    for messages in read:
+        every, order = _times(bag, messages, notes, apart, stamped=clock == "header")
+        same = same_as_before(every)
+        apart_from = np.append(~same, True) if choice == "last" else np.append(True, ~same)
+        times, kept = every[apart_from], order[apart_from]
+        spans[messages.topic] = times
+        for variable, values in zip(messages.variables, messages.values, strict=True):
+            _, note = one_record(
+                every,
+                np.array(values, np.float64)[order],
+                choice,
+                f"{messages.topic}, '{variable}'",
+                (every - bag.begin) / 1e9,
+            )
+            notes += filter(None, [note])
+            numbers = np.array(values, np.float64)[kept]
+            found_at = times, numbers
+            if columns.missing != "unknown":
+                found_at = _numbers(bag, messages.topic, variable, times, numbers)
+            signals[variable] = found_at
+    _check_clocks(bag, apart)
+    zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
+    end = max((int(times[-1]) for times in spans.values()), default=bag.end)
+    if clock == "log":  # the metadata of a bag in several files may tell of the first alone
+        zero, end = min(zero, bag.begin), max(end, bag.end)
+    else:
+        others = [*_ends_of_others(bag, spans, apart)]
+        zero, end = min([zero, *others]), max([end, *others])
+    starts = starts_of(specs, columns)
+    topics = {v: m.topic for m in read for v in m.variables}
+    recorded = {name: times for name, (times, _) in signals.items()}
+    known = replace(columns, starts=starts)
+    defaults, said = _started(bag.source, signals, known, zero, topics)
+    notes += said
+    offset = min(apart.values(), key=abs, default=0.0)
+    epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
+    ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
+    ends = {name: np.unique(np.append(times, end)) for name, times in recorded.items()}
+    seconds = {name: (times - zero) / 1e9 for name, times in ends.items()}
+    found = BagSignals(bag.source, ordered, zero, end, epoch, notes, seconds, defaults)
+    notes += _missing(read, columns)
+    notes += _silences(found, spans, columns)
+    return found
+
+
+def _read(
+    bag: Bag, wanted: Sequence[TopicFields], *, stamped: bool, strict: bool
+) -> list[_Messages]:
+    """Read the fields of all messages in one pass."""
+    made: dict[str, tuple[_Messages, list[Any], bool]] = {}
+    for each in wanted:
+        found = _Messages(each.topic, tuple(one.variable for one in each.fields))
+        found.values = [[] for _ in each.fields]
+        readers = [(one, found.values[i].append) for i, one in enumerate(each.fields)]
+        made[each.topic] = found, readers, stamped and bag.stamped(bag.types[each.topic])
+    for topic, time, message in bag.messages([*made]):
+        messages, readers, with_stamp = made[topic]
+        messages.logged.append(time)
+        if with_stamp:
+            stamp = message.header.stamp
+            messages.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+        for one, append in readers:
+            try:
+                value, got = one.read(message), "nan"
+            except IndexError:
+                value, got = math.nan, "a list that is shorter"
+            if strict and value != value:  # noqa: PLR0124 - nan; math.isnan refuses what is no float
+                raise _no_number(bag, messages, one.variable, got)
+            append(value)
+    return [found for found, _, _ in made.values()]
+
+
+def _no_number(bag: Bag, messages: _Messages, variable: str, got: str) -> InputError:
+    """Return the error of a message without a number."""
+    at = (messages.logged[-1] - bag.begin) / 1e9
+    return InputError(
+        f"{bag.source}, message {len(messages.logged)} of {messages.topic}, recorded at {at:.9g} "
+        f"s: expected a number for '{variable}', got {got}; give --missing hold or --missing drop"
+    )
+
+
+def _times(
+    bag: Bag,
+    messages: _Messages,
+    notes: list[str],
+    apart: dict[str, float],
+    *,
+    stamped: bool,
+) -> tuple[Stamps, NDArray[np.intp]]:
+    """Return the times of a topic's messages in order, and the places of these messages.
+
+    A message whose stamp is older than the stamp before it does not count.
+    """
+    if not messages.logged:  # though the index of the bag counts some
+        raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
+    logged = np.array(messages.logged, np.int64)
+    times = logged
+    order = np.argsort(logged, kind="stable")  # files of one bag may overlap
+    if stamped:
+        times = np.array(messages.stamps, np.int64)
+        if not times.any():  # no header, or one that nobody has set
+            times = logged
+            notes.append(f"{messages.topic} has no stamps: its times are when it was recorded")
+    if times is not logged:
+        latest = np.maximum.accumulate(times)
+        back = (latest - times) / 1e9
+        if back.max() > _JUMP:
+            at = int((back > _JUMP).argmax())
+            raise InputError(
+                f"{bag.source}: expected stamps of {messages.topic} that increase, got one that is "
+                f"{back[at]:.6g} s older than the one before it, in message {at + 1} of "
+                f"{len(times)}: a clock that began anew; cut the bag there, or give --time log"
+            )
+        (order,) = np.nonzero(back == 0.0)
+        if late := len(times) - len(order):
+            notes.append(
+                f"{messages.topic}: {counted(late, 'message')} older than the one before left out"
+            )
+    apart[messages.topic] = float(np.median(logged - times)) / 1e9
+    return times[order], order
+
+
+def _ends_of_others(bag: Bag, read: Collection[str], apart: Mapping[str, float]) -> Iterator[int]:
+    """Yield the first and last stamps of other topics on the same clock."""
+    usual = min(apart.values(), key=abs, default=0.0)
+    for logged, stamps in bag.times(bag.types.keys() - read).values():
+        delay = float(np.median(np.array(logged, np.int64) - np.array(stamps, np.int64))) / 1e9
+        if abs(delay - usual) <= _APART:
+            yield min(stamps)
+            yield max(stamps)
+
+
+def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:
+    """Check that the stamps of all topics can be of one clock."""
+    ordered = sorted(apart, key=lambda topic: apart[topic])
+    if ordered and apart[ordered[-1]] - apart[ordered[0]] > _APART:
+        raise InputError(
+            f"{bag.source}: expected times of one clock, got {ordered[0]} and {ordered[-1]}, which "
+            f"are {apart[ordered[-1]] - apart[ordered[0]]:.6g} s apart; give --time log"
+        )
+
+
+def _numbers(
+    bag: Bag, topic: str, variable: str, times: Stamps, values: Floats
+) -> tuple[Stamps, Floats]:
+    """Return the values that are numbers, with their times."""
+    given = ~np.isnan(values)
+    if not given.any():
+        raise InputError(
+            f"{bag.source}: expected a number for '{variable}' in a message of {topic}, got none"
+        )
+    return (times, values) if given.all() else (times[given], values[given])
+
+
+def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
+    """Return the note on messages without a number for a variable."""
+    counts = {
+        variable: sum(map(math.isnan, values))
+        for messages in read
+        for variable, values in zip(messages.variables, messages.values, strict=True)
+        if columns.missing != "raise"
+    }
+    each = ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
+    does = "leave the value before"
+    if columns.missing == "unknown":
+        does = "leave the value unknown until the next"
+    return [f"messages without a number {does} ({each})"] if each else []
+
+
+def _started(
+    source: str,
+    signals: dict[str, tuple[Stamps, Floats]],
+    columns: Columns,
+    zero: int,
+    topics: Mapping[str, str],
+) -> tuple[dict[str, float], list[str]]:
+    """Add the defaults of variables before their first message, and return them with notes."""
+    defaults, notes = {}, []
+    for name, start in columns.starts.items():
+        times, values = signals.get(name, (np.array([], np.int64), np.array([])))
+        if len(times) and times[0] <= zero:
+            continue
+        signals[name] = np.append(zero, times), np.append(start, values)
+        until = "no message is there"
+        if len(times):
+            until = f"its first message comes at {number((int(times[0]) - zero) / 1e9)} s"
+        of = f" of {topics[name]}" if name in topics else ""
+        notes.append(take_default(source, name, columns, until, of))
+        defaults[name] = start
+    return defaults, notes
+
+
+def _silences(found: BagSignals, spans: Mapping[str, Stamps], columns: Columns) -> list[str]:
+    """Describe the topics that pause or end early, so that their last values are held."""
+    notes, stale = [], columns.stale
+    for topic, times in spans.items():
+        ends = np.append(times, found.end)
+        gaps = np.diff(ends) / 1e9
+        usual = float(np.median(gaps[:-1])) if len(times) > 1 else 0.0
+        at = int(gaps.argmax())
+        since = (int(times[at]) - found.zero) / 1e9
+        if stale is not None and gaps[at] > stale:
+            raise InputError(
+                f"{found.source}: expected a message of {topic} every {stale:g} s at least, got "
+                f"none for {number(gaps[at])} s after {number(since)} s; a longer --stale lets it "
+                "hold so long"
+            )
+        if columns.most >= gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
+            until = "to the end" if at == len(times) - 1 else "until the next"
+            notes.append(
+                f"{topic}: the message at {number(since)} s is held for {number(gaps[at])} s, "
+                f"{until}"
+            )
+    return notes

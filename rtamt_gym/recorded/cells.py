@@ -224,9 +224,6 @@ def times_in(
         days: The dates of times of day; None if there are none.
         order: The order of day and month where it is not certain.
 
-    Raises:
-        InputError: If a cell is neither a number nor a date as the first one is.
-
     Example:
         >>> times_in(TextCells(["1700000000000000001"]), ".", str)
         (array([1700000000000000001]), '')

@@ -16,8 +16,6 @@ from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.same_time import SameTime
 
-__all__ = ["NEAR", "UNITS", "Columns", "Missing", "Start", "read_columns", "read_seconds"]
-
 Missing = Literal["raise", "hold", "drop", "unknown"]
 """What an empty cell does: it is an error, has the value before, lets its row go, or is unknown."""
 
@@ -124,7 +122,7 @@ class Columns:
         return math.inf if self.max_gap is None else float(self.max_gap)
 
     def column(self, variable: str) -> str:
-        """The column of a variable."""
+        """Return the column of a variable."""
         return self.signals.get(variable, variable)
 
 
@@ -155,10 +153,7 @@ def read_columns(
     one_trace: bool = False,
     date_order: DateOrder | None = None,
 ) -> Columns:
-    r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
-
-    Raises:
-        InputError: If an argument cannot be read, or a variable comes twice.
+    r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
     Example:
         >>> columns = read_columns(
@@ -212,14 +207,11 @@ def read_columns(
 
 
 def read_seconds(option: str, text: str) -> Fraction:
-    """Reads a length of time: a number of seconds, or with a unit behind it.
+    """Read a length of time: a number of seconds, or a number with a unit.
 
     Args:
         option: The option, for messages.
         text: The length, such as ``10``, ``10s``, ``500ms``, ``1.5h``.
-
-    Raises:
-        InputError: If it is no such text, or not above 0.
 
     Example:
         >>> read_seconds("--max-gap", "500ms"), read_seconds("--max-gap", "1.5 h")
@@ -242,10 +234,47 @@ _LENGTH = re.compile(
 
 
 def _share(text: str | None) -> float | None:
-    """Reads ``5%`` or ``0.05``."""
+    """Read ``5%`` or ``0.05``."""
     if text is None:
         return None
     read = read_floats([text.removesuffix("%")])
     if read is None:
         raise InputError(f"--jitter: expected a part of the period, such as 5%, got {text!r}")
     return read[0] / 100 if text.endswith("%") else read[0]
+
+
+FieldPath = tuple[str | int, ...]
+"""The fields and elements that lead to a value in a message."""
+
+_STEP = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
+
+
+def path_text(path: FieldPath) -> str:
+    """Return a path as it is written.
+
+    Example:
+        >>> path_text(("ranges", 0))
+        'ranges[0]'
+    """
+    steps = (f".{step}" if isinstance(step, str) else f"[{step}]" for step in path)
+    return "".join(steps).removeprefix(".")
+
+
+def read_source(text: str) -> tuple[str, FieldPath]:
+    """Return the topic, whose name has no dots, and the path behind it, which may be empty.
+
+    Example:
+        >>> read_source("/robot0/scan.ranges[0]"), read_source("/speed")
+        (('/robot0/scan', ('ranges', 0)), ('/speed', ()))
+    """
+    topic, dot, rest = text.partition(".")
+    if not dot:
+        return topic, ()
+    steps = _STEP.findall(f".{rest}")
+    path = tuple(int(element) if element else field for field, element in steps)
+    if not (topic.strip("/") and path) or path_text(path) != rest:
+        raise InputError(
+            "--signal: expected TOPIC.FIELD, such as /robot0/odom.twist.twist.linear.x, "
+            f"got {text!r}"
+        )
+    return topic, path

@@ -25,25 +25,18 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import silence
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 
-__all__ = ["LIMIT", "open_file", "serve"]
-
 LIMIT: Final = 60.0
 """The seconds that a file may take, and one more for each megabyte."""
 
 
 @contextmanager
 def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
-    """Opens a file of recorded values in another process.
+    """Open a file of recorded values in another process.
 
     Args:
         module: The module whose ``open_file(path, columns)`` reads the format.
         path: The file.
         columns: How its columns are read.
-
-    Raises:
-        InputError: As the reader does, or if its process crashes or takes too long.
-        OSError: If there is no such file.
-        ModuleNotFoundError: If the reader needs a package that is not installed.
     """
     size = Path(path).stat().st_size if Path(path).exists() else 0
     limit = LIMIT + size / 1e6
@@ -67,7 +60,7 @@ class _Contained(Recording):
         self._process, self._path, self._limit = process, path, limit
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted columns."""
+        """Read the wanted columns."""
         rows: Rows = self._process.ask(("read", wanted), self._path, self._limit)
         return rows
 
@@ -95,12 +88,7 @@ class _Process:
         )
 
     def ask(self, request: object, path: str, limit: float) -> Any:  # noqa: ANN401
-        """What the process answers.
-
-        Raises:
-            InputError: If it ends before, or takes too long; then it is of no further use.
-            Exception: What it has raised.
-        """
+        """Return the answer of the process."""
         late: list[bool] = []
 
         def end() -> None:
@@ -130,7 +118,7 @@ class _Process:
         raise answer
 
     def tell(self, request: object) -> None:
-        """Sends what needs no answer; a process that has ended hears nothing."""
+        """Send a request without an answer; a process that has ended ignores it."""
         with suppress(OSError, ValueError):
             pickle.dump(request, self._process.stdin)  # type: ignore[arg-type]
             self._process.stdin.flush()  # type: ignore[union-attr]
@@ -141,7 +129,7 @@ class _Process:
         return self._process.poll() is not None
 
     def end(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
@@ -164,7 +152,7 @@ _idle: Final[list[_Process]] = []
 
 @contextmanager
 def _taken() -> Iterator[_Process]:
-    """A process that reads for nobody else meanwhile."""
+    """Reserve an idle process, or start one."""
     with _lock:
         # After a fork those of the parent are not ours.
         own = [each for each in _idle if each.owner == os.getpid() and not each.ended]
@@ -189,7 +177,7 @@ def _end_idle() -> None:
 
 
 def serve() -> None:
-    """What the process does: it answers requests until standard input ends."""
+    """Answer requests until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has asked
     silence()
     requests = sys.stdin.buffer
@@ -222,7 +210,7 @@ def serve() -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """The error, or one with its words if it cannot be sent."""
+    """Return the error, or a RuntimeError with its text if it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301 - what was dumped
     except Exception:  # noqa: BLE001 - whatever an error of a library raises

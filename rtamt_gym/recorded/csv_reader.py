@@ -56,12 +56,7 @@ _LATIN = "the text is not UTF-8 and is read as Latin-1"
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Open a CSV file, with a progress bar while it is read; ``-`` is stdin.
-
-    Raises:
-        InputError: If it is not compressed although its name ends in ``.gz``.
-        OSError: If there is no such file.
-    """
+    """Open a CSV file, with a progress bar while it is read; ``-`` is stdin."""
     if path == "-":
         raw = getattr(sys.stdin, "buffer", None)
         stdin = sys.stdin if raw is None else _text_of(raw)
@@ -195,12 +190,7 @@ class CsvRecording(Recording):
         ]
 
     def read(self, wanted: Wanted) -> Rows:
-        """Read the wanted columns; an empty cell that is allowed becomes nan.
-
-        Raises:
-            InputError: If a row or a cell is wrong, if the decimal mark is not certain, or if the
-                row of units has an unknown unit of the times.
-        """
+        """Read the wanted columns; an empty cell that is allowed becomes nan."""
         if wanted.time is not None and self.names.count(wanted.time) > 1:
             raise InputError(
                 f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
@@ -256,12 +246,7 @@ class CsvRecording(Recording):
         return unit
 
     def _rows(self, wanted: Wanted, table: Mapping[str, TextCells] | None) -> Rows:
-        """Return the wanted columns.
-
-        Args:
-            wanted: The columns.
-            table: The columns that pyarrow has split; None if the `csv` module splits the file.
-        """
+        """Return the wanted columns."""
         lines: list[int] = []
         selected_rows: list[int] = []
         count = all_rows = 0

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 
-__all__ = ["DateOrder", "RawTimes", "read_clock", "read_dates", "times_of_texts"]
-
 RawTimes = NDArray[Any]
 """Times as a file holds them: doubles, integers, dates (``datetime64[ns]``) or durations."""
 
@@ -101,9 +99,6 @@ def times_of_texts(
         texts: The texts of a column of times.
         days: The texts of a column of dates, for texts that are times of day; None: there is none.
         order: The order of day and month where it is not certain.
-
-    Raises:
-        InputError: If the order of day and month is not certain, and it matters.
     """
     whole = texts if days is None else [f"{d} {t}" for d, t in zip(days, texts, strict=True)]
     for each in (whole, texts) if days is not None else (texts,):

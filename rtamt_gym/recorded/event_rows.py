@@ -10,8 +10,7 @@ import numpy as np
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.gaps import Records, hole_note, longest_gap
-from rtamt_gym.recorded.invalid import check_valid
+from rtamt_gym.recorded.grid import Records, hole_note, longest_gap
 from rtamt_gym.recorded.names import (
     VALUE,
     VARIABLE,
@@ -21,16 +20,15 @@ from rtamt_gym.recorded.names import (
     check_recorded,
     needed_columns,
     recorded_variables,
+    take_default,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.same_time import one_record
-from rtamt_gym.recorded.starts import take_default
+from rtamt_gym.recorded.sample_rows import check_valid, read_rows, wanted_times
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
-from rtamt_gym.recorded.trace import EventTrace, held, read_rows, wanted_times
+from rtamt_gym.recorded.trace import EventTrace, held
 from rtamt_gym.tables import number
-
-__all__ = ["measured", "read_events"]
 
 
 def read_events(
@@ -40,7 +38,7 @@ def read_events(
     *,
     table: bool = False,
 ) -> EventTrace:
-    """Reads events of the variables.
+    """Read events of the variables.
 
     A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
     ``variable`` and ``value``, a row is one event.
@@ -50,11 +48,6 @@ def read_events(
         variables: The variables that are needed.
         columns: How the columns are read.
         table: Whether the file is one table, whose rows may belong to several objects.
-
-    Raises:
-        InputError: If a column or a variable is missing, a value is not a number, or the times of
-            a variable go back, or different values of a variable have one time and nobody has
-            chosen one.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -122,7 +115,7 @@ def _events(
     columns: Columns,
     axis: TimeAxis,
 ) -> EventTrace:
-    """The trace, with defaults from its first row on; values hold to its last row."""
+    """Return the trace, with defaults from its first row on; values hold to its last row."""
     times = axis.seconds
     begin, end = float(times.min()), float(times.max())
     notes = [*rows.notes, *selection_notes(rows, columns.where)]
@@ -170,7 +163,7 @@ def _events(
 
 
 def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns) -> EventTrace:
-    """The trace with its longest gap, and a note on holes.
+    """Return the trace with its longest gap and a note on holes.
 
     Args:
         trace: The trace.
@@ -205,7 +198,7 @@ def _read_long(
     *,
     table: bool,
 ) -> EventTrace:
-    """Reads events from rows of which each is one event."""
+    """Read events from rows that hold one event each."""
     check_names(recording, (*time.columns, VARIABLE, VALUE))
     rows = read_rows(recording, wanted_times(Wanted((VALUE,), (VARIABLE,)), time, columns))
     named = np.array(rows.texts[VARIABLE])

@@ -1,17 +1,19 @@
-"""Samples at even distances: how far they lie off, their period, and resampling by holding."""
+"""Samples at even distances and their period, resampling, and the gaps between records."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt_gym.recorded.columns import NEAR
+from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis, simple
-
-__all__ = ["HOLE", "Grid", "Resampled", "resampled"]
+from rtamt_gym.results.extent import Gap
+from rtamt_gym.tables import counted, number, time_text
 
 _DRIFT = 0.01
 """The part by which every step may differ from the usual one, however far a slow clock drifts."""
@@ -47,7 +49,7 @@ class Grid:
             self.slope = self._nearest_slope()
 
     def _nearest_slope(self) -> float:
-        """The distance of the grid whose points the samples lie nearest to.
+        """Return the step of the grid that is nearest to the samples.
 
         How far they lie off is a convex function of it, whose least value is searched for.
         """
@@ -62,7 +64,7 @@ class Grid:
         return (low + high) / 2
 
     def _spread(self, slope: float) -> float:
-        """How far the samples lie apart beside points at such a distance."""
+        """Return the spread of the distances from the samples to a grid with this step."""
         with np.errstate(over="ignore", invalid="ignore"):
             off = self._since - np.arange(len(self._since)) * slope
             return float(off.max() - off.min())
@@ -142,7 +144,7 @@ class Resampled:
 
 
 def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
-    """Takes samples every usual distance, from the first row to the last, where values hold.
+    """Resample by holding values, every usual step from the first row to the last.
 
     A row that lies behind a sample by no more than the jitter counts as on it. None: there would
     be more than a hundred samples for every row, and more than a million.
@@ -164,3 +166,98 @@ def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
     at = int(grid.steps.argmax())
     held = samples - times.since[rows] > near
     return Resampled(rows, period, held, off, float(grid.steps[at]), at)
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """When a variable was recorded.
+
+    Attributes:
+        times: The times, which increase; the last may be the end of the trace.
+        steps: The distances of neighbours.
+        usual: The median of them; None: it is found when it is needed.
+    """
+
+    times: Floats
+    steps: Floats
+    usual: float | None = None
+
+    @staticmethod
+    def of(times: Floats) -> Records:
+        """Return the records at some times."""
+        with np.errstate(over="ignore"):  # rtamt refuses times so far apart
+            return Records(times, np.diff(times))
+
+    def measured(self) -> Records:
+        """Return the same records, with the median of their distances if there are two."""
+        usual = float(np.median(self.steps)) if len(self.steps) else None
+        return replace(self, usual=usual)
+
+
+def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | None:
+    """Return the longest time between two records of one variable; None if none has two.
+
+    Among several that are as long it names the one that is the most usual steps long.
+
+    Args:
+        records: The records of each variable; those with one object are found once.
+        start: What to add to the times.
+    """
+    found: dict[int, tuple[float, float, Records, list[str]]] = {}
+    for name, each in records.items():
+        if not len(each.steps):
+            continue
+        if id(each) not in found:
+            at = int(each.steps.argmax())
+            found[id(each)] = float(each.steps[at]), float(each.times[at]) + start, each, []
+        found[id(each)][3].append(name)
+    if not found:
+        return None
+    most = max(seconds for seconds, *_ in found.values())
+    alike = [each for each in found.values() if each[0] == most]
+    usuals = [_usual(each) for _, _, each, _ in alike]
+    best = int(np.argmin(usuals))
+    seconds, begin, _, _ = alike[best]
+    names = [name for _, other, _, names in alike if other == begin for name in names]
+    of = "" if len(names) == len(records) else ", ".join(names)
+    return Gap(seconds, begin, usuals[best], of)
+
+
+def _usual(records: Records) -> float:
+    return float(np.median(records.steps)) if records.usual is None else records.usual
+
+
+def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -> str:
+    """Return the note on times without records, where variables are unknown; empty if none.
+
+    Args:
+        records: The records of each variable.
+        most: The longest time in seconds for which a value may hold.
+        start: What to add to the times.
+    """
+    said: dict[str, list[str]] = {}
+    for name, each in records.items():
+        (holes,) = np.nonzero(each.steps > most)
+        if not len(holes):
+            continue
+        longest = int(holes[each.steps[holes].argmax()])
+        length = f"{number(float(each.steps[longest]))} s"
+        after = f"after {time_text(float(each.times[longest]) + start, most)}"
+        words = f"a hole of {length} {after}"
+        if len(holes) > 1:
+            words = f"{counted(len(holes), 'hole')}, the longest of {length} {after}"
+        said.setdefault(words, []).append(name)
+    if not said:
+        return ""
+    each_said = [
+        words if _all(names, records) else f"{', '.join(names)}: {words}"
+        for words, names in said.items()
+    ]
+    return (
+        f"values are unknown where nothing was recorded for more than {number(most)} s "
+        f"({'; '.join(each_said)})"
+    )
+
+
+def _all(names: Sequence[str], records: Mapping[str, Records]) -> bool:
+    return len(names) == len(records)

@@ -24,18 +24,6 @@ from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.statistics import progress_text
 from rtamt_gym.tables import number, sample_text, time_text
 
-__all__ = [
-    "RESULT",
-    "Series",
-    "TraceJudgement",
-    "extent_of",
-    "judge",
-    "judge_events",
-    "noticed",
-    "signals_of",
-    "viewed",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -67,7 +55,7 @@ class Series:
         return replace(self, times=times, values=np.concatenate([[self.first], self.values]))
 
     def at(self, place: int) -> str:
-        """Writes the time of the value at a place."""
+        """Write the time of the value at a place."""
         return time_text(float(self.times[place]), self.step)
 
     @property
@@ -184,7 +172,7 @@ class TraceJudgement:
         return asked_texts(self.found.asked, self._instant)
 
     def _instant(self, at: float) -> str:
-        """A sample, in dense time a time, in words."""
+        """Return the text of a sample, or of a time in dense time."""
         if self.dense:
             return time_text(at, self.step)
         return sample_text(int(at), self.period, self.start)
@@ -199,11 +187,7 @@ class TraceJudgement:
         return self.found.complete.name if verdicts == _DECIDED else ""
 
     def note_of_end(self, name: str = "") -> str:
-        """Says that ``--end complete`` alone has satisfied it; empty if that is not so.
-
-        Args:
-            name: What the requirement is called; empty if there is one alone.
-        """
+        """Return a note if only ``--end complete`` satisfies it; otherwise an empty text."""
         if self.verdict is not Verdict.SATISFIED or self.cut is not Verdict.UNDECIDED:
             return ""
         what = f"{name} is " if name else ""
@@ -218,7 +202,7 @@ class TraceJudgement:
         return robustness_text(self.found.robustness, self.semantics, self.found.complete)
 
     def text_of(self, value: float) -> str:
-        """The robustness of a formula at some time, in words."""
+        """Return the text of the robustness of a formula at some time."""
         return robustness_text(value, self.semantics, Verdict.UNDECIDED)
 
 
@@ -226,7 +210,7 @@ _DECIDED = {Verdict.VIOLATED, Verdict.SATISFIED}
 
 
 def extent_of(trace: Trace | EventTrace, period: Fraction | None = None) -> Extent:
-    """How much of a trace was recorded, samples at a period."""
+    """Return the extent of a trace, of samples at a period."""
     return trace.extent() if isinstance(trace, EventTrace) else trace.extent(period)
 
 
@@ -235,16 +219,12 @@ RESULT = "(result)"
 
 
 def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
-    """The specification that a whole trace has to satisfy at its first sample.
+    """Return the specification that a trace must satisfy at its first sample.
 
     Args:
         spec: The specification.
         view: ``"episode"``: the specification as it is; ``"step"``: ``always`` of it, so that it
             has to hold at every sample.
-
-    Raises:
-        SpecificationError: If the specification reads no sample but the first and ``view`` is
-            ``"episode"``.
     """
     if view == "step":
         return spec.always()
@@ -263,7 +243,7 @@ def judge(
     *,
     formulas: bool = True,
 ) -> TraceJudgement:
-    """Judges samples.
+    """Judge samples.
 
     Args:
         spec: The specification.
@@ -271,10 +251,6 @@ def judge(
         period: Seconds between samples; None: bounds count samples.
         reading: How traces are judged.
         formulas: Whether the robustness of the named formulas is evaluated too.
-
-    Raises:
-        SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
-        InputError: As `Trace.known` does.
     """
     whole = viewed(spec, reading.view)
     late, recorded = trace.late_start(whole.variables), trace
@@ -327,13 +303,6 @@ def _by_start(
 ) -> tuple[rtamt.Judgement, rtamt.Judgement, LateStart | None, Verdict | None]:
     """Judge a trace whose variables may start at different times.
 
-    Args:
-        ways: Judge the trace from the first time on at which all variables are known, and with the
-            time before, in which some are unknown.
-        late: The start of the trace.
-        end: The reading of the end.
-        known: Whether the first way alone counts. Otherwise, the worse verdict does.
-
     Returns:
         The verdict, the verdict of the first way, the start, and the verdict on a recording that
         was cut; that is None unless the trace is all there is.
@@ -356,16 +325,13 @@ def noticed(
     period: Fraction | None,
     reading: Reading,
 ) -> tuple[bool, ...]:
-    """Which mutants of a requirement a trace tells from it.
+    """Return which mutants of a requirement a trace kills.
 
     Args:
         mutants: The mutants, one or more.
         trace: The samples or events.
         period: As for `judge`.
         reading: As for `judge`.
-
-    Raises:
-        RtamtError: As `judge` and `judge_events` of the requirement.
     """
     if reading.view == "step":
         mutants = [
@@ -392,12 +358,12 @@ def noticed(
 
 
 def _having_unknown(reading: Reading, trace: Trace, spec: rtamt.Specification) -> Reading:
-    """The reading, with values that are not known if the specification reads one."""
+    """Return the reading, with unknown values allowed if the specification reads one."""
     return reading if {*trace.unknown}.isdisjoint(spec.variables) else reading.having(nan="unknown")
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
-    """The signals of a trace, by the names of the variables."""
+    """Return the signals of a trace, by the names of the variables."""
     if isinstance(trace, EventTrace):
         return {
             name: Series(times, values, trace.step, held=True)
@@ -414,7 +380,7 @@ def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]
 
 @lru_cache(maxsize=1)
 def _times(start: float, samples: int, period: Fraction | None) -> Floats:
-    """The times of samples, or their numbers; one array for all requirements of a trace."""
+    """Return the times of samples, or their numbers; one array for all requirements of a trace."""
     times = np.arange(float(samples))
     if period is not None:
         times *= period.numerator
@@ -427,18 +393,13 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
 def judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool = True
 ) -> TraceJudgement:
-    """Judges events in dense time; the trace ends with the recording.
+    """Judge events in dense time; the trace ends with the recording.
 
     Args:
         spec: The specification.
         trace: The events.
         reading: How traces are judged.
         formulas: Whether the robustness of the named formulas is evaluated too.
-
-    Raises:
-        SpecificationError: If an operator counts samples, and as `viewed` does.
-        InputError: With the name of the trace: if the variables have no time in common, or a time
-            is too great.
     """
     try:
         return _judge_events(spec, trace, reading, formulas=formulas)
@@ -501,19 +462,19 @@ def _dense_ways(
 
 
 def _not_known(trace: EventTrace) -> dict[str, Any]:
-    """What says where values of a trace are not known."""
+    """Return the options of `judge` for unknown values of a trace."""
     if trace.max_gap is not None:
         return {"nan": "unknown", "max_gap": trace.max_gap}
     return {"nan": "unknown"} if trace.unknown else {}
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:
-    """The values, with zeros whose sign says nothing as 0.0: a predicate left out counts so."""
+    """Return the values, with -0.0 as 0.0 where the sign of zero has no meaning."""
     return values if semantics in EXACT else values + 0.0
 
 
 def _parts(spec: rtamt.Specification) -> dict[str, rtamt.Specification]:
-    """A specification for each named formula and, last, for the result."""
+    """Return a specification for each named formula and, last, for the result."""
     formulas = {**spec.formulas, _result(spec): spec.formula}
     return {name: replace(spec, formula=formula) for name, formula in formulas.items()}
 

@@ -23,20 +23,13 @@ from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.same_time import SameTime, check_rising, common_instants, one_record
 from rtamt_gym.recorded.times import TIME
 
-__all__ = ["MdfRecording", "open_file"]
-
 _DOMAINS: Final[Mapping[int | None, str]] = {2: "angle", 3: "distance", 4: "row numbers"}
 """What the master channel of a group of MDF 4 may count other than time."""
 
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Opens a measurement.
-
-    Raises:
-        InputError: If it is none.
-        OSError: If there is no such file.
-    """
+    """Open a measurement."""
     with Path(path).open("rb") as raw:
         with refusing(path, "a whole MDF file"):
             # As bytes of a file, because asammdf fails again when it closes a path it cannot read.
@@ -78,12 +71,7 @@ class MdfRecording(Recording):
         self.names: Sequence[str] = [TIME, *(name for name, _, _ in self._places)]
 
     def read(self, wanted: Wanted) -> Rows:
-        """Read the wanted channels.
-
-        Raises:
-            InputError: If times of a channel go back, or samples at one time differ and nobody has
-                chosen one.
-        """
+        """Read the wanted channels."""
         names = dict.fromkeys([*wanted.numbers, *wanted.texts])
         signals: dict[str, Any] = {}
         notes: list[str] = []
@@ -99,7 +87,7 @@ class MdfRecording(Recording):
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *notes])
 
     def _ends(self) -> Floats:
-        """The first and the last time of all groups that have times and records."""
+        """Return the first and the last time of all groups that have times and records."""
         masters = []
         for group in range(len(self._file.groups)):
             if self._other_master(group):
@@ -156,7 +144,7 @@ class _Signal(NamedTuple):
 def _qualified(
     channels: Sequence[tuple[str, int, int]], groups: Sequence[Any]
 ) -> Iterator[tuple[str, int, int]]:
-    """The channels whose name occurs in several groups, under names with their group."""
+    """Yield the channels whose name occurs in several groups, under names with their group."""
     counts = Counter(name for name, _, _ in channels)
     acquired = [shown(getattr(each.channel_group, "acq_name", "") or "") for each in groups]
     for name, group, index in channels:

@@ -1,11 +1,12 @@
-"""The names of columns: which are needed, and what to do about one that is missing."""
+"""The names of columns and the defaults of variables: what is needed, and what is missing."""
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
+import rtamt
 from rtamt import InputError
 from rtamt.errors import closest, nearest
 from rtamt_gym.checks.names import listed
@@ -14,37 +15,19 @@ from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME
 from rtamt_gym.tables import number
 
-__all__ = [
-    "VALUE",
-    "VARIABLE",
-    "are_long",
-    "check_names",
-    "check_near",
-    "check_recorded",
-    "near_name",
-    "needed_columns",
-    "recorded_variables",
-]
-
 VARIABLE, VALUE = "variable", "value"
 """The columns that a recording has, beside the time, where each row is one event."""
 
 
 def are_long(names: Collection[str], variables: Collection[str]) -> bool:
-    """Whether each row of a recording with these columns is one event."""
+    """Return whether each row of a recording with these columns is one event."""
     return {VARIABLE, VALUE} <= {*names} and not {*variables} <= {*names}
 
 
 def recorded_variables(
     names: Collection[str], variables: Sequence[str], columns: Columns
 ) -> list[str]:
-    """The variables that a recording has to have: it has them, or they have no default.
-
-    Args:
-        names: The columns, or the variables of events.
-        variables: The variables of the specifications.
-        columns: How they are called in the file, and their defaults.
-    """
+    """Return the variables that a recording has, or must have because they have no default."""
     return [
         name
         for name in variables
@@ -55,17 +38,7 @@ def recorded_variables(
 def check_recorded(
     source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
 ) -> None:
-    """Checks that a recording has something of a specification, which is not its defaults alone.
-
-    Args:
-        source: Name of the file, for messages.
-        names: The columns, or the variables of events.
-        variables: The variables of the specification.
-        columns: How they are called in the file, and their defaults.
-
-    Raises:
-        InputError: If it has none of the variables.
-    """
+    """Refuse a recording without any variable of a specification, which has defaults only."""
     if not variables or recorded_variables(names, variables, columns):
         return
     needed = [columns.column(name) for name in variables]
@@ -79,18 +52,9 @@ def check_recorded(
 def check_near(
     source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
 ) -> None:
-    """Checks that no column is there for a variable that would have its default.
+    """Refuse a default if a column has nearly the name of the variable.
 
     Such a column has nearly the name of the variable, and is no other variable's.
-
-    Args:
-        source: Name of the file, for messages.
-        names: The columns, or the variables of events, or the topics of a bag.
-        variables: The variables of the specifications.
-        columns: How they are called in the file, and which may have their defaults.
-
-    Raises:
-        InputError: If one is.
     """
     read = {columns.column(name) for name in variables} | {columns.time, TIME}
     free = [name for name in names if name not in read]
@@ -113,7 +77,7 @@ _ALIKE = 0.8
 
 
 def near_name(variable: str, names: Iterable[str]) -> str | None:
-    """The name that is a variable's but for case, blanks, a unit or a slip; None if none is.
+    """Return the name that equals a variable's but for case, blanks, a unit or a typo, or None.
 
     Example:
         >>> near_name("speed", ["time", "Speed [km/h]"]), near_name("limit", ["limti"])
@@ -133,24 +97,20 @@ def near_name(variable: str, names: Iterable[str]) -> str | None:
 
 
 def _plain(name: str) -> str:
-    """A name without case, marks between words, and a unit in brackets."""
+    """Return a name without case, marks between words, and a unit in brackets."""
     return re.sub(r"\s*[\[(].*[\])]$|[\s_./-]", "", name).lower()
 
 
 def needed_columns(
     recording: Recording, variables: Sequence[str], columns: Columns, if_events: str = ""
 ) -> list[str]:
-    """The columns of variables, each once.
+    """Return the columns of variables, each once.
 
     Args:
         recording: The file.
         variables: The variables of the specifications.
         columns: How they are called in the file.
         if_events: Advice for a file whose rows are events, not samples.
-
-    Raises:
-        InputError: If a column is missing or there twice, or if a column is named for what is no
-            variable.
     """
     for variable in columns.signals:
         if variable not in variables:
@@ -186,11 +146,7 @@ def needed_columns(
 
 
 def check_names(recording: Recording, needed: Sequence[str]) -> None:
-    """Checks that the columns have names, and that those needed are there once.
-
-    Raises:
-        InputError: If they are not.
-    """
+    """Check that the columns have names, and that each needed column exists once."""
     _check_header(recording, needed)
     names = recording.names
     for name in needed:
@@ -231,3 +187,37 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dict[str, float]:
+    """Return the defaults of variables, which they have before their first record."""
+    found: dict[str, float] = {}
+    for spec in specs.values():
+        for name, start in spec.defaults.items():
+            if found.setdefault(name, start) != start:
+                raise InputError(
+                    f"expected one default for '{name}', which two specifications read, got "
+                    f"{number(found[name])} and {number(start)}; give one of them another name, or "
+                    "judge them one at a time"
+                )
+    read = {name for spec in specs.values() for name in spec.variables}
+    return found | {name: start for name, start in columns.starts.items() if name in read}
+
+
+def take_default(source: str, name: str, columns: Columns, why: str, of: str = "") -> str:
+    """Return the note on a variable that has its default, or refuse it.
+
+    Args:
+        source: Name of the file, for messages.
+        name: The variable.
+        columns: The values that variables have without a record, and whether they may.
+        why: Why it has its default.
+        of: What it is of, such as the topic of a bag.
+    """
+    value = number(columns.starts[name])
+    if columns.no_defaults and name not in columns.defaults:
+        raise InputError(
+            f"{source}: expected records of '{name}'{of}, as --no-defaults says, got its default "
+            f"{value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
+        )
+    return f"'{name}'{of} is {value}, its default: {why}"

@@ -12,8 +12,6 @@ from rtamt_gym.results.codec import document, plain_results, plain_trial
 from rtamt_gym.results.matrix import Matrix, label
 from rtamt_gym.results.version_1 import documented
 
-__all__ = ["to_json"]
-
 
 def to_json(
     matrix: Matrix,
@@ -24,7 +22,7 @@ def to_json(
     least: Fraction | None = None,
     mutants: Mapping[str, Any] | None = None,
 ) -> str:
-    """The traces as a result of the kind ``"traces"``.
+    """Return the traces as a result of the kind ``"traces"``.
 
     Args:
         matrix: The outcomes.

@@ -26,8 +26,6 @@ from rtamt_gym.recorded.times import TIME
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["WRITERS", "check_output", "save"]
-
 ColumnTable = Mapping[str, NDArray[Any]]
 """Columns of doubles, integers or text."""
 
@@ -39,16 +37,12 @@ _PIECE = 1 << 15
 
 
 def check_output(path: Path) -> None:
-    """Checks that the extension of a file is one that robustness is written to.
-
-    Raises:
-        InputError: If it is not.
-    """
+    """Check that the extension of a file is one that robustness is written to."""
     _writer(path)
 
 
 def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -> None:
-    """Writes the robustness of every formula in the format of the file's extension.
+    """Write the robustness of every formula in the format of the file's extension.
 
     For samples, the columns are the times, or the sample numbers if the period is unknown, and one
     for each formula, nan where its variables were not known yet. In dense time a row is one event,
@@ -59,10 +53,6 @@ def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -
             precedes the names of its formulas.
         path: The file, whose name ends as one of `WRITERS` does.
         dense: Whether the robustness consists of events in dense time.
-
-    Raises:
-        InputError: If the name ends otherwise.
-        ModuleNotFoundError: If the format needs a package that is not installed.
     """
     series = _named(judgements)
     table: dict[str, NDArray[Any]]
@@ -139,7 +129,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 
 def _pieces(table: pa.Table, rows: int) -> Iterator[memoryview]:
-    """The text of a table in pieces, which threads write side by side."""
+    """Yield the text of a table in pieces, which threads write in parallel."""
     import pyarrow as pa
     import pyarrow.csv as pc
 

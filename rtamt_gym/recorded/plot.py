@@ -16,8 +16,6 @@ from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import shorten
 
-__all__ = ["draw_trace"]
-
 _SHADE: Mapping[str, Any] = {
     "color": drawing.VERDICT_COLOURS[Verdict.VIOLATED],
     "alpha": 0.3,
@@ -40,7 +38,7 @@ def draw_trace(
     *,
     everything: bool = False,
 ) -> Figure:
-    """Draws the signals, and below them a panel for every formula, shaded where it is negative.
+    """Draw the signals, and below them a panel for every formula, shaded where it is negative.
 
     Where it is -0.0 there is nothing to shade: the line at 0 is thick there. If there are more than
     12 panels, the picture shows the worst requirements, the worst first, without the formulas that
@@ -93,13 +91,13 @@ def draw_trace(
 
 
 def _rank(judgement: TraceJudgement) -> tuple[int, float]:
-    """Orders the worst first: violated, undecided, satisfied, each by robustness."""
+    """Return a sort key: violated, undecided, satisfied, each by robustness."""
     order = (Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED)
     return order.index(judgement.verdict), judgement.found.robustness
 
 
 def _left_out(judgements: Mapping[str, TraceJudgement], shown: Sequence[str], signals: int) -> str:
-    """What a picture does not show, in words."""
+    """Return the text on the panels that a picture leaves out."""
     others = Counter(each.verdict for name, each in judgements.items() if name not in shown)
     counts = ", ".join(f"{others[v]} {v.name}" for v in Verdict if others[v])
     words = []

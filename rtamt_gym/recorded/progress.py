@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-__all__ = ["Advance", "progress", "silence"]
-
 DELAY = 1.0
 """Seconds before the bar is shown."""
 
@@ -23,13 +21,13 @@ class Advance(Protocol):
 
 
 def silence() -> None:
-    """Shows no bar in this process from now on."""
+    """Show no bar in this process from now on."""
     _outermost[0] = False
 
 
 @contextmanager
 def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
-    """Shows a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
+    """Show a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
     Where bars are inside each other, only the outermost is shown.
 
@@ -68,4 +66,4 @@ def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
 
 
 def _silent(_done: int, _note: str = "", /) -> None:
-    """Shows nothing."""
+    """Show nothing."""

@@ -61,11 +61,7 @@ GROUP: Final = "rtamt.trace_formats"
 
 
 def formats() -> list[Format]:
-    """Return the formats of this package, and those that other packages add.
-
-    Raises:
-        InputError: If an entry point is not a format, or takes an extension of another format.
-    """
+    """Return the formats of this package, and those that other packages add."""
     rows = [*FORMATS]
     for name, row in plugins(GROUP).items():
         if not isinstance(row, Format):
@@ -100,9 +96,6 @@ def format_of(path: str) -> Format:
     """Return the format of a file by the end of its name, or of the folder of a bag.
 
     It is CSV for standard input, and for a name without an extension.
-
-    Raises:
-        InputError: If no format has the extension.
     """
     name = ".db3" if is_bag_folder(path) else Path(path).name.lower()
     for row in formats():
@@ -126,18 +119,7 @@ def is_bag(path: str) -> bool:
 
 @contextmanager
 def open_recording(path: str, columns: Columns | None = None) -> Iterator[Recording]:
-    """Open a file of recorded values with the reader of its extension; ``-`` is CSV on stdin.
-
-    Args:
-        path: The file.
-        columns: How its columns are read.
-
-    Raises:
-        OSError: If there is no such file.
-        InputError: If no format, or a format of bags, has the extension, or if the file is not in
-            the format of its reader.
-        ModuleNotFoundError: If the reader needs a package that is not installed.
-    """
+    """Open a file of recorded values with the reader of its extension; ``-`` is CSV on stdin."""
     row = format_of(path)
     if row.bag:
         raise InputError(f"{shown(path)}: expected a table, got a bag; rtamt monitor reads it")
@@ -160,12 +142,6 @@ def refusing(path: str, expected: str) -> Iterator[None]:
     Args:
         path: The file.
         expected: The expected content, as in ``a whole MATLAB file``.
-
-    Raises:
-        InputError: If the library raises anything, lack of memory included, because a damaged
-            file may claim more numbers than it has.
-        OSError: If a file cannot be opened.
-        ModuleNotFoundError: If the library is not installed.
     """
     try:
         yield

@@ -115,7 +115,7 @@ class RowNumbers:
     rows: NDArray[np.intp] | None = None
 
     def __call__(self, row: int) -> str:
-        """The file and the number of the row, from 1."""
+        """Return the file and the number of the row, from 1."""
         return f"{self.source}, row {(row if self.rows is None else int(self.rows[row])) + 1}"
 
 
@@ -141,12 +141,7 @@ class Recording:
     above: Mapping[str, float] = MappingProxyType({})
 
     def read(self, wanted: Wanted) -> Rows:
-        """Read the wanted columns; it may be called again.
-
-        Raises:
-            InputError: If a row has too few or too many values, or if a cell of a column of
-                numbers holds text or nan. The message states the place.
-        """
+        """Read the wanted columns; it may be called again."""
         raise NotImplementedError
 
     def lines_above(self, name: str) -> int | None:
@@ -179,11 +174,7 @@ class RowFilter:
         self._kept = 0
 
     def mask(self, cells: Mapping[str, Sequence[str]]) -> NDArray[np.bool_]:
-        """Return whether each row is selected.
-
-        Args:
-            cells: The texts in the columns that ``--where`` names.
-        """
+        """Return whether each row is selected."""
         columns = {name: [text.strip() for text in cells[name]] for name in self._where}
         kept = np.ones(len(next(iter(columns.values()))), bool)
         for name, texts in columns.items():
@@ -193,11 +184,7 @@ class RowFilter:
         return kept
 
     def check(self) -> None:
-        """Check that a row was selected.
-
-        Raises:
-            InputError: If there was none. The message lists the values of the columns.
-        """
+        """Check that a row was selected."""
         if self._kept:
             return
         for name, value in self._where.items():

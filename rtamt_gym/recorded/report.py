@@ -8,20 +8,11 @@ from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.results.matrix import indented, undecided_lines
 from rtamt_gym.tables import number, shorten, table
 
-__all__ = ["report"]
-
 
 def report(
     judgements: Mapping[str, TraceJudgement], trace: Iterable[str], notes: Iterable[str] = ()
 ) -> list[str]:
-    """Writes judgements in words and as a table.
-
-    Args:
-        judgements: The judgements by name of the specification, which is shown if there are
-            several.
-        trace: The lines that describe the trace.
-        notes: What was read otherwise than it is written.
-    """
+    """Write judgements in words and as a table."""
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
     for name, judgement in judgements.items():

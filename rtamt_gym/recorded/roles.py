@@ -32,8 +32,6 @@ from rtamt_gym.recorded.dates import times_of_texts
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TimeColumn, join_times, rises
 
-__all__ = ["RowTable", "has_time_bounds"]
-
 
 def has_time_bounds(spec: Specification) -> bool:
     """Return whether a specification has a finite bound other than 0, or a rate of change.
@@ -80,9 +78,6 @@ class RowTable:
         Args:
             rows: The rows that were read.
             filled: The rows in which each variable has a value.
-
-        Raises:
-            InputError: If there are several, and nobody has stated that they are one trace.
         """
         if self.columns.one_trace:
             return
@@ -130,14 +125,7 @@ class RowTable:
         )
 
     def check_clocks(self, rows: Rows) -> None:
-        """Check that variables with columns of times of their own have the times of the rows.
-
-        Args:
-            rows: The rows that were read.
-
-        Raises:
-            InputError: If two such columns differ, and nobody has named the times.
-        """
+        """Check that variables with columns of times of their own have the times of the rows."""
         if self.columns.time is not None or (self.time is not None and self.time.part is not None):
             return
         names = self.recording.names
@@ -158,11 +146,7 @@ class RowTable:
             )
 
     def check_times(self, rows: Rows) -> None:
-        """Check that no column that nothing reads looks like times.
-
-        Raises:
-            InputError: If one does. The message proposes it with its unit, or counting samples.
-        """
+        """Check that no column that nothing reads looks like times."""
         every = [*dict.fromkeys(self.recording.names)]
         named = [n for n in every if n in self.read and unit_of_times(n) is not None]
         names = [*self.unread, *named]

@@ -15,25 +15,18 @@ from rtamt.errors import shown
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.names import are_long, check_recorded
+from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
 from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.roles import has_time_bounds
-from rtamt_gym.recorded.starts import starts_of
-from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
+from rtamt_gym.recorded.sample_rows import read_trace
+from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import number
-
-__all__ = ["read_ruled"]
 
 
 def read_ruled(
     path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: as given, else found in its samples, or None.
-
-    Raises:
-        InputError: If the trace cannot be read, or is too short to have a period.
-        OSError: If there is no such file.
-    """
+    """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)
     if columns.where and not row.table:
         raise InputError(
@@ -78,7 +71,7 @@ def read_ruled(
 
 
 def _noted(trace: Trace, columns: Columns) -> Trace:
-    """The trace with what is to say of its times."""
+    """Return the trace with notes on its times."""
     said = [] if trace.times is None else [trace.times.unit_note]
     if trace.gap is not None and trace.gap.long and columns.max_gap is None:
         said.append("" if columns.missing == "unknown" else trace.gap.note)
@@ -86,7 +79,7 @@ def _noted(trace: Trace, columns: Columns) -> Trace:
 
 
 def _under(trace: Trace, period: Fraction) -> Trace:
-    """The trace under a period that its times do not give; says where they say another one."""
+    """Return the trace under a stated period, with a note if its times show another one."""
     grid, times = trace.grid, trace.times
     if grid is None or times is None:
         return trace

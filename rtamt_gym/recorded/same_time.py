@@ -11,8 +11,6 @@ from rtamt import InputError
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import counted, number
 
-__all__ = ["SameTime", "check_rising", "common_instants", "one_record", "same_as_before"]
-
 SameTime = Literal["first", "last"]
 """Which of several different records at one instant counts."""
 
@@ -45,9 +43,6 @@ def check_rising(times: Floats, what: str) -> None:
     Args:
         times: The times in the order of the file.
         what: The file and the signal, for messages.
-
-    Raises:
-        InputError: If a time is before the one ahead of it.
     """
     back = (np.diff(times) < 0) & ~same_as_before(times)
     if back.any():
@@ -77,9 +72,6 @@ def one_record(
     Returns:
         The places of the records that are kept, and a note on those that differ and are left out;
         empty if there are none.
-
-    Raises:
-        InputError: If records of one instant differ and there is no choice.
 
     Example:
         >>> times, values = np.array([0.0, 1.0, 1.0]), np.array([5.0, 3.0, 3.0])

@@ -14,8 +14,6 @@ from rtamt import InputError
 from rtamt_gym.recorded.cells import TRUTH, is_number
 from rtamt_gym.recorded.dates import read_dates
 
-__all__ = ["TOP", "TextLayout", "layout_of", "names_line", "rows_of"]
-
 TOP: Final = 200
 """The lines in which the names are searched, and from which the layout is recognised."""
 
@@ -107,9 +105,6 @@ def rows_of(
         separator: The separator of the cells.
         before: The number of lines above them.
         source: The name of the file, for messages.
-
-    Raises:
-        InputError: If a line cannot be divided into cells.
     """
     if separator == " ":
         lines = (line.strip() for line in lines)

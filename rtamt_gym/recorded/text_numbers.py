@@ -211,9 +211,6 @@ class TextNumbers:
             cells: The cells by column.
             selected: Whether each row is read; None if all are.
             complete: Whether these are all rows of the file, which `finish` converts.
-
-        Raises:
-            InputError: As `finish` does.
         """
         time = self._wanted.time
         if not self._rows and time is not None and not _holds_numbers(cells[time][:1]):
@@ -248,10 +245,6 @@ class TextNumbers:
 
         Args:
             others: Returns the columns that the blocks lack, if they must decide the mark.
-
-        Raises:
-            InputError: If there is evidence for both marks, a column that is read has two
-                readings, or a cell is not a number.
         """
         self.decimal = self._decide(others)
         self._convert(self.decimal)
@@ -263,9 +256,6 @@ class TextNumbers:
         Args:
             cells: The cells.
             days: The dates of times of day; None if there are none.
-
-        Raises:
-            InputError: If a cell is not a time.
         """
 
         def place(row: int) -> str:
@@ -405,9 +395,6 @@ def numbers_in_texts(
         source: As for `TextNumbers`.
         where: As for `TextNumbers`.
         selected: Whether each row is read; None if all are.
-
-    Raises:
-        InputError: If a text is not a number, or the decimal mark is not certain.
     """
     cells = {name: TextCells(column) for name, column in texts.items()}
     numbers = [name for name in wanted.numbers if name in texts]

@@ -32,17 +32,6 @@ from rtamt_gym.recorded.recording import Floats, Recording, Rows, TimePart
 from rtamt_gym.recorded.same_time import same_as_before
 from rtamt_gym.tables import number
 
-__all__ = [
-    "TIME",
-    "TimeAxis",
-    "TimeColumn",
-    "find_times",
-    "join_times",
-    "newest_first",
-    "rises",
-    "simple",
-]
-
 TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
 
@@ -102,9 +91,6 @@ def find_times(
         read: The columns that specifications read. One with a less usual name is not taken.
         needed: Whether times are needed. Several columns with less usual names are an error then;
             otherwise none is taken.
-
-    Raises:
-        InputError: If the named column is missing, or if several names are of times.
     """
     found = _found(recording, columns, read, needed=needed)
     if found is not None and found.part is not None and found.part.unit and columns.time_unit:
@@ -153,7 +139,7 @@ def _found(
 
 
 def _named(recording: Recording, name: str) -> TimeColumn:
-    """The column that ``--time`` names, or the two columns, as in ``secs+nsecs``."""
+    """Return the column that ``--time`` names, or the two columns, as in ``secs+nsecs``."""
     names = [*dict.fromkeys(recording.names)]
     if name in names:
         return TimeColumn(name)
@@ -178,7 +164,7 @@ def _only(recording: Recording, found: Sequence[TimeColumn]) -> TimeColumn:
 
 
 def _with_date(name: str, recording: Recording) -> TimeColumn:
-    """A column of times with the only column of dates, which counts if it holds times of day."""
+    """Return a column of times, with the only column of dates if it may hold times of day."""
     dates = [n for n in recording.names if "".join(name_words(n)) in _DATE_NAMES]
     if "".join(name_words(name)) in _CLOCK_NAMES and len(dates) == 1 and dates[0] != name:
         return TimeColumn(name, TimePart(dates[0]))
@@ -186,7 +172,7 @@ def _with_date(name: str, recording: Recording) -> TimeColumn:
 
 
 def _second_pairs(names: Sequence[str]) -> list[TimeColumn]:
-    """The columns of seconds that have a column of nanoseconds or other parts of seconds."""
+    """Return the columns of seconds that have a column of nanoseconds or other parts of seconds."""
     return [
         TimeColumn(name, TimePart(part, unit))
         for name, part, unit in split_times(names)
@@ -202,9 +188,6 @@ def join_times(times: RawTimes, part: RawTimes, unit: str, where: Callable[[int]
         part: The parts.
         unit: The unit of the parts.
         where: Returns the place of a row, for messages.
-
-    Raises:
-        InputError: If seconds are not whole, or a part is negative or a second or more.
     """
     whole = times.astype(np.int64)
     parts = part.astype(np.int64)
@@ -249,11 +232,7 @@ class TimeAxis:
 
     @staticmethod
     def of(rows: Rows, column: str, columns: Columns) -> TimeAxis:
-        """The times of the rows of a recording.
-
-        Raises:
-            InputError: If a time is not finite, or if the name of the column has an unknown unit.
-        """
+        """Return the times of the rows of a recording."""
         raw = rows.times
         assert raw is not None, "the column was read"  # noqa: S101 - for mypy
         if raw.dtype.kind == "f":
@@ -311,11 +290,7 @@ class TimeAxis:
         return self.start + self.since
 
     def check_distances(self, rows: Rows) -> None:
-        """Checks that each time has a distance to the first, where it is not left aside.
-
-        Raises:
-            InputError: If one is not finite.
-        """
+        """Check that each time has a distance to the first, where it is not left aside."""
         far = ~np.isfinite(self.since)
         if far.any():
             raw, at = rows.times, int(far.argmax())
@@ -327,11 +302,7 @@ class TimeAxis:
             )
 
     def check_unit(self, where: str) -> None:
-        """Checks that the times can be seconds, if nobody has said so.
-
-        Raises:
-            InputError: If they are too far apart, or too great.
-        """
+        """Check that the times can be seconds, if nobody has said so."""
         if self.certain or not self.absurd or len(self.since) < 2:
             return
         usual = float(np.median(np.abs(np.diff(self.since))))
@@ -358,9 +329,6 @@ class TimeAxis:
             where: Returns the place of a row, for messages.
             rows: The rows that count; None: all do.
             what: Whose times they are, such as `` of 'x'``.
-
-        Raises:
-            InputError: If times go back.
         """
         rows = np.arange(len(self.since)) if rows is None else rows
         since = self.since[rows]
@@ -412,7 +380,7 @@ class TimeAxis:
         )
 
     def text(self, at: int) -> str:
-        """The time of a row in seconds, since the first row if the time is long."""
+        """Return the time of a row in seconds, since the first row if the time is long."""
         if abs(self.start) < 1e6:
             return f"{self.start + self.since[at]:.15g}"
         return f"{self.since[at]:.15g} s since the first"
@@ -447,7 +415,7 @@ def _check_no_clock(raw: RawTimes, place: str) -> None:
 
 
 def _absurd(raw: RawTimes) -> bool:
-    """Whether numbers can hardly be seconds."""
+    """Return whether numbers can hardly be seconds."""
     numbers = raw.astype(np.float64)
     with np.errstate(over="ignore"):
         usual = float(np.median(np.abs(np.diff(numbers))))
@@ -459,7 +427,7 @@ def _absurd(raw: RawTimes) -> bool:
 
 
 def _step(whole: NDArray[Any], unit: int) -> Fraction | None:
-    """The distance of whole numbers of a unit in seconds, if it is the same everywhere."""
+    """Return the distance of whole numbers of a unit in seconds, if it is the same everywhere."""
     if len(whole) < 2:
         return None
     first = int(whole[1]) - int(whole[0])
@@ -474,7 +442,7 @@ def _scaled(raw: RawTimes, unit: int) -> Floats:
 
 
 def simple(value: float, blur: float) -> Fraction:
-    """A fraction with a small denominator within ``blur`` of a value."""
+    """Return a fraction with a small denominator within ``blur`` of a value."""
     near = Fraction(value)
     for power in range(1, 12):
         simple_ = near.limit_denominator(10**power)

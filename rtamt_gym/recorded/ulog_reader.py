@@ -24,8 +24,6 @@ from rtamt_gym.recorded.same_time import SameTime, check_rising, one_record
 from rtamt_gym.recorded.times import TIME
 from rtamt_gym.tables import counted, number
 
-__all__ = ["ULogRecording", "open_file"]
-
 _STAMP = "timestamp"
 _HEADER = 3
 """Bytes before every message of a log: how long it is, and its type."""
@@ -33,12 +31,7 @@ _HEADER = 3
 
 @contextmanager
 def open_file(path: str, columns: Columns) -> Iterator[Recording]:
-    """Opens a log.
-
-    Raises:
-        InputError: If it is none, is damaged, or holds no data.
-        OSError: If there is no such file.
-    """
+    """Open a log."""
     with Path(path).open("rb") as raw, refusing(path, "a ULog file"):
         file = _Bytes(raw)
         try:
@@ -69,7 +62,7 @@ class _Bytes:
         self._read = raw.read
 
     def read(self, size: int) -> bytes:
-        """The next bytes."""
+        """Return the next bytes."""
         found = self._read(size)
         self.cut |= len(found) < size and not (size == _HEADER and not found)
         return found
@@ -113,11 +106,7 @@ class ULogRecording(Recording):
             )
 
     def read(self, wanted: Wanted) -> Rows:
-        """Reads the wanted fields.
-
-        Raises:
-            InputError: If the times of a topic go back.
-        """
+        """Read the wanted fields."""
         names = [each for each in (*wanted.numbers, *wanted.texts) if each != TIME]
         fields = {each: self._fields[each] for each in names or list(self._fields)[:1]}
         kept, notes = self._in_order(fields)
@@ -128,13 +117,13 @@ class ULogRecording(Recording):
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
 
     def _ends(self) -> NDArray[np.uint64]:
-        """The first and the last time of all topics."""
+        """Return the first and the last time of all topics."""
         stamped = [times[times > 0] for times in self._lines]
         ends = [end for times in stamped if len(times) for end in (times.min(), times.max())]
         return np.array([min(ends), max(ends)], np.uint64)
 
     def _in_order(self, fields: Mapping[str, _Field]) -> tuple[dict[str, _Field], list[str]]:
-        """The fields with times that increase, and what was left out for that."""
+        """Return the fields with times that increase, and what was left out for that."""
         kept: dict[str, _Field] = {}
         said: dict[str, None] = {}
         notes: list[str] = []
@@ -167,7 +156,7 @@ def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 
 def _fields(log: ULog) -> dict[str, _Field]:
-    """The fields of all topics by name."""
+    """Return the fields of all topics by name."""
     instances: dict[str, dict[int, list[Any]]] = {}
     for data in log.data_list:
         instances.setdefault(data.name, {}).setdefault(data.multi_id, []).append(data)
@@ -186,7 +175,7 @@ def _fields(log: ULog) -> dict[str, _Field]:
 
 
 def _joined(topic: str, parts: Sequence[Any]) -> dict[str, _Field]:
-    """The fields of an instance, whose topic a logger may have subscribed several times."""
+    """Return the fields of an instance, whose topic a logger may have subscribed several times."""
     parts = [part.data for part in parts if _STAMP in part.data]
     if not parts:
         return {}
@@ -201,7 +190,7 @@ def _joined(topic: str, parts: Sequence[Any]) -> dict[str, _Field]:
 
 
 def _dropouts(log: ULog) -> list[str]:
-    """What is to say of data that the autopilot could not write."""
+    """Return what is to say of data that the autopilot could not write."""
     if not log.dropouts:
         return []
     total = sum(each.duration for each in log.dropouts)

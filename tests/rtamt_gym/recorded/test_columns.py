@@ -12,8 +12,9 @@ import rtamt
 from rtamt_gym.recorded.columns import Columns, Missing, read_columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
+from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.times import simple
-from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
+from rtamt_gym.recorded.trace import EventTrace, Trace
 
 
 def read(text: str, columns: Columns | None = None, variables: Sequence[str] = ("x",)) -> Trace:

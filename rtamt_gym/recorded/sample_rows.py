@@ -1,0 +1,317 @@
+"""Reads traces from recordings: samples at even distances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.columns import NEAR, Columns
+from rtamt_gym.recorded.grid import (
+    HOLE,
+    Grid,
+    Records,
+    Resampled,
+    hole_note,
+    longest_gap,
+    resampled,
+)
+from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables, take_default
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, selection_notes
+from rtamt_gym.recorded.roles import RowTable
+from rtamt_gym.recorded.same_time import one_record, same_as_before
+from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
+from rtamt_gym.recorded.trace import PERIODS, Trace
+from rtamt_gym.results.extent import Gap
+from rtamt_gym.tables import counted
+
+
+def read_trace(
+    recording: Recording,
+    variables: Sequence[str],
+    columns: Columns | None = None,
+    *,
+    if_events: str = "",
+    period: Fraction | None = None,
+    timed: bool = False,
+    table: bool = False,
+) -> Trace:
+    """Read samples of the variables, and their times if there is a column of times.
+
+    Args:
+        recording: The file.
+        variables: The variables that are needed.
+        columns: How the columns are read.
+        if_events: Advice for errors that rows which are events, not samples, may cause.
+        period: Seconds between samples where the times are left aside.
+        timed: Whether a specification has time bounds, which need times or a period.
+        table: Whether the file is one table, whose rows may belong to several objects.
+
+    Example:
+        >>> from rtamt_gym.recorded.csv_reader import CsvRecording
+        >>> trace = read_trace(CsvRecording(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
+        >>> trace.columns["x"].tolist(), trace.period()
+        ([5.0, 4.0], Fraction(1, 2))
+    """
+    columns = columns or Columns()
+    read = {columns.column(name) for name in variables}
+    about_times = {
+        "--max-gap": columns.max_gap,
+        "--jitter": columns.jitter,
+        "--time-unit": columns.time_unit,
+    }
+    option = next((name for name, value in about_times.items() if value is not None), None)
+    needed = period is None and (timed or option is not None)
+    time = find_times(recording, columns, read=read, needed=needed)
+    if time is None and option is not None:
+        raise InputError(
+            f"{recording.source}: expected a column of times, which {option} speaks of; the "
+            f"columns are {listed(recording.names, TIME)}; give --time COLUMN"
+        )
+    check_near(recording.source, recording.names, variables, columns)
+    there = recorded_variables(recording.names, variables, columns)
+    numbers = needed_columns(recording, there, columns, if_events)
+    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing unknown", if_events)))
+    gaps = () if columns.missing == "raise" else numbers
+    wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
+    rows = read_rows(recording, wanted_times(wanted, time, columns))
+    rules = RowTable(recording, columns, read, time)
+    if table:
+        rules.check_objects(rows, {n: ~np.isnan(each) for n, each in rows.numbers.items()})
+        rules.check_clocks(rows)
+    if table and timed and time is None and period is None:
+        rules.check_times(rows)
+    check_valid(rows, columns)
+    values = {name: rows.numbers[columns.column(name)] for name in there}
+    notes, defaults = [*rows.notes, *selection_notes(rows, columns.where)], {}
+    for name in variables:
+        if name not in there:
+            values[name] = np.full(rows.count, columns.starts[name])
+            near = "" if name in columns.defaults else nearest(name, recording.names)
+            why = f"there is no such column{near}"
+            notes.append(take_default(recording.source, name, columns, why))
+            defaults[name] = columns.starts[name]
+    times = None if time is None else TimeAxis.of(rows, time.name, columns)
+    if times is not None and period is None:
+        times.check_distances(rows)
+    if times is not None and newest_first(times.since):
+        times.check_order(rows.where)
+    trace = Trace(
+        recording.source,
+        values,
+        rows.count,
+        times,
+        rows.where,
+        columns.jitter,
+        if_events,
+        notes,
+        defaults=defaults,
+    )
+    if period is None:
+        trace = _one_row_a_time(trace, columns)
+    trace = _measured(trace, columns, None if period is None else float(period))
+    return _on_grid(_filled(trace, columns), columns, absent=defaults)
+
+
+def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
+    """Return the trace with one row for each time: equal values at one time are one value."""
+    if trace.times is None:
+        return trace
+    same = same_as_before(trace.times.since)
+    if not same.any() or (np.diff(trace.times.since)[~same] < 0).any():
+        return trace  # the second is refused later
+    first = np.append(True, ~same)
+    group, seconds, notes = np.cumsum(first) - 1, trace.times.seconds, [*trace.notes]
+    merged = {}
+    for name, values in trace.columns.items():
+        (given,) = np.nonzero(~np.isnan(values))
+        what = f"{trace.source}, column '{columns.column(name)}'"
+        kept, note = one_record(
+            trace.times.since[given], values[given], columns.same_time, what, seconds[given]
+        )
+        notes += filter(None, [note])
+        merged[name] = np.full(int(first.sum()), np.nan)
+        merged[name][group[given[kept]]] = values[given[kept]]
+    return replace(trace.selected(np.nonzero(first)[0]), columns=merged, notes=notes)
+
+
+def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
+    """Return the trace with its longest gap, a note on holes, and its grid if it needs one."""
+    times = trace.times
+    if times is None or trace.samples < 2:
+        return trace
+    if period is not None and columns.missing == "raise":
+        steps = np.diff(times.since)
+        at = int(steps.argmax())
+        if period - float(steps.min()) <= NEAR * period >= float(steps[at]) - period:
+            gap = Gap(float(steps[at]), trace.start + float(times.since[at]), period)
+            return replace(trace, gap=gap)
+    grid = Grid(times, trace.jitter)
+    if not grid.rises:
+        return replace(trace, grid=grid)  # period() refuses it
+    if columns.max_gap is not None and columns.most < grid.usual * (1 - NEAR):
+        unit = f"; {times.unit_note}" if times.unit_note else ""
+        raise InputError(
+            f"{trace.source}: expected --max-gap of a step at least, got {columns.most:g} s where "
+            f"samples are {grid.usual:.6g} s apart{unit}"
+        )
+    rows = Records(times.since, grid.steps, grid.usual)
+    records = dict.fromkeys(trace.columns, rows) or {"": rows}
+    for name, values in trace.columns.items() if columns.missing != "raise" else ():
+        given = ~np.isnan(values)
+        if not given.all():
+            given[-1] = True  # a value lasts to the end
+            records[name] = Records.of(times.since[given])
+    hole = hole_note(records, columns.most, trace.start)
+    notes = [*trace.notes, *([hole] if hole else [])]
+    return replace(trace, notes=notes, gap=longest_gap(records, trace.start), grid=grid)
+
+
+def _filled(trace: Trace, columns: Columns) -> Trace:
+    """Return the trace after the treatment of empty cells, which are nan."""
+    empty = {name: np.isnan(values) for name, values in trace.columns.items()}
+    counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
+    if not counts:
+        return trace
+    if columns.missing == "unknown":
+        each = ", ".join(
+            f"{name}: {count}, the first in {trace.where(int(empty[name].argmax()))}"
+            for name, count in counts.items()
+        )
+        note = f"empty cells are unknown samples ({each})"
+        return replace(trace, notes=[*trace.notes, note], unknown=tuple(counts))
+    if columns.missing == "hold":
+        held = dict(trace.columns)
+        for name in counts:
+            values = trace.columns[name]
+            if empty[name][0] and name not in columns.starts:
+                raise InputError(
+                    f"{trace.where(0)}, column '{name}': expected a number to hold, got an empty "
+                    "cell; give --missing unknown"
+                )
+            last = np.maximum.accumulate(np.where(empty[name], 0, np.arange(trace.samples)))
+            first = columns.starts.get(name, np.nan)
+            held[name] = np.where(np.isnan(values[last]), first, values[last])
+            if trace.times is not None and columns.max_gap is not None:
+                after = _next(~empty[name])
+                since = trace.times.since
+                hole = ~np.isnan(values[last]) & (since[after] - since[last] > columns.most)
+                hole &= empty[name]
+                held[name][hole] = np.nan
+        filled = {n: count - int(np.isnan(held[n]).sum()) for n, count in counts.items()}
+        each = ", ".join(f"{name}: {count}" for name, count in filled.items() if count)
+        note = f"empty cells hold the value before ({each})" if each else ""
+        late = [name for name in counts if empty[name][0]]
+        said = [
+            take_default(trace.source, name, columns, "its first cell is empty") for name in late
+        ]
+        defaults = {**trace.defaults, **{name: columns.starts[name] for name in late}}
+        notes = [*trace.notes, *filter(None, [note]), *said]
+        return replace(trace, columns=held, notes=notes, defaults=defaults)
+    (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
+    if not len(rows):
+        raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
+    left_out = trace.samples - len(rows)
+    note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
+    return replace(trace.selected(rows), notes=[*trace.notes, note])
+
+
+def _next(given: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the place of the next value at or after each place; the last place without one."""
+    places = np.where(given, np.arange(len(given)), len(given) - 1)
+    return np.minimum.accumulate(places[::-1])[::-1]
+
+
+def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trace:
+    """Return the trace, resampled if that is asked for and its samples lie off the grid."""
+    named = _with_unknown(trace, columns)
+    if trace.times is None or trace.samples < 2:
+        return named
+    if trace.jitter is None and columns.max_gap is None:
+        return named
+    grid = trace.grid or Grid(trace.times, trace.jitter)
+    if grid.even or not grid.rises or not PERIODS[0] <= grid.usual <= PERIODS[1]:
+        return named  # period() refuses what is not even
+    if trace.jitter is None and not grid.even_between_holes:
+        return named
+    trace.times.check_unit(trace.source)
+    new = resampled(trace.times, grid)
+    if new is None:
+        raise InputError(
+            f"{trace.where(int(grid.steps.argmax()) + 1)}: expected a gap that can be resampled "
+            f"every {grid.usual:.6g} s, got {float(grid.steps.max()):.6g} s; cut the trace there"
+        )
+    since = np.arange(float(len(new.rows))) * new.period.numerator / new.period.denominator
+    taken = trace.selected(new.rows)
+    times = replace(trace.times, since=since, step=new.period)
+    notes = [*trace.notes, *_resampled_notes(trace, grid, new, columns.most)]
+    # A sample in a hole has no value, and neither has one between two rows, the second unknown.
+    hole = new.held & (np.append(grid.steps, 0.0)[new.rows] > columns.most)
+    after = np.minimum(new.rows + 1, trace.samples - 1)
+    made = dict(taken.columns)
+    for name in made.keys() - {*absent} if columns.max_gap is not None else ():
+        unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
+        made[name] = np.where(unknown, np.nan, made[name])
+    return _with_unknown(replace(taken, columns=made, times=times, notes=notes), columns)
+
+
+def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> list[str]:
+    """Describe what a trace has on the grid that its rows do not say, but for what is unknown."""
+    every = f"resampled every {float(new.period):.6g} s"
+    if new.off or most == math.inf:
+        said = (
+            f"{every} by holding values: {new.off} of {trace.samples} rows lay more than "
+            f"{100 * grid.jitter:g}% of that off the grid; the longest gap, {new.gap:.6g} s, "
+            f"follows {trace.where(new.at)}"
+        )
+        return [said]
+    steps = np.where(grid.steps <= most, grid.steps, 0.0)
+    at = int(steps.argmax())
+    if steps[at] <= HOLE * grid.usual:
+        return []
+    where = trace.where(at)
+    return [f"{every}: values hold in shorter gaps, the longest of {steps[at]:.6g} s after {where}"]
+
+
+def _with_unknown(trace: Trace, columns: Columns) -> Trace:
+    """Return the trace with the names of the variables of which values are not known."""
+    if columns.max_gap is None:
+        return trace
+    names = [name for name, values in trace.columns.items() if np.isnan(values).any()]
+    return replace(trace, unknown=names)
+
+
+def wanted_times(wanted: Wanted, time: TimeColumn | None, columns: Columns) -> Wanted:
+    """Return the columns to read with those of times, in the rows that ``--where`` selects."""
+    timed = replace(wanted, where=columns.where, date_order=columns.date_order)
+    return timed if time is None else replace(timed, time=time.name, part=time.part)
+
+
+def read_rows(recording: Recording, wanted: Wanted) -> Rows:
+    """Return the wanted columns of a recording."""
+    rows = recording.read(wanted)
+    if not rows.count:
+        raise InputError(f"{rows.source}: expected at least one sample below the line of names")
+    return rows
+
+
+def check_valid(rows: Rows, columns: Columns) -> None:
+    """Check that all records hold numbers, unless somebody has said what others do."""
+    if columns.missing != "raise":
+        return
+    for name, invalid in rows.invalid.items():
+        if invalid.any():
+            at, count = int(invalid.argmax()), int(invalid.sum())
+            when = "" if rows.times is None else f", at {float(rows.times[at]):.9g} s"
+            raise InputError(
+                f"{rows.source}{when}, channel '{name}': expected a number, got a sample that is "
+                f"nan or marked as not valid ({counted(count, 'sample')} in all); give --missing "
+                "unknown, --missing hold or --missing drop"
+            )
