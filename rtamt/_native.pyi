@@ -35,6 +35,13 @@ def term_ranges(
     upper: Sequence[ArrayLike],
     n: int,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]: ...
+def fold_pairs(
+    p: NDArray[np.int64],
+    q: NDArray[np.int64],
+    before: int,
+    is_max: bool,
+    backwards: bool,
+) -> NDArray[np.int64]: ...
 def feed_banks(
     banks: Sequence[protocols.EpisodeBank],
     columns: Sequence[tuple[int, ...]],
@@ -134,7 +141,9 @@ class EpisodeMachine:
     def upper(self) -> float: ...
     @property
     def finished(self) -> bool: ...
-    def run(self, columns: Sequence[NDArray[np.float64]], n: int) -> int | None: ...
+    def judge(
+        self, columns: Sequence[NDArray[np.float64]], n: int, end: End
+    ) -> tuple[float, float, float, float, int | None] | None: ...
     def finish(self, end: End = "complete") -> float: ...
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]

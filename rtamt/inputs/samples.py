@@ -54,6 +54,8 @@ SampleValues = list[float | Between]
 TraceColumns = Mapping[str, object] | ArrayLike
 """Values of every variable, or messages, by name; or an array with a column for each variable."""
 
+_DOUBLE = np.dtype(np.float64)
+
 
 class SampleReader:
     """Reads samples and blocks of samples of a program's variables.
@@ -284,6 +286,8 @@ class SampleReader:
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
+        if n is None and (plain := self._plain(data, extra=extra)) is not None:
+            return plain + self.rates.of_columns(plain, previous), len(plain[0])
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
@@ -308,6 +312,24 @@ class SampleReader:
         made = {v: np.full(length, value) for v, value in held.items()} | given
         values = [made[v] for v in self.variables]
         return values + self.rates.of_columns(values, previous), length
+
+    def _plain(self, data: object, *, extra: bool) -> list[Floats] | None:
+        """Return the columns of a dictionary that has a plain array for every variable, or None."""
+        if type(data) is not dict or not (
+            self._known <= data.keys() if extra else self._known == data.keys()
+        ):
+            return None
+        columns = [data[name] for name in self.variables]
+        length = len(columns[0]) if columns and type(columns[0]) is np.ndarray else -1
+        for column in columns:
+            if (
+                type(column) is not np.ndarray
+                or column.dtype is not _DOUBLE
+                or column.shape != (length,)
+                or not column.flags.c_contiguous
+            ):
+                return None
+        return columns or None
 
     def lines(
         self,
@@ -350,6 +372,9 @@ class SampleReader:
         errors of `columns`, and of `without_nan` if a value is not known.
         """
         halves: list[TraceColumns] = [data]
+        if n is None and self.nan != "unknown" and (plain := self._plain(data, extra=extra)):
+            whole = plain + self.rates.of_columns(plain, ())
+            return whole, whole, len(plain[0])
         if isinstance(data, Mapping) and any(isinstance(v, Between) for v in data.values()):
             halves = [
                 {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}

@@ -36,6 +36,7 @@ from rtamt.machines.protocols import (
     EpisodeRun,
 )
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
+from rtamt.machines.walk import FoldPairs
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.program import Program
@@ -65,7 +66,8 @@ class Factories:
         term_ranges: See `rtamt.machines.terms.term_ranges`.
         episode_panel: ``(machines, places, reads, decided, seen, number)``, for
             `rtamt.monitors.monitor_sets`; None where there is none, or for these machines.
-        episode_run: ``(program, reader, columns, n, end)``; None where columns are always faster.
+        episode_run: ``(program, columns, n, end)``; None where columns are always faster.
+        fold_pairs: See `rtamt.machines.walk.FoldPairs`; None where NumPy folds pairs.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -82,9 +84,8 @@ class Factories:
     term_columns: FindTerms
     term_ranges: FindRanges
     episode_panel: Callable[..., Any] | None = None
-    episode_run: (
-        Callable[[Program, SampleReader, Sequence[Floats], int, End], EpisodeRun] | None
-    ) = None
+    episode_run: Callable[[Program, Sequence[Floats], int, End], EpisodeRun | None] | None = None
+    fold_pairs: FoldPairs | None = None
 
 
 BACKENDS: Final[dict[BackendName, Factories]] = {
@@ -130,6 +131,7 @@ else:
         native.term_ranges,
         native.episode_panel,
         native.episode_run,
+        native.fold_pairs,
     )
     read_only = native.read_only
     _own_books, _are_own = native.BOOKS, native.are_own

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.offline import MakeMachine, without_nan
+from rtamt.machines.backend import Factories
+from rtamt.machines.offline import without_nan
 from rtamt.machines.protocols import End
-from rtamt.machines.terms import FindRanges
-from rtamt.machines.walk import Keys, TraceEnd, Walk, initial_registers, to_keys
+from rtamt.machines.walk import FoldPairs, Keys, TraceEnd, Walk, initial_registers, to_keys
 from rtamt.program.instructions import Const, Load, Map, Window, latencies_of
 from rtamt.program.memory import limit_beyond, sufficient
 from rtamt.program.placement import positive
@@ -49,6 +49,7 @@ class TraceBounds:
         least: For each predicate its n values, the least ones of what is not known.
         greatest: The greatest ones; the same object if all are known.
         n: Length of the trace, 1 or more.
+        fold_pairs: See `rtamt.machines.walk.Walk`.
 
     Attributes:
         split: The program for the lower bound.
@@ -62,22 +63,27 @@ class TraceBounds:
         least: Sequence[Keys],
         greatest: Sequence[Keys],
         n: int,
+        fold_pairs: FoldPairs | None,
     ) -> None:
         self.split = worst
         self.n = n
         self._best_split = best
         self._predicates = least, greatest
-        self._worst = Walk(worst.formulas, least, n)
-        self._given = self._worst if best is worst else Walk(best.formulas, least, n)
-        self._best = self._given if greatest is least else Walk(best.formulas, greatest, n)
+        self._fold_pairs = fold_pairs
+
+        def walk(program: SplitProgram, predicates: Sequence[Keys]) -> Walk:
+            return Walk(program.formulas, predicates, n, fold_pairs)
+
+        self._worst = walk(worst, least)
+        self._given = self._worst if best is worst else walk(best, least)
+        self._best = self._given if greatest is least else walk(best, greatest)
 
     @classmethod
     def of(
         cls,
         program: Program,
         reader: SampleReader,
-        machine: MakeMachine,
-        ranges: FindRanges,
+        machines: Factories,
         columns: tuple[Sequence[NDArray[np.float64]], Sequence[NDArray[np.float64]]],
         n: int,
         *,
@@ -88,8 +94,7 @@ class TraceBounds:
         Args:
             program: The program.
             reader: Raises the errors of terms that are nan.
-            machine: Makes the discrete machines of a back-end.
-            ranges: Finds the terms of samples that are not known.
+            machines: The functions of a back-end.
             columns: For every variable its n least and its n greatest values; the same object if
                 all are known, nan among them as the reader allows.
             n: Length of the trace, 1 or more.
@@ -105,13 +110,13 @@ class TraceBounds:
         least: list[Keys] = []
         greatest = least
         if terms.outputs and upper is not lower:
-            found = ranges(terms, reader, observed, lower, upper, n)
+            found = machines.term_ranges(terms, reader, observed, lower, upper, n)
             least, greatest = ([to_keys(column[:needed]) for column in end] for end in found)
         elif terms.outputs:
-            made = machine(terms, SampleReader(terms), observed)
+            made = machines.discrete_machine(terms, SampleReader(terms), observed)
             values = without_nan(reader, lower, lambda known: made.evaluate(known, n))
             least = greatest = [to_keys(column[:needed]) for column in values]
-        return cls(worst, best, least, greatest, needed)
+        return cls(worst, best, least, greatest, needed, machines.fold_pairs)
 
     def part(self, program: Program) -> TraceBounds:
         """The bounds for another program on the trace, which reads no other predicates.
@@ -123,14 +128,14 @@ class TraceBounds:
         least, greatest = self._predicates
         low = [least[place] for place in places]
         high = low if greatest is least else [greatest[place] for place in places]
-        return TraceBounds(worst, best, low, high, self.n)
+        return TraceBounds(worst, best, low, high, self.n, self._fold_pairs)
 
     def until(self, n: int) -> TraceBounds:
         """The bounds for the first n samples."""
         least, greatest = self._predicates
         low = [column[:n] for column in least]
         high = low if greatest is least else [column[:n] for column in greatest]
-        return TraceBounds(self.split, self._best_split, low, high, n)
+        return TraceBounds(self.split, self._best_split, low, high, n, self._fold_pairs)
 
     def robustness(self) -> float:
         """The robustness if the trace is complete, the least one of what is not known."""

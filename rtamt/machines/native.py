@@ -41,6 +41,7 @@ from rtamt.program.placement import Placement, neutral_registers, place, variant
 from rtamt.program.program import Program
 
 read_only = _native.read_only
+fold_pairs = _native.fold_pairs
 
 
 def discrete_machine(
@@ -56,15 +57,16 @@ def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMa
     return _native.EpisodeMachine(*encoded_episode(program), reader, neutral_registers(program))
 
 
-def episode_run(
-    program: Program, reader: SampleReader, columns: Sequence[Floats], n: int, end: End
-) -> EpisodeRun:
-    """What a machine says of a trace of known samples."""
-    machine = episode_machine(program, reader)
-    decided_at = machine.run(columns, n)
-    complete = machine.robustness
-    robustness = machine.finish(end)
-    return EpisodeRun(robustness, complete, machine.lower, machine.upper, decided_at)
+def episode_run(program: Program, columns: Sequence[Floats], n: int, end: End) -> EpisodeRun | None:
+    """Judge a trace of known samples; None if a value or a term is nan."""
+    run = _judging_machine(program).judge(columns, n, end)
+    return None if run is None else EpisodeRun(*run)
+
+
+@functools.lru_cache(maxsize=64)  # programs are cached, and differ by identity
+def _judging_machine(program: Program) -> _native.EpisodeMachine:
+    """Return a machine whose calls each judge a trace of their own."""
+    return episode_machine(program, SampleReader(program))
 
 
 def episode_panel(

@@ -34,6 +34,13 @@ from rtamt.program.program import Program
 Keys = NDArray[np.int64]
 """Numbers as `ordered` gives them."""
 
+FoldPairs = Callable[[Keys, Keys, int, bool, bool], Keys]
+"""``(p, q, before, is_max, backwards)``: max(q, min(p, before)) of each pair (p, q).
+
+The value of a pair is `before` of the next one; ``backwards``, of the previous one. If not
+``is_max``, min and max are exchanged.
+"""
+
 _FLIP = np.iinfo(np.int64).max
 # How many elements are folded at once. The arrays of a window fit into a fast cache.
 _BLOCK = 1 << 15
@@ -99,10 +106,18 @@ class Walk:
         program: A program of bounds, whose variables are predicates.
         columns: The values of each variable.
         n: Length of the trace, 1 or more.
+        fold_pairs: Folds pairs faster than NumPy; see `_prefixes`.
     """
 
-    def __init__(self, program: Program, columns: Sequence[Keys], n: int) -> None:
+    def __init__(
+        self,
+        program: Program,
+        columns: Sequence[Keys],
+        n: int,
+        fold_pairs: FoldPairs | None = None,
+    ) -> None:
         self._program = program
+        self._fold_pairs = fold_pairs
         self._columns = dict(zip(program.variables, columns, strict=True))
         self._n = n
         self._complete: dict[int, Keys] = {}
@@ -158,14 +173,15 @@ class Walk:
         if window.hi is None:
             settled = min(n, *(self._settled(a, ending) for a in window.args))
         if settled <= begin:
-            return _total(fold, [self._between(a, ending, begin, end + 1) for a in window.args])[-1]
+            columns = [self._between(a, ending, begin, end + 1) for a in window.args]
+            return self._total(fold, columns)[-1]
         if (register, settled) not in self._totals:
             columns = [self._of_complete(a)[begin:settled] for a in window.args]
-            self._totals[register, settled] = _total(fold, columns)
+            self._totals[register, settled] = self._total(fold, columns)
         total = self._totals[register, settled]
         if settled <= end:
             rest = [self._between(a, ending, settled, end + 1) for a in window.args]
-            total = fold.made(min, max)(total, _total(fold, rest))
+            total = fold.made(min, max)(total, self._total(fold, rest))
         return total[-1]
 
     def _settled(self, register: int, ending: TraceEnd) -> int:
@@ -209,9 +225,9 @@ class Walk:
             case Map(function, args):
                 return _mapped(function, [self._complete[a] for a in args])
             case Window(fold, _, None, args):
-                return _suffixes(FOLDS[fold], [self._complete[a] for a in args])
+                return self._suffixes(FOLDS[fold], [self._complete[a] for a in args])
             case Window(fold, None, hi, args):
-                found = _prefixes(FOLDS[fold], [self._complete[a] for a in args])
+                found = self._prefixes(FOLDS[fold], [self._complete[a] for a in args])
                 late = min(-(hi or 0), self._n)
                 return np.concatenate([np.full(late, _NOTHING[fold][-1]), found[: self._n - late]])
             case Window() as window:
@@ -266,14 +282,14 @@ class Walk:
         opened, skips = TraceEnd("open", ending.best), window.skips(best=ending.best)
         end = max(self._tail(a, opened).last for a in args) + 1
         later = [self._between(a, opened, n, end) for a in args]
-        beyond = later[-1] if skips else _suffixes(fold, later)
+        beyond = later[-1] if skips else self._suffixes(fold, later)
         if ending.end == "cut" or skips:
             if known == n:
                 return _Tail(n, beyond)
-            recorded = _suffixes(fold, [self._between(a, ending, 0, n) for a in args])
+            recorded = self._suffixes(fold, [self._between(a, ending, 0, n) for a in args])
             return _Tail(0, np.concatenate([recorded, beyond]))
         if fold.width > 1 or known < n:
-            return _Tail(0, _suffixes(fold, [self._between(a, ending, 0, end) for a in args]))
+            return _Tail(0, self._suffixes(fold, [self._between(a, ending, 0, end) for a in args]))
         if beyond[0] == -1 - _NOTHING[fold.name][0]:  # it decides every fold that it is in
             return _Tail(0, np.concatenate([np.full(n, beyond[0]), beyond]))
         recorded = _mapped(fold.name, [self._of_complete(register), beyond[:1]])
@@ -292,7 +308,7 @@ class Walk:
             before = int(self._of_complete(register)[settled - 1])
             older = (*nothing[:-1], before)
             columns = [np.concatenate([[e], c]) for e, c in zip(older, columns, strict=True)]
-        found = _prefixes(fold, columns)[1 if folded else 0 :]
+        found = self._prefixes(fold, columns)[1 if folded else 0 :]
         early = np.full(end - settled - len(found), nothing[-1])  # before the first element
         return _Tail(settled, np.concatenate([early, found]))
 
@@ -327,6 +343,59 @@ class Walk:
             found[first - begin : after - begin] = _slid(fold, columns, hi - lo + 1)
         return found
 
+    def _total(self, fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
+        """The fold of all elements, of which there is one at least."""
+        if fold.width == 1:
+            reduce = np.minimum if fold.identity[-1] > 0 else np.maximum
+            return (int(reduce.reduce(columns[0])),)
+        combine, choose, total = _combine(fold), fold.made(min, max), _NOTHING[fold.name]
+        if self._fold_pairs is not None:
+            (p, q), last = columns, total[-1]
+            ahead = fold.name in ("until", "release")
+            begins = range(0, len(p), _BLOCK)
+            for begin in reversed(begins) if ahead else begins:
+                block = slice(begin, begin + _BLOCK)
+                folds = self._fold_pairs(p[block], q[block], last, fold.identity[-1] < 0, ahead)
+                last = int(folds[0 if ahead else -1])
+            reduce = np.minimum if fold.identity[0] > 0 else np.maximum
+            return int(reduce.reduce(p)), last
+        for begin in range(0, len(columns[0]), _BLOCK):
+            run = tuple(c[begin : begin + _BLOCK] for c in columns)
+            while len(run[0]) > 1:
+                pairs = len(run[0]) // 2 * 2
+                odd = tuple(c[pairs:] for c in run)
+                run = combine(tuple(c[0:pairs:2] for c in run), tuple(c[1:pairs:2] for c in run))
+                if len(odd[0]):
+                    run = tuple(np.concatenate(both) for both in zip(run, odd, strict=True))
+            total = choose(total, tuple(int(c[0]) for c in run))
+        return total
+
+    def _scanned(self, fold: LatticeFold, columns: Sequence[Keys], *, backwards: bool) -> Keys:
+        assert self._fold_pairs is not None  # noqa: S101 - the callers ask
+        (p, q), before = columns, _NOTHING[fold.name][-1]
+        return self._fold_pairs(p, q, before, fold.identity[-1] < 0, backwards)
+
+    def _suffixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
+        """The folds from each element to the last one; of pairs those of the future."""
+        if fold.width > 1 and self._fold_pairs is not None:
+            return self._scanned(fold, columns, backwards=True)
+        return self._prefixes(FOLDS[fold.mirror], [column[::-1] for column in columns])[::-1]
+
+    def _prefixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
+        """The folds from the first element to each one; of pairs those of the past."""
+        if fold.width == 1:
+            accumulate = (np.minimum if fold.identity[-1] > 0 else np.maximum).accumulate
+            return accumulate(columns[0])
+        if self._fold_pairs is not None:
+            return self._scanned(fold, columns, backwards=False)
+        total, found = _NOTHING[fold.name], [columns[-1][:0]]
+        for begin in range(0, len(columns[0]), _PREFIX_BLOCK):
+            values, total = _prefixes_of_block(
+                fold, total, [column[begin : begin + _PREFIX_BLOCK] for column in columns]
+            )
+            found.append(values)
+        return np.concatenate(found)
+
 
 @functools.lru_cache(maxsize=1024)  # programs are cached, and differ by identity
 def _needed(program: Program, register: int) -> tuple[int, ...]:
@@ -355,44 +424,6 @@ def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
         run = combine(tuple(c[:-more] for c in run), tuple(c[more:] for c in run))
         known += more
     return run[-1]
-
-
-def _total(fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
-    """The fold of all elements, of which there is one at least."""
-    if fold.width == 1:
-        reduce = np.minimum if fold.identity[-1] > 0 else np.maximum
-        return (int(reduce.reduce(columns[0])),)
-    combine, choose = _combine(fold), fold.made(min, max)
-    total = _NOTHING[fold.name]
-    for begin in range(0, len(columns[0]), _BLOCK):
-        run = tuple(c[begin : begin + _BLOCK] for c in columns)
-        while len(run[0]) > 1:
-            pairs = len(run[0]) // 2 * 2
-            odd = tuple(c[pairs:] for c in run)
-            run = combine(tuple(c[0:pairs:2] for c in run), tuple(c[1:pairs:2] for c in run))
-            if len(odd[0]):
-                run = tuple(np.concatenate(both) for both in zip(run, odd, strict=True))
-        total = choose(total, tuple(int(c[0]) for c in run))
-    return total
-
-
-def _suffixes(fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-    """The folds from each element to the last one."""
-    return _prefixes(FOLDS[fold.mirror], [column[::-1] for column in columns])[::-1]
-
-
-def _prefixes(fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-    """The folds from the first element to each one."""
-    if fold.width == 1:
-        accumulate = (np.minimum if fold.identity[-1] > 0 else np.maximum).accumulate
-        return accumulate(columns[0])
-    total, found = _NOTHING[fold.name], [columns[-1][:0]]
-    for begin in range(0, len(columns[0]), _PREFIX_BLOCK):
-        values, total = _prefixes_of_block(
-            fold, total, [column[begin : begin + _PREFIX_BLOCK] for column in columns]
-        )
-        found.append(values)
-    return np.concatenate(found)
 
 
 def _prefixes_of_block(

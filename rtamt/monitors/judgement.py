@@ -274,7 +274,7 @@ def judge(
         pairs = zip(program.program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
     trace = SampleTrace(program, options.get("align"), reading, (least, greatest), length)
-    bounds, complete = trace.judge(reader)
+    bounds, complete = trace.judge()
     return Judgement.of(trace, reading, bounds, complete, tuple(unknown))
 
 

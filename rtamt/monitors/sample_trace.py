@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from fractions import Fraction
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.errors import InputError, SpecificationError
+from rtamt.errors import SpecificationError
 from rtamt.inputs.samples import SampleReader
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
@@ -70,7 +69,7 @@ class SampleTrace:
         self.formula = compiled.specification.formula
         self.hides = reads_hidden(self.formula, compiled.interface)
 
-    def judge(self, reader: SampleReader) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    def judge(self) -> tuple[tuple[float, float, float], tuple[float, float]]:
         """Return robustness and bounds, and the bounds of the complete trace.
 
         The native machine of `EpisodeMonitor` judges short traces; columns judge all others.
@@ -79,8 +78,8 @@ class SampleTrace:
         run = None
         episode_run = BACKENDS[self._compiled.backend].episode_run
         if episode_run is not None and greatest is least and _is_short(self._program, self._n):
-            with suppress(InputError):  # a sample that may not matter: columns decide
-                run = episode_run(self._program, reader, least, self._n, self._end)
+            # None: the sample that is refused may not matter, which columns decide.
+            run = episode_run(self._program, least, self._n, self._end)
         if run is not None or self.hides:  # they are read later, and the caller may write to them
             low = [column.copy() for column in least]
             high = low if greatest is least else [column.copy() for column in greatest]
@@ -106,8 +105,7 @@ class SampleTrace:
         """The bounds of the formula."""
         machines = BACKENDS[self._compiled.backend]
         reader = SampleReader(self._program, self._compiled.nan, bounds=True)
-        makers = machines.discrete_machine, machines.term_ranges
-        return TraceBounds.of(self._program, reader, *makers, self._columns, self._n)
+        return TraceBounds.of(self._program, reader, machines, self._columns, self._n)
 
     @property
     def n(self) -> int:
@@ -190,8 +188,7 @@ class SampleTrace:
         if any(low is not high for low, high in pairs):
             upper = [high[:n] for _, high in pairs]
         reader = SampleReader(program, self._compiled.nan, bounds=True)
-        makers = machines.discrete_machine, machines.term_ranges
-        return TraceBounds.of(program, reader, *makers, (lower, upper), n, everywhere=everywhere)
+        return TraceBounds.of(program, reader, machines, (lower, upper), n, everywhere=everywhere)
 
 
 class _SampleSigns:

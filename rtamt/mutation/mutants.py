@@ -276,8 +276,7 @@ def _verdicts(
         bounds = TraceBounds.of(
             joint,
             reader,
-            factories.discrete_machine,
-            factories.term_ranges,
+            factories,
             (lower, upper),
             length,
         )

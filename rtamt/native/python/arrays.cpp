@@ -33,15 +33,26 @@ ArrayView::ArrayView(nb::object array, std::size_t n, int flags) : array_(std::m
 
 Arrays::Arrays(std::size_t variables, std::size_t observed, const nb::sequence& columns,
                std::size_t n) {
-    const auto numpy = nb::module_::import_("numpy");
+    // A view keeps others from resizing an array. None of them runs during short calls, unless a
+    // column is converted.
+    const Numpy& numpy = Numpy::instance();
+    bool plain = n < kWorthAThread;
+    for (nb::handle column : columns) plain = plain && numpy.line(column.ptr(), n) != nullptr;
     for (nb::handle column : columns) {
-        in_.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
-        sources_.push_back(in_.back().data<double>());
+        if (plain) {
+            held_.push_back(nb::borrow(column));
+            sources_.push_back(numpy.line(column.ptr(), n));
+        } else {
+            const auto contiguous = nb::module_::import_("numpy").attr("ascontiguousarray");
+            in_.emplace_back(contiguous(column, "float64"), n, PyBUF_ND);
+            sources_.push_back(in_.back().data<double>());
+        }
     }
-    if (in_.size() != variables)
+    if (sources_.size() != variables)
         throw nb::value_error("expected a column for every variable");
     for (std::size_t i = 0; i < observed; ++i) {
-        out_.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
+        const nb::object array = nb::module_::import_("numpy").attr("empty")(n);
+        out_.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);
         targets_.push_back(out_.back().data<double>());
     }
 }

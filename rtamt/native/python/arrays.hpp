@@ -71,6 +71,9 @@ inline nb::object doubles(const double* values, std::size_t n) {
     return array.make<double>(n, [values](std::size_t i) { return values[i]; });
 }
 
+// Calls over so many elements let other threads run.
+inline constexpr std::size_t kWorthAThread = 10'000;
+
 // The columns of a call, and new arrays for the observed registers.
 class Arrays {
 public:
@@ -85,6 +88,7 @@ public:
 
 private:
     std::vector<ArrayView> in_;
+    std::vector<nb::object> held_;  // columns that are read in place
     std::vector<ArrayView> out_;
     std::vector<const double*> sources_;
     std::vector<double*> targets_;

@@ -26,28 +26,26 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
         nan_is_unknown};
 }
 
-// Takes in samples until one is refused. Gives the first that decided the verdict, None if none did.
-nb::object run(EpisodeObject& object, const nb::sequence& columns, std::size_t n) {
-    require_open(object);
+// Judges a whole trace from a reset on, without a sample that is refused: None if there is one.
+nb::object judge(EpisodeObject& object, const nb::sequence& columns, std::size_t n,
+                 const std::string& end) {
+    require_idle(object);
+    const End reading = end_of(end);
     EpisodeVariants& machine = object.machine;
     const Arrays arrays(machine.variables(), 0, columns, n);
-    require_open(object);
-    const std::int64_t first = machine.samples();
-    std::int64_t decided = -1;
-    const std::size_t taken = run_long(object, n, [&] {
-        for (std::size_t i = 0; i < n; ++i) {
-            double* pending = machine.pending();
-            for (std::size_t k = 0; k < machine.variables(); ++k)
-                pending[k] = arrays.sources()[k][i];
-            if (!machine.take()) return i;
-            if (decided < 0 && machine.verdict() != 0) decided = machine.samples() - 1;
-        }
-        return n;
-    });
-    if (taken < n)
-        refuse_nan(object, arrays.sample(taken).data(), first + static_cast<std::int64_t>(taken));
-    refresh(object);
-    return decided < 0 ? nb::none() : nb::object(nb::int_(decided));
+    require_idle(object);
+    if (n == 0) throw nb::value_error("expected a sample, got none");
+    machine.reset();
+    nb::object decided = nb::none();
+    for (std::size_t i = 0; i < n; ++i) {
+        double* pending = machine.pending();
+        for (std::size_t k = 0; k < machine.variables(); ++k) pending[k] = arrays.sources()[k][i];
+        if (!machine.take()) return nb::none();
+        if (decided.is_none() && machine.verdict() != 0) decided = nb::int_(i);
+    }
+    const double complete = machine.result();
+    machine.finish(reading);
+    return nb::make_tuple(machine.result(), complete, machine.lower(), machine.upper(), decided);
 }
 
 double finish(EpisodeObject& object, const std::string& end) {
@@ -98,8 +96,10 @@ void bind_episode(nb::module_& m) {
                      "The greatest robustness over all continuations.")
         .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
                      "Whether the episode has ended.")
-        .def("run", run, nb::arg("columns"), nb::arg("n"),
-             "Take in n samples; return the first that decided the verdict, None if none did.")
+        .def("judge", judge, nb::arg("columns"), nb::arg("n"), nb::arg("end"),
+             "Reset the machine and judge a trace; return its robustness, the robustness if it is\n"
+             "complete, the bounds, and the first sample that decided the verdict or None; None if\n"
+             "a value or a term is nan.")
         .def("finish", finish, nb::arg("end") = "complete",
              "End the episode, make the bounds those of this reading; return its robustness.")
         .def("show_in", show_in, nb::arg("monitor"), nb::arg("slots"), nb::arg("verdicts"),

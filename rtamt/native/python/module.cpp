@@ -15,7 +15,7 @@ NB_MODULE(_native, m) {
     bind_banks(m);
     bind_books(m);
     bind_clocks(m);
-    bind_ranges(m);
+    bind_columns(m);
     bind_regions(m);
     bind_signs(m);
 

@@ -101,6 +101,12 @@ public:
         return other_number(object, out);
     }
 
+    // The numbers of a contiguous 1-D array of n float64; null if it is another object.
+    const double* line(PyObject* array, std::size_t n) const {
+        auto* data = static_cast<const double*>(elements<double>(array, n));
+        return data && reinterpret_cast<const Fields*>(array)->ndim == 1 ? data : nullptr;
+    }
+
     // The elements of a new 1-D array; null if their place is not known.
     void* begin(PyObject* array) const {
         if (!known_) return nullptr;

@@ -9,6 +9,7 @@
 
 #include "core/snapshot.hpp"
 #include "python/arguments.hpp"
+#include "python/arrays.hpp"
 
 namespace rtamt {
 
@@ -69,7 +70,6 @@ inline std::pair<nb::tuple, nb::dict> packed(PyObject* const* args, Py_ssize_t n
 // Runs a call over n elements, and lets other threads run meanwhile if n is large.
 template <class M, class Run>
 auto run_long(Object<M>& object, std::size_t n, Run run) {
-    constexpr std::size_t kWorthAThread = 10'000;
     if (n < kWorthAThread) return run();
     struct WhileRunning {
         explicit WhileRunning(bool& flag) : flag(flag) { flag = true; }
@@ -220,7 +220,7 @@ void bind_dense_episode(nb::module_& m);
 void bind_banks(nb::module_& m);
 void bind_books(nb::module_& m);
 void bind_clocks(nb::module_& m);
-void bind_ranges(nb::module_& m);
+void bind_columns(nb::module_& m);
 void bind_regions(nb::module_& m);
 void bind_signs(nb::module_& m);
 

@@ -55,21 +55,9 @@ nb::tuple look(RegionsObject& object, std::size_t worlds) {
     return nb::tuple(list);
 }
 
-nb::tuple term_columns(const nb::sequence& rows, const nb::sequence& columns) {
-    const std::size_t variables = nb::len(columns);
-    const dense::TermColumns terms(discrete_rows(rows), variables);
-    const std::size_t n = variables == 0 ? 0 : nb::len(nb::object(columns[0]));
-    const Arrays arrays(variables, terms.size(), columns, n);
-    const std::size_t fine = terms.compute(arrays.sources(), arrays.targets(), n);
-    return nb::make_tuple(arrays.made(), fine);
-}
-
 }  // namespace
 
 void bind_regions(nb::module_& m) {
-    m.def("term_columns", term_columns, nb::arg("rows"), nb::arg("columns"),
-          "Return a column for each term from one for each variable, and the number of samples\n"
-          "before the first at which a term is nan; see rtamt.machines.terms.term_columns.");
     machine_class<RegionsObject>(
         m, "DenseRegions",
         "The registers of a program over the regions of dense time, as\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -34,24 +35,21 @@ def bounds_of(
 ) -> TraceBounds:
     program = compile_program(as_specification(spec), interface=interface)
     columns = [np.array(trace[name], np.float64) for name in program.variables]
-    made = BACKENDS["python"]
-    return TraceBounds.of(
-        program,
-        SampleReader(program, bounds=True),
-        made.discrete_machine,
-        made.term_ranges,
-        (columns, columns),
-        n,
-        everywhere=True,
-    )
+    reader, machines = SampleReader(program, bounds=True), BACKENDS["python"]
+    return TraceBounds.of(program, reader, machines, (columns, columns), n, everywhere=True)
 
 
-@pytest.fixture(params=[None, 3], ids=["whole", "blocks"], autouse=True)
+@pytest.fixture(params=["whole", "blocks", "native"], autouse=True)
 def _blocks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Folds of all elements at once, and of three at a time."""
-    if request.param is not None:
-        monkeypatch.setattr("rtamt.machines.walk._BLOCK", request.param)
-        monkeypatch.setattr("rtamt.machines.walk._PREFIX_BLOCK", request.param)
+    """Folds of all elements at once, of three at a time, and of pairs in C++."""
+    if request.param == "native":
+        if "native" not in BACKENDS:
+            pytest.skip("no compiler was at hand")
+        folding = replace(BACKENDS["python"], fold_pairs=BACKENDS["native"].fold_pairs)
+        monkeypatch.setitem(BACKENDS, "python", folding)
+    if request.param != "whole":
+        monkeypatch.setattr("rtamt.machines.walk._BLOCK", 3)
+        monkeypatch.setattr("rtamt.machines.walk._PREFIX_BLOCK", 3)
 
 
 @settings(max_examples=examples(150))
