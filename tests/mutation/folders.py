@@ -71,7 +71,7 @@ def _files(folder: str, *of: str) -> Iterator[str]:
 _TEXTS: Final = Covering(
     (
         *(f"tests/rtamt/{room}" for room in ("language", "program", "patterns")),
-        *_files("tests/rtamt/monitors", "dense", "hostile_arguments"),
+        *_files("tests/rtamt/monitors", "dense", "options"),
         "tests/rtamt/inputs/test_input_errors.py",
         "rtamt/language",
     )
@@ -97,8 +97,8 @@ _PROGRAMS: Final = Covering(
         "tests/rtamt/program",
         *_files(
             "tests/rtamt/monitors",
-            *("asked", "dense", "dense_clock_errors", "dense_episode", "ends", "episode_values"),
-            *("judge", "limits", "neutral", "oracle", "unknown"),
+            *("dense", "dense_episode", "dense_errors", "ends", "episode", "judge", "limits"),
+            *("neutral", "properties", "triggers", "unknown"),
         ),
         *_files("tests/rtamt/native", "native", "native_machine"),
         "rtamt/program",
@@ -109,12 +109,10 @@ _RUNNING: Final = Covering(
         *_files("tests/rtamt/machines", "long_windows", "state", "walk"),
         *_files(
             "tests/rtamt/monitors",
-            *("dense", "dense_episode", "dense_online", "dense_signs", "dense_ticks"),
-            *("dense_unknown", "ends", "episode", "episode_state", "episode_values", "judge"),
-            *("neutral", "oracle", "properties", "reentrant_updates", "running_folds", "sign"),
-            *("unknown", "unknown_lanes", "vector", "verdict_book"),
-            *("asked", "dense_errors", "dense_judgement", "evidence", "evaluate_batch"),
-            "operator_clocks",
+            *("dense", "dense_episode", "dense_errors", "dense_judgement", "dense_monitor"),
+            *("dense_signs", "dense_unknown", "ends", "episode", "evaluate_batch", "holds"),
+            *("judge", "monitor_sets", "monitor_state", "neutral", "operator_clocks"),
+            *("properties", "triggers", "unknown", "unknown_lanes", "vector"),
         ),
         *_files("tests/rtamt/native", "native", "native_banks"),
         "rtamt/machines",
@@ -124,34 +122,10 @@ _ANSWERS: Final = Covering(
     (
         *_files(
             "tests/rtamt/monitors",
-            *(
-                "asked",
-                "circumstances",
-                "dense_circumstances",
-                "dense_clock_errors",
-                "dense_origins",
-            ),
-            *("dense_errors", "dense_judgement", "episode_state", "evidence", "explain"),
-            *("explain_dense", "explain_dense_edges", "explain_dense_reasons", "explain_edges"),
-            *("explain_episode", "golden"),
-            *(
-                "holds",
-                "hostile_arguments",
-                "joint",
-                "judge",
-                "limits",
-                "evaluate_batch",
-                "named_formulas",
-            ),
-            *(
-                "operator_clocks",
-                "options",
-                "unknown_lanes",
-                "vector",
-                "vector_columns",
-                "vector_errors",
-            ),
-            "verdict_book",
+            *("circumstances", "dense_errors", "dense_judgement", "dense_origins"),
+            *("evaluate_batch", "explain", "explain_dense", "explain_dense_edges", "holds"),
+            *("judge", "limits", "monitor_sets", "monitor_state", "operator_clocks", "options"),
+            *("properties", "triggers", "unknown_lanes", "vector", "vector_errors"),
         ),
         "tests/rtamt/language/test_table.py",  # it explains operators made of operators
         "tests/rtamt/program/test_align.py",  # it explains bounds that were rounded

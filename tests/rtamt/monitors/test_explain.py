@@ -1,9 +1,11 @@
-"""Explanations: every step is what the definitions say, and the last one decides."""
+"""Explanations over samples: every step is what the definitions say, and the last one decides."""
 
+import copy
 import itertools
 import math
 import pickle
 import random
+import sys
 from typing import Any, Literal
 
 import numpy as np
@@ -17,15 +19,20 @@ from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, trac
 
 import rtamt
 from rtamt import (
+    EpisodeMonitor,
     Explanation,
     Formula,
     InputError,
     InputTypeError,
+    StateError,
+    evaluate,
     explain,
+    holds,
     variable,
 )
 
 Backend = Literal["native", "python"]
+
 
 INF = math.inf
 
@@ -39,8 +46,6 @@ def explained(draw: st.DrawFn, name: str | None = None) -> tuple[Formula, Trace,
 
 
 # What the steps say. -----------------------------------------------------------------------------
-
-
 def offsets(formula: Formula, i: int, n: int) -> range:
     """The samples of the trace in the window of a temporal operator."""
     assert formula.op is not None
@@ -101,8 +106,6 @@ def test_back_ends_explain_alike(case: tuple[Formula, Trace, int]) -> None:
 
 
 # That it decided. --------------------------------------------------------------------------------
-
-
 Case = tuple[Formula, Trace, int, Explanation]
 
 
@@ -152,8 +155,6 @@ def test_no_value_matters_where_no_value_decided(case: Case, seed: int) -> None:
 
 
 # Ties, forms and texts. --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("formula", "sample", "decided"),
     [
@@ -181,6 +182,8 @@ SPEC = """
 granted = eventually[0:1s](gnt >= 3)
 out = always(req >= 3 implies granted)
 """
+
+
 TRACE: dict[str, Any] = {
     "gnt": [0, 0, 0, 2.5, 1],
     "req": [0, 0, 5, 0, 0],
@@ -315,8 +318,6 @@ def test_a_formula_without_variables_is_explained_by_itself() -> None:
 
 
 # Refused. ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("sample", "error", "message"),
     [
@@ -379,3 +380,147 @@ def test_an_array_has_the_columns_that_evaluate_expects() -> None:
     text = "f = always(b > 0); always(a > 0)"
     table = np.array([[1.0, 5.0], [2.0, 4.0]])
     assert explain(text, table).robustness == rtamt.evaluate(text, table)[0]
+
+
+def test_of_a_zero_it_is_said_whether_the_formula_holds() -> None:
+    assert str(explain("not (a > 3) and a >= -0.0", {"a": [3]})) == (
+        "robustness 0, holds, at sample 0, decided by a > 3 at sample 0\n"
+        "\n"
+        "      at        value  formula\n"
+        "sample 0     0, holds  not (a > 3) and a >= -0\n"
+        "sample 0     0, holds  not (a > 3)\n"
+        "sample 0  0, violated  a > 3\n"
+        "sample 0            3  a"
+    )
+    assert "0, violated, at sample 0" in str(explain("a > 0", {"a": [0]}))
+
+
+def test_the_zero_that_decides_is_the_one_with_the_sign_of_the_whole() -> None:
+    trace = {"a": [0, 0, 1], "b": [1, 0, 0]}
+    explanation = explain("always(a >= 0 and (a >= 0 until[0:1] b > 0))", trace)
+    assert [(s.text, s.sample) for s in explanation.steps][-1] == ("b > 0", 1)
+    explanation = explain("eventually(a > 0 or b == 0)", {"a": [0, 0], "b": [1, 0]})
+    assert [(s.text, s.sample) for s in explanation.steps][-1] == ("b == 0", 1)
+
+
+@pytest.mark.slow(keep=1)
+@pytest.mark.parametrize("junction", ["and", "or"])
+def test_a_formula_of_many_operands_is_explained(junction: str) -> None:
+    count = 2 * sys.getrecursionlimit()
+    text = f" {junction} ".join(f"x > {i}" for i in range(count))
+    explanation = explain(text, {"x": [5]})
+    decided = f"x > {count - 1}" if junction == "and" else "x > 0"
+    assert [str(step.formula) for step in explanation.steps[1:]] == [decided]
+    assert f"decided by {decided} at sample 0" in str(explanation)
+
+
+def test_what_decides_nothing_may_have_no_value() -> None:
+    text, trace = "sqrt(x) > 0 until[0:0] y > 0", {"x": [-1], "y": [1]}
+    assert evaluate(text, trace).tolist() == [1.0]
+    assert str(explain(text, trace)) == (
+        "robustness 1 at sample 0, decided by y > 0 at sample 0\n"
+        "\n"
+        "      at  value  formula\n"
+        "sample 0      1  sqrt(x) > 0 until[0:0] y > 0\n"
+        "                   witness: the right side at sample 0\n"
+        "sample 0      1  y > 0\n"
+        "sample 0      1  y"
+    )
+    assert explain(f"({text}) and x < 0", trace).robustness == 1.0
+
+
+def test_times_without_end_are_shown_in_all_digits_that_doubles_have() -> None:
+    explanation = explain("x > 0", {"x": [1]}, period="1e-300", start=1e300)
+    assert "decided by x > 0 at 1e+300 s" in str(explanation)
+    explanation = explain("x > 0", {"x": [1, 1]}, period="1e-300", sample=1)
+    assert "at 1e-300 s" in str(explanation)
+    explanation = explain("x > 0", {"x": [1, 1]}, period=1e-9, start=1.7e9, sample=1)
+    assert "at 1700000000 s" in str(explanation)
+
+
+def test_a_zero_that_hangs_on_a_predicate_of_no_concern_neither_holds_nor_fails() -> None:
+    text = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
+    explanation = explain(text, {"req": [3], "gnt": [0]}, semantics="input-vacuity")
+    assert "robustness 0 at sample 0" in str(explanation)
+    assert "holds" not in str(explanation)
+    given = explain("x > 3", {"x": [3]}, semantics="boolean")
+    assert given.robustness == -math.inf
+    assert not holds(given.robustness)
+    assert "counts only whether it holds" in str(given)
+
+
+def test_a_formula_without_spaces_fills_its_lines_and_is_not_broken_at_a_minus() -> None:
+    formula = f"{'abs(-' * 40}x{')' * 40}"
+    first, second, *_ = str(explain(f"{formula} > 5", {"x": [1]})).splitlines()
+    assert (len(first), len(second)) == (80, 80)
+    assert f"decided by {formula}".startswith(first[first.index("decided") :] + second.strip())
+
+
+def fed(monitor: EpisodeMonitor, trace: Trace, samples: range) -> EpisodeMonitor:
+    for i in samples:
+        monitor.update({name: trace[name][i] for name in monitor.variables})
+    return monitor
+
+
+@settings(max_examples=examples(30))
+@given(formula=formulas(endless=True), trace=traces(least=2), data=st.data())
+def test_an_episode_is_explained_as_the_trace_of_its_samples(
+    formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
+) -> None:
+    n = length(trace)
+    cut = data.draw(st.integers(1, n))
+    monitor = EpisodeMonitor(formula, 0.5, backend=backend, history=True)
+    plain = EpisodeMonitor(formula, 0.5, backend=backend)
+    fed(monitor, trace, range(cut))
+    part = {name: values[:cut] for name, values in trace.items()}
+    explanation = explain(formula, part, 0.5, n=cut, backend=backend)
+    assert monitor.explain() == explanation
+    assert explanation.robustness == monitor.robustness
+    fed(plain, trace, range(cut))
+    assert (monitor.lower, monitor.upper) == (plain.lower, plain.upper)
+    for twin in (copy.copy(monitor), pickle.loads(pickle.dumps(monitor))):
+        assert twin.explain() == explanation
+        fed(twin, trace, range(cut, n))
+        assert twin.explain() == explain(formula, trace, 0.5, n=n, backend=backend)
+    assert monitor.explain() == explanation
+    monitor.reset()
+    fed(monitor, trace, range(1))
+    monitor.finish()
+    assert monitor.explain().robustness == monitor.robustness
+
+
+def test_an_episode_without_history_says_how_to_be_explained() -> None:
+    monitor = EpisodeMonitor("always(a)")
+    monitor.update(a=1)
+    with pytest.raises(StateError) as caught:
+        monitor.explain()
+    assert str(caught.value) == (
+        "explain() needs the samples of the episode; make the monitor with history=True"
+    )
+    with pytest.raises(StateError) as caught:
+        EpisodeMonitor("always(a)", history=True).explain()
+    assert str(caught.value) == "explain() needs at least one sample, got none since reset"
+
+
+def test_a_state_replaces_the_samples_that_were_kept(backend: Backend) -> None:
+    monitor = EpisodeMonitor("always(a)", history=True, backend=backend)
+    monitor.update(a=3)
+    *_, state = monitor.__reduce__()
+    monitor.update(a=1)
+    monitor.__setstate__(state)
+    monitor.update(a=2)
+    assert monitor.explain().causes == (("a", 1, 2.0),)
+
+
+def test_a_refused_sample_is_not_kept(backend: Backend) -> None:
+    monitor = EpisodeMonitor("always(a)", history=True, backend=backend)
+    monitor.update(a=3)
+    with pytest.raises(InputError):
+        monitor.update(a=math.nan)
+    monitor.update(2.0)
+    assert monitor.explain().causes == (("a", 1, 2.0),)
+
+
+def test_without_history_update_is_the_method_of_the_machine(backend: Backend) -> None:
+    monitor = EpisodeMonitor("always(a)", backend=backend)
+    assert monitor.update == monitor._machine.update

@@ -1,13 +1,38 @@
-"""`rtamt.holds`: the sign bit of a robustness, from numbers and arrays of all kinds."""
+"""The sign of a robustness: whether the formula holds, at 0 too."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
+from bits import bits, identical
+from boolean_oracle import holds as true_at
+from episode_monitors import feed
+from golden_cases import cases
+from hypothesis import given
+from hypothesis import strategies as st
+from oracle import horizon
+from strategies import INTEGERS, Trace, formulas, length, sample, traces
 
-from rtamt import InputError, InputTypeError, Monitor, evaluate, holds
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    InputTypeError,
+    Monitor,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+    Verdict,
+    evaluate,
+    evaluate_many,
+    explain,
+    holds,
+    parse,
+)
 
 INF = math.inf
+
+
 NAN = (
     " is no robustness; a monitor gives it as long as the value is unknown: for the first "
     "`latency` samples, or before the first"
@@ -26,8 +51,8 @@ def test_a_number_is_read_as_a_bool(robustness: float, *, expected: bool) -> Non
 def test_an_array_of_any_shape_is_read_as_booleans_of_that_shape() -> None:
     table = np.array([[1.0, -0.0, 0.0], [-INF, 2.0, -1.0]])
     expected = [[True, False, True], [False, True, False]]
-    for given in (table, table.tolist(), table.astype(np.float32), table[::1, ::1]):
-        found = holds(given)
+    for robustness in (table, table.tolist(), table.astype(np.float32), table[::1, ::1]):
+        found = holds(robustness)
         assert found.dtype == np.bool_
         assert found.tolist() == expected
     assert holds(table.T).tolist() == np.array(expected).T.tolist()
@@ -71,3 +96,144 @@ def test_what_is_no_robustness_is_refused(given: float, message: str) -> None:
     with pytest.raises(InputTypeError) as refused:
         holds(given)
     assert str(refused.value) == message
+
+
+Backend = Literal["native", "python"]
+
+
+def table(trace: Trace, names: tuple[str, ...]) -> list[list[float]]:
+    """A row for each sample."""
+    return [[trace[name][i] for name in names] for i in range(length(trace))]
+
+
+def truth(formula: Formula, trace: Trace) -> list[bool]:
+    """Whether the formula holds at every sample."""
+    n = length(trace)
+    return [true_at(formula, trace, n, i) for i in range(n)]
+
+
+@given(formula=formulas(endless=True), trace=traces(values=INTEGERS))
+def test_evaluate_says_whether_the_formula_holds(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    n = length(trace)
+    robustness = evaluate(formula, trace, n=n, backend=backend)
+    assert holds(robustness).tolist() == truth(formula, trace)
+    given = evaluate(formula, trace, n=n, backend=backend, semantics="boolean")
+    assert given.tolist() == [INF if true else -INF for true in truth(formula, trace)]
+
+
+@given(formula=formulas(), trace=traces(values=INTEGERS, most=16))
+def test_monitors_give_the_bits_of_evaluate(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    n = length(trace)
+    monitor = Monitor(formula, backend=backend)
+    robustness = evaluate(formula, trace, n=n, backend=backend)
+    expected = [*[math.nan] * monitor.latency, *robustness][:n]
+    names = monitor.variables
+    assert identical([monitor.update(sample(trace, i, names)) for i in range(n)], expected)
+    monitor.reset()
+    rows = np.array(table(trace, names)).reshape(n, len(names))
+    assert identical(monitor.update_many(rows), expected)
+    lanes = VectorMonitor(formula, 2, backend=backend)
+    for row, value in zip(rows, expected, strict=True):
+        assert identical(lanes.update(np.stack([row, row])), [value, value])
+
+
+@given(formula=formulas(endless=True, depth=2), trace=traces(values=INTEGERS))
+def test_an_episode_says_at_every_sample_whether_it_holds_if_it_ends_there(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    monitor = EpisodeMonitor(formula, backend=backend)
+    for i in range(length(trace)):
+        assert holds(feed(monitor, trace, i)) is true_at(formula, trace, i + 1, 0)
+    undecided = monitor.verdict is Verdict.UNDECIDED
+    robustness = monitor.finish()
+    if undecided:
+        assert identical([monitor.lower, monitor.upper], [robustness, robustness])
+        assert monitor.verdict == (1 if holds(robustness) else -1)
+    assert monitor.verdict is not Verdict.UNDECIDED
+
+
+@given(
+    formula=formulas(depth=2),
+    start=traces(values=INTEGERS, most=8),
+    ends=st.lists(traces(values=INTEGERS, least=17, most=17), min_size=4, max_size=4),
+)
+def test_the_bounds_say_what_holds_whatever_comes(
+    formula: Formula, start: Trace, ends: list[Trace], backend: Backend
+) -> None:
+    monitor = EpisodeMonitor(formula, backend=backend)
+    for i in range(length(start)):
+        feed(monitor, start, i)
+    for end in ends:
+        whole = {name: [*start[name], *end[name]] for name in start}
+        n = length(whole)
+        assert horizon(formula) < n
+        true = true_at(formula, whole, n, 0)
+        assert true or not holds(monitor.lower)
+        assert holds(monitor.upper) or not true
+
+
+@given(
+    formula=formulas(endless=True, depth=2),
+    rows=st.lists(traces(values=INTEGERS, least=5, most=5), min_size=3, max_size=3),
+)
+def test_lanes_have_the_bits_and_the_verdicts_of_single_episodes(
+    formula: Formula, rows: list[Trace], backend: Backend
+) -> None:
+    lanes = VectorEpisodeMonitor(formula, 3, backend=backend)
+    single = [EpisodeMonitor(formula, backend=backend) for _ in rows]
+    for i in range(5):
+        now = [feed(monitor, trace, i) for monitor, trace in zip(single, rows, strict=True)]
+        block = np.array([[trace[v][i] for v in lanes.variables] for trace in rows], dtype=float)
+        assert identical(lanes.update(block.reshape(3, -1)), now)
+        assert identical(lanes.lower, [monitor.lower for monitor in single])
+        assert identical(lanes.upper, [monitor.upper for monitor in single])
+        assert lanes.verdict.tolist() == [monitor.verdict for monitor in single]
+    ended = [monitor.finish() for monitor in single]
+    assert identical(lanes.finish(), ended)
+    assert lanes.verdict.tolist() == [monitor.verdict for monitor in single]
+    assert 0 not in lanes.verdict
+
+
+@given(
+    formula=formulas(endless=True, depth=2),
+    rows=st.lists(traces(values=INTEGERS), min_size=1, max_size=3),
+)
+def test_many_traces_have_the_bits_of_one(
+    formula: Formula, rows: list[Trace], backend: Backend
+) -> None:
+    names = parse(str(formula)).variables
+    if not names:
+        return
+    one = {name: [value for trace in rows for value in trace[name]] for name in names}
+    n = len(one[names[0]])
+    block = {name: np.array([values, values]) for name, values in one.items()}
+    many = evaluate_many(formula, block, backend=backend)
+    expected = bits(evaluate(formula, one, n=n, backend=backend)[:1])
+    assert bits(np.atleast_2d(many)[:, 0]) == expected * 2
+
+
+@given(formula=formulas(endless=True, depth=2), trace=traces(values=INTEGERS))
+def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    n = length(trace)
+    explanation = explain(formula, trace, n=n, backend=backend)
+    assert identical([explanation.robustness], evaluate(formula, trace, n=n, backend=backend)[:1])
+    for step in explanation.steps:
+        assert holds(step.value) is true_at(step.formula, trace, n, step.sample)
+        assert abs(step.value) == abs(explanation.robustness)
+
+
+@pytest.mark.slow(backend="python")
+def test_every_golden_formula_holds_where_another_program_says(backend: Backend) -> None:
+    golden = [case for case in cases("verdict.json") if "holds" in case]
+    assert len(golden) == 400
+    for case in golden:
+        n = len(case["holds"])
+        robustness = evaluate(case["formula"], case["trace"], n=n, backend=backend)
+        assert robustness.tolist() == [float(value) for value in case["robustness"]], case
+        assert holds(robustness).tolist() == case["holds"], case

@@ -1,17 +1,24 @@
-"""The options that all monitors and evaluations share: what is shown, and what is refused."""
+"""The options and arguments of monitors and evaluations: defaults, errors, odd values."""
 
 import inspect
+import math
 import pydoc
 from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
 
+import numpy as np
 import pytest
 
 import rtamt
-from rtamt import InputError, Monitor
+from rtamt import InputError, InputTypeError, Monitor, RtamtError
 from rtamt.machines.backend import BACKENDS
 from rtamt.monitors.options import OPTIONS
 
 EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
+
+
 CALLS: dict[Callable[..., object], tuple[object, ...]] = {
     rtamt.Monitor: ("x > 0",),
     rtamt.EpisodeMonitor: ("x > 0",),
@@ -23,6 +30,8 @@ CALLS: dict[Callable[..., object], tuple[object, ...]] = {
     rtamt.explain: ("x > 0", {"x": [1, 2]}),
     rtamt.explain_dense: ("x > 0", EVENTS),
 }
+
+
 DEFAULTS = {
     "semantics": "standard",
     "inputs": None,
@@ -31,7 +40,11 @@ DEFAULTS = {
     "nan": "raise",
     "align": None,
 }
+
+
 DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense, rtamt.explain_dense)
+
+
 calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 
 
@@ -110,3 +123,132 @@ def test_what_gives_one_number_says_who_takes_values_that_are_not_known(
         f"{next(iter(option))}= speaks of values that are not known; DenseEpisodeMonitor and "
         "judge_dense give bounds; others give one number for each time"
     )
+
+
+class Silent:
+    """An object whose repr raises."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError
+
+
+ODD: list[Any] = [
+    *(None, 0, -1, 2**62, 2**70, 10**5000, True, 1.5, math.nan, math.inf, 1e-320, 1j, b"x"),
+    *("", "x", "é", "\0", "x" * 10_000, [], [1], [[1, 2], [3]], [1, [2]], (), {}, {1: 2}),
+    *({"x": 1}, {"x": [[1, 2], [3]]}, {1: [1, 2]}, {"x": None}, {"x": "ab"}, {10**5000: [1]}),
+    *({Silent(): [1]}, {rtamt.variable("x"): [1]}, set(), frozenset({"x"}), range(3), object()),
+    *(Silent(), np.array(1), np.array([]), np.ones((2, 2)), np.zeros((0, 1)), np.ones((2, 2, 1))),
+    *(np.array(["a"]), np.array([None]), np.array([10**400], dtype=object), np.float16(1)),
+    *(np.ma.array([1.0, 2.0], mask=[False, True]), np.uint64(2**64 - 1), np.longdouble(2)),
+    *(np.datetime64("2026-01-01"), np.timedelta64(3, "s"), np.array([1, 2], "M8[s]")),
+    *(np.array([(1, 2)], dtype=[("x", float), ("y", float)]), Decimal("NaN"), Decimal("sNaN")),
+    *(Fraction(1, 3), int, len, rtamt.parse("x > 0"), ..., NotImplemented, slice(None)),
+]
+
+
+untyped: Any = rtamt
+
+
+S, D, F = "x > 0", {"x": [1.0, 2.0]}, rtamt.variable("x") > 0
+
+
+E = {"x": [(0.0, 1.0), (2.0, 2.0)]}
+
+
+LANES = {"x": [[1, 2], [3, 4]]}
+
+
+ODD_CALLS: dict[str, Callable[[Any], object]] = {
+    "spec": rtamt.Monitor,
+    "period": lambda odd: rtamt.Monitor("always[0:1](x > 0)", odd),
+    "semantics": lambda odd: rtamt.Monitor(S, semantics=odd),
+    "inputs": lambda odd: rtamt.Monitor(S, inputs=odd),
+    "outputs": lambda odd: rtamt.Monitor(S, outputs=odd, semantics="output-robustness"),
+    "backend": lambda odd: rtamt.Monitor(S, backend=odd),
+    "nan": lambda odd: rtamt.Monitor(S, nan=odd),
+    "align": lambda odd: rtamt.Monitor(S, align=odd),
+    "update": lambda odd: rtamt.Monitor(S).update(odd),
+    "update named": lambda odd: rtamt.Monitor(S).update(x=odd),
+    "update in Python": lambda odd: rtamt.Monitor(S, backend="python").update(odd),
+    "update of a message": lambda odd: rtamt.Monitor("m.a > 0").update(m=odd),
+    "update_many": lambda odd: rtamt.Monitor(S).update_many(odd),
+    "update_many of a column": lambda odd: rtamt.Monitor(S).update_many({"x": odd}),
+    "write": lambda odd: rtamt.Monitor("m.a = x > 0").write(odd),
+    "evaluate": lambda odd: rtamt.evaluate(S, odd),
+    "evaluate of a column": lambda odd: rtamt.evaluate(S, {"x": odd}),
+    "evaluate of a cell": lambda odd: rtamt.evaluate(S, {"x": [1, odd]}),
+    "evaluate of messages": lambda odd: rtamt.evaluate("m.a > 0", {"m": odd}),
+    "evaluate n": lambda odd: rtamt.evaluate(S, D, n=odd),
+    "evaluate_many": lambda odd: rtamt.evaluate_many(S, odd),
+    "evaluate_many of a column": lambda odd: rtamt.evaluate_many(S, {"x": odd}),
+    "evaluate_many of a cell": lambda odd: rtamt.evaluate_many(S, {"x": [[1, odd]]}),
+    "lengths": lambda odd: rtamt.evaluate_many(S, LANES, lengths=odd),
+    "a length": lambda odd: rtamt.evaluate_many(S, LANES, lengths=[odd, 1]),
+    "explain": lambda odd: rtamt.explain(S, odd),
+    "explain sample": lambda odd: rtamt.explain(S, D, sample=odd),
+    "explain start": lambda odd: str(rtamt.explain(S, D, 1, start=odd)),
+    "explain_dense": lambda odd: rtamt.explain_dense(S, odd),
+    "explain_dense time": lambda odd: str(rtamt.explain_dense(S, E, odd)),
+    "parse": rtamt.parse,
+    "parse unit": lambda odd: rtamt.parse(S, unit=odd),
+    "parse constants": lambda odd: rtamt.parse("x > c", constants=odd),
+    "parse a constant": lambda odd: rtamt.parse("x > c", constants={"c": odd}),
+    "variable": rtamt.variable,
+    "number": rtamt.number,
+    "conjunction": rtamt.conjunction,
+    "disjunction": lambda odd: rtamt.disjunction([odd]),
+    "comparison": lambda odd: rtamt.variable("x") > odd,
+    "and": lambda odd: F & odd,
+    "always": lambda odd: F.always(odd, odd),
+    "until": F.until,
+    "Interval": lambda odd: rtamt.Interval(odd, odd),
+    "Interval unit": lambda odd: rtamt.Interval(Fraction(0), Fraction(1), odd),
+    "Interval.of": lambda odd: rtamt.Interval.of(odd, odd),
+}
+
+
+@pytest.mark.parametrize("name", ODD_CALLS)
+def test_an_argument_is_taken_or_refused_by_name(name: str) -> None:
+    foreign = []
+    for number, odd in enumerate(ODD):
+        try:
+            ODD_CALLS[name](odd)
+        except RtamtError:
+            continue
+        except Exception as error:  # noqa: BLE001 - that none comes is what is claimed
+            foreign.append((number, type(odd).__name__, repr(error)))
+    assert foreign == []
+
+
+def test_columns_may_have_numbers_for_names() -> None:
+    assert untyped.evaluate_many("x > 0", {0: [[9]], "x": [[1]], 1: [[9]]}).tolist() == [[1.0]]
+    with pytest.raises(InputError) as caught:
+        untyped.evaluate_many("x > 0", {0: [[9]], 1: [[9]]})
+    assert str(caught.value) == "No column 'x'. The columns are '0', '1'."
+    with pytest.raises(InputError) as caught:
+        untyped.Monitor("x > 0").update({0: 1.0})
+    assert str(caught.value) == "unknown variable '0'; the variables are x"
+
+
+def test_lengths_are_one_number_for_each_trace() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        untyped.evaluate_many(S, LANES, lengths=[[1], 2])
+    assert str(caught.value) == ("expected a whole number for each trace as lengths, got [[1], 2]")
+
+
+def test_constants_and_modules_are_given_by_name() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        untyped.parse(S, constants=[("x", 1)])
+    assert str(caught.value) == (
+        "expected values of constants by name, got [('x', 1)]; write constants={\"limit\": 0.3}"
+    )
+    with pytest.raises(InputTypeError) as caught:
+        untyped.parse(S, modules=3)
+    assert str(caught.value) == "expected modules by name or names of modules, got 3"
+
+
+@pytest.mark.parametrize("path", [None, 3, b"a.stl", ["a.stl"]])
+def test_a_path_is_text_or_a_path(path: str) -> None:
+    with pytest.raises(InputTypeError) as caught:
+        rtamt.load(path)
+    assert str(caught.value) == f"expected the path of a file as text or a Path, got {path!r}"

@@ -1,4 +1,4 @@
-"""Laws of `Monitor` and `evaluate`, on generated formulas and traces and on every back-end."""
+"""Monitors and evaluations against the definitions, the golden files and their own laws."""
 
 import copy
 import functools
@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 from bits import identical
 from boolean_oracle import holds
+from end_laws import MACHINES, count
+from golden_cases import cases
+from golden_cases import length as case_length
 from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
-from oracle import horizon, order, robustness
+from oracle import episode, horizon, order, robustness
 from profiles import examples
 from strategies import (
     INFINITIES,
@@ -30,10 +33,12 @@ from strategies import (
 )
 
 import rtamt
-from rtamt import Formula, Monitor, evaluate
+from rtamt import EpisodeMonitor, Formula, Monitor, SpecificationError, evaluate
 from rtamt.language.operators import OPERATORS
 
 Backend = Literal["native", "python"]
+
+
 ROOTS = tuple(OPERATORS)
 
 
@@ -56,8 +61,6 @@ def interrupted(draw: st.DrawFn, *, endless: bool = False) -> tuple[Formula, Tra
 
 
 # The registry: a new operator is tested by being registered. -------------------------------------
-
-
 @pytest.mark.slow  # needs all its examples
 def test_strategies_draw_every_operator() -> None:
     drawn: set[str] = {"rate"}  # drawn by name alone
@@ -99,8 +102,6 @@ def test_every_operator_online_gives_its_definition_late_by_its_horizon(
 
 
 # Offline. ----------------------------------------------------------------------------------------
-
-
 @given(formula=formulas(endless=True), trace=traces(most=16))
 def test_evaluate_gives_the_definition_at_every_sample(
     formula: Formula, trace: Trace, backend: Backend
@@ -125,8 +126,6 @@ def test_the_sign_of_the_robustness_says_whether_the_formula_holds(
 
 
 # Online. -----------------------------------------------------------------------------------------
-
-
 @given(case=interrupted())
 def test_online_equals_offline_after_latency_and_is_nan_before(
     case: tuple[Formula, Trace, int], backend: Backend
@@ -238,8 +237,6 @@ def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
 
 
 # Named formulas. ---------------------------------------------------------------------------------
-
-
 @given(p=formulas(2), q=formulas(2), trace=traces(most=16))
 def test_named_formulas_are_observed_each_late_by_its_own_horizon(
     p: Formula, q: Formula, trace: Trace, backend: Backend
@@ -258,3 +255,150 @@ def test_named_formulas_are_observed_each_late_by_its_own_horizon(
             past = t - int(late[name])
             assert identical([value], [expected[name][past] if past >= 0 else math.nan])
         assert identical([result], [monitor.values["r"]])
+
+
+def test_oracle_agrees_with_the_golden_discrete_cases_at_every_sample() -> None:
+    golden = cases("discrete.json")
+    assert len(golden) == 400
+    for case in golden:
+        formula = rtamt.parse(case["formula"]).formula
+        expected = [float(value) for value in case["robustness"]]
+        assert robustness(formula, case["trace"], case_length(case)) == expected, case["formula"]
+
+
+def test_oracle_agrees_with_the_golden_horizons() -> None:
+    for case in cases("discrete.json"):
+        expected = math.inf if case["horizon"] is None else case["horizon"]
+        assert horizon(rtamt.parse(case["formula"]).formula) <= expected, case["formula"]
+
+
+def test_oracle_agrees_with_the_golden_episodes_after_every_sample() -> None:
+    golden = cases("episode.json")
+    assert len(golden) == 300
+    for case in golden:
+        formula = rtamt.parse(case["formula"]).formula
+        for n, after in enumerate(case["after"], start=1):
+            assert episode(formula, case["trace"], n) == tuple(map(float, after)), case["formula"]
+
+
+DISCRETE = cases("discrete.json")
+
+
+EPISODES = cases("episode.json")
+
+
+def test_the_golden_files_are_whole() -> None:
+    assert (len(DISCRETE), len(EPISODES)) == (400, 300)
+
+
+def test_evaluate_agrees_with_golden_at_every_sample(backend: Backend) -> None:
+    for case in DISCRETE:
+        expected = [float(value) for value in case["robustness"]]
+        assert evaluate(case["formula"], case["trace"], backend=backend).tolist() == expected, case
+
+
+def test_monitor_gives_golden_values_no_later_than_the_golden_horizon(backend: Backend) -> None:
+    for case in DISCRETE:
+        if case["horizon"] is None:
+            continue
+        monitor, n = Monitor(case["formula"], backend=backend), case_length(case)
+        assert monitor.latency <= case["horizon"], case
+        values = monitor.update_many({v: case["trace"][v] for v in monitor.variables})
+        expected = [math.nan] * monitor.latency + [float(value) for value in case["robustness"]]
+        assert np.array_equal(values, expected[:n], equal_nan=True), case
+
+
+def test_episode_monitor_agrees_with_golden_after_every_sample(backend: Backend) -> None:
+    for case in EPISODES:
+        monitor = EpisodeMonitor(case["formula"], backend=backend)
+        for i, after in enumerate(case["after"]):
+            now = monitor.update({v: case["trace"][v][i] for v in monitor.variables})
+            found = (now, monitor.lower, monitor.upper)
+            assert found == tuple(map(float, after)), (case["formula"], i)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_each_machine_keeps_the_laws_of_the_ends(name: str) -> None:
+    pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+    found = count(*MACHINES[name], cases=60)
+    assert found.zeros > 0
+    assert found.faults[:3] == []
+
+
+def test_each_named_formula_is_late_by_its_own_future(backend: Backend) -> None:
+    spec = """
+        high = x > 1
+        soon = eventually[0:2](high)
+        always[0:1](soon)
+    """
+    monitor = Monitor(spec, backend=backend)
+    assert monitor.latencies == {"high": 0, "soon": 2}
+    seen: list[float] = []
+    for x in (3.0, 0.0, 5.0):
+        monitor.update(x=x)
+        seen += monitor.values.values()
+    assert identical(seen, [2, math.nan, -1, math.nan, 4, 4])
+
+
+HIDDEN = [
+    ("F[0:0](eventually(x > 0))", "eventually"),
+    ("x > 0 until[0:0] (eventually(x > 0))", "eventually"),
+    ("historically[0:0](always(x > 0))", "always"),
+    ("once[0:0](eventually(x > 0))", "eventually"),
+    ("x > 0 since[0:0] (always(x > 0))", "always"),
+    ("p = always(x > 0)\nG[0:0] p", "always"),
+    ("p = F[0:0](eventually(x > 0))\neventually(x > 0)", "eventually"),
+    ("p = eventually(0 < x)\neventually(x > 0)", "eventually"),
+    ("always[0:0](historically[0:0](eventually(x > 0)))", "eventually"),
+]
+
+
+MAKERS: dict[str, Callable[[str], object]] = {
+    "Monitor": rtamt.Monitor,
+    "VectorMonitor": lambda text: rtamt.VectorMonitor(text, 2),
+    "DenseMonitor": rtamt.DenseMonitor,
+}
+
+
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize(("text", "symbol"), HIDDEN)
+def test_one_below_a_window_of_one_sample_is_refused(name: str, text: str, symbol: str) -> None:
+    with pytest.raises(SpecificationError) as caught:
+        MAKERS[name](text)
+    reason, *_, hint = str(caught.value).splitlines()
+    monitor, instead = "Monitor", "EpisodeMonitor or evaluate()"
+    if name == "DenseMonitor":
+        monitor, instead = "DenseMonitor", "evaluate_dense()"
+    assert reason.partition(": ")[2] == (
+        f"'{symbol}' without an end needs the whole future, for which {monitor} cannot wait"
+    )
+    assert hint == f"  hint: write an end, as in {symbol}[0:10], or use {instead}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always(x > 0)",
+        "always[0:inf](x > 0)",
+        "p = always(x > 0)\np",
+    ],
+)
+def test_one_at_the_root_is_folded(text: str) -> None:
+    fold = max if "eventually" in text else min
+    monitor = rtamt.Monitor(text)
+    values = [3.0, -1.0, 5.0]
+    expected = [fold(values[: i + 1]) for i in range(3)]
+    assert [monitor.update(x) for x in values] == expected
+    assert all(value == expected[-1] for value in monitor.values.values())
+
+
+@given(formulas(2, endless=True), traces())
+def test_no_formula_below_a_window_of_one_sample_is_folded(formula: Formula, trace: Trace) -> None:
+    wrapped = formula.always().eventually(0, 0)
+    with pytest.raises(SpecificationError, match="without an end needs the whole future"):
+        rtamt.Monitor(wrapped)
+    n = length(trace)
+    whole = rtamt.evaluate(wrapped, trace, n=n)
+    np.testing.assert_array_equal(whole, rtamt.evaluate(formula.always(), trace, n=n))
+    assert not np.isnan(whole).any()
+    assert whole[0] <= math.inf
