@@ -4,6 +4,7 @@ import importlib
 import itertools
 import math
 import sys
+from fractions import Fraction
 
 import pytest
 from hypothesis import given
@@ -13,6 +14,7 @@ from small_texts import VALUES, texts
 import rtamt
 from rtamt import Answer, ExampleTrace, InputError, InputTypeError, Verdict, judge
 from rtamt.checking.check import _fewest
+from rtamt.checking.encoding import VariableLimits
 from rtamt.checking.search import SearchAnswer
 
 
@@ -316,3 +318,211 @@ def test_traces_of_other_requirements_on_which_a_term_is_no_number_are_no_witnes
             assert answer.trace is not None or answer.why == "it is not linear (sqrt)"
             if answer.trace is not None:
                 assert judge(each.text, answer.trace.columns).verdict is expected, name
+
+
+RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5, 1.0)])
+
+
+@given(text=texts, rate=RATES)
+def test_answers_are_those_of_the_traces_that_keep_the_rate(
+    text: str, rate: tuple[float, float]
+) -> None:
+    if "x" not in text:
+        return
+    found = rtamt.check(text, rates={"x": rate}).requirements["spec"]
+    possible = {
+        judge(text, {"x": list(trace)}, end="cut").verdict
+        for n in range(1, 5)
+        for trace in itertools.product(VALUES, repeat=n)
+        if all(rate[0] <= b - a <= rate[1] for a, b in itertools.pairwise(trace))
+    }
+    for verdict, answer in (
+        (Verdict.SATISFIED, found.satisfiable),
+        (Verdict.VIOLATED, found.falsifiable),
+    ):
+        if verdict in possible:
+            assert answer.says == "yes"
+        if answer.trace is not None:
+            values = answer.trace.columns.get("x", ())
+            assert all(
+                rate[0] <= Fraction(b) - Fraction(a) <= rate[1]
+                for a, b in itertools.pairwise(values)
+            )
+
+
+@pytest.mark.slow
+def test_a_no_names_the_rate_on_which_it_rests() -> None:
+    text = "always[0:9](x < 1 implies next(x > 5))"
+    found = rtamt.check(text, "100ms", rates={"x": (-2, 2)}).requirements["spec"]
+    assert [answer.says for answer in found.asked.values()] == ["no"]
+    never = rtamt.check("x < 1 and next(x > 5)", "100ms", rates={"x": (-2, 2)})
+    assert never.requirements["spec"].satisfiable.clash == (
+        "x < 1",
+        "next(x > 5)",
+        "rate: x in [-2, 2] per second",
+    )
+
+
+def test_a_rate_is_per_second_or_per_sample() -> None:
+    text = "x < 0 and eventually[0:1](x > 1)"
+    slow = {"x": (-1.05, 1.05)}
+    assert rtamt.check(text, "100ms", rates=slow).requirements["spec"].satisfiable.says == "yes"
+    assert rtamt.check(text, rates={"x": (-1, 1)}).requirements["spec"].satisfiable.says == "no"
+    assert rtamt.check(text, rates={"x": (-1, 2)}).requirements["spec"].satisfiable.says == "yes"
+
+
+def test_steps_that_doubles_round_keep_the_rate() -> None:
+    found = rtamt.check("x <= 0 and eventually[0:30](x >= 2.9)", rates={"x": (-0.1, 0.1)})
+    trace = found.requirements["spec"].satisfiable.trace
+    assert trace is not None
+    steps = [Fraction(b) - Fraction(a) for a, b in itertools.pairwise(trace.columns["x"])]
+    assert max(steps) <= 0.1
+
+
+def test_what_repeats_keeps_the_rate() -> None:
+    text = "always(eventually(x > 3) and eventually(x < 0))"
+    found = rtamt.check(text, rates={"x": (-2, 2)}).requirements["spec"].satisfiable
+    assert found.trace is not None
+    values = found.trace.unrolled("x")
+    assert all(abs(b - a) <= 2 for a, b in itertools.pairwise(values))
+
+
+def test_examples_and_comparisons_keep_rates() -> None:
+    text = "always(x > 3 implies eventually[0:4](x < 0))"
+    for example in rtamt.examples(text, rates={"x": (-1, 1)})["spec"].examples:
+        values = example.trace.unrolled("x")
+        assert all(abs(b - a) <= 1 for a, b in itertools.pairwise(values))
+    same = rtamt.equivalent("x < 1 and next(x < 5)", "x < 1", rates={"x": (-2, 2)})
+    assert same.says == "yes"
+
+
+@pytest.mark.parametrize(
+    ("rates", "message"),
+    [
+        (
+            {"z": (0, 1)},
+            "rates= expected variables of the specification, which are x, got 'z'",
+        ),
+        ({"x": (2, -2)}, "rates= 'x': expected (lower, upper) with lower <= upper, got (2, -2)"),
+        ({"x": 3}, "rates= 'x': expected (lower, upper) with lower <= upper, got 3"),
+    ],
+)
+def test_wrong_rates_are_refused(rates: dict[str, tuple[float, float]], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        rtamt.check("x > 0", rates=rates)
+    assert str(error.value) == message
+
+
+def test_rates_that_are_no_mapping_are_refused() -> None:
+    with pytest.raises(InputTypeError) as error:
+        rtamt.check("x > 0", rates=[("x", 1)])  # type: ignore[arg-type]
+    assert str(error.value) == "rates= expected a mapping of variables, got list"
+
+
+@pytest.mark.parametrize(
+    ("values", "loop", "kept"),
+    [
+        ((0.0, 1.0, 2.0), 0, True),
+        ((0.0, 1.0, 2.0), 3, False),  # from 2 back to 0
+        ((0.0, 1.0, 2.0), 1, True),
+        ((0.0, 2.0), 0, False),
+        ((2.0, 3.5), 0, False),  # out of range
+        ((math.inf, math.inf), 0, True),
+        ((0.0, math.inf), 0, False),
+        ((math.inf, 0.0), 0, False),
+    ],
+)
+def test_values_keep_ranges_and_rates(values: tuple[float, ...], loop: int, *, kept: bool) -> None:
+    upper = math.inf if math.inf in values else 3.0
+    limits = VariableLimits({"x": (0.0, upper)}, {"x": (-1.0, 1.0)})
+    assert limits.kept({"x": values}, loop) is kept
+
+
+SHIFTS = """
+first = gear >= 0.5 and gear <= 1.5
+kept = always[0:30](not first and eventually[0.01:0.1] first
+    implies eventually[0.01:0.1] always[0:2.5] first)
+"""
+PAIR = """
+desk = sqrt(pow(x - 8.8, 2) + pow(y - 5.6, 2))
+dock = sqrt(pow(x - 6.2, 2) + pow(y - 1, 2))
+visits = eventually[0:30](desk <= 0.3 and eventually[0:30](dock <= 0.3))
+"""
+LONG = {
+    "shifts": (SHIFTS, 0.01),
+    "visits": (PAIR, 0.01),
+    "speed": ("always[0:30](rpm < 3000) implies always[0:8](speed < 50)", 0.01),
+    "cars": (
+        "always[0:72](eventually[0:8](always[0:5](b - a >= 9) implies always[5:20](c - b >= 9)))",
+        0.05,
+    ),
+    "answered": ("always(req >= 3 implies eventually[0:50](gnt >= 3))", 0.1),
+    "held": ("always[0:40](rise(x > 1) implies (y > 0 until[0:20] z > 0))", 0.01),
+    "returns": (
+        "always[0:30](eventually[0:1](x > 0) and eventually[0:1](x < 0))",
+        0.01,
+    ),
+}
+
+
+@pytest.mark.slow(keep=3)
+@pytest.mark.parametrize("name", LONG)
+def test_long_windows_are_answered(name: str) -> None:
+    text, period = LONG[name]
+    spec = rtamt.parse(text)
+    (found,) = rtamt.check(spec, period).requirements.values()
+    assert found.says == "yes"
+    for answer, verdict in (
+        (found.satisfiable, Verdict.SATISFIED),
+        (found.falsifiable, Verdict.VIOLATED),
+    ):
+        assert answer.trace is not None
+        if not answer.trace.loop:
+            (wanted,) = spec.requirements.values()
+            judged = judge(wanted, dict(answer.trace.columns), period)
+            assert judged.verdict is verdict
+            if answer.trace.samples > 32:  # it ends where that is certain
+                shorter = {n: v[:-1] for n, v in answer.trace.columns.items()}
+                assert judge(wanted, shorter, period).verdict is Verdict.UNDECIDED
+
+
+def test_a_trace_that_satisfies_for_ever_repeats_its_end() -> None:
+    text = "always(req > 3 implies eventually[0:500](gnt > 3))"
+    (found,) = rtamt.check(text, end="open").requirements.values()
+    assert found.satisfiable.trace is not None
+    assert found.satisfiable.trace.loop == 1
+    assert found.falsifiable.trace is not None
+    assert found.falsifiable.trace.loop == 0
+    assert found.falsifiable.trace.samples <= 502
+    (cut,) = rtamt.check(text).requirements.values()
+    assert str(cut.satisfiable) == "yes, in 1 sample"
+
+
+def test_a_long_no_is_proved() -> None:
+    text = "always[0:1500](x < 3) implies always[0:400](x < 4)"
+    (found,) = rtamt.check(text).requirements.values()
+    assert found.falsifiable == Answer("no")
+    (late,) = rtamt.check(text, horizon=300).requirements.values()
+    assert late.falsifiable.says == "unknown"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sqrt(pow(x - 8.8, 2) + pow(y - 5.6, 2)) <= 0.3",
+        "sqrt(pow(a - c, 2) + pow(b - d, 2)) >= 0.8 and a * b > 2 and x < 1",
+        "eventually[0:4](x * y > 6 and x < 1 and eventually[0:4](x * y < -6))",
+    ],
+)
+def test_points_are_found_for_terms_that_are_not_linear(text: str) -> None:
+    (found,) = rtamt.check(text).requirements.values()
+    assert (found.satisfiable.says, found.falsifiable.says) == ("yes", "yes")
+
+
+def test_points_keep_ranges_and_are_whole() -> None:
+    text = "input int x in [2, 9]; input float y in [-1, 1]; x * y > 6 and x * x < 70"
+    (found,) = rtamt.check(text).requirements.values()
+    assert found.satisfiable.trace is not None
+    columns = found.satisfiable.trace.columns
+    assert columns["x"][0] in range(2, 10)
+    assert -1 <= columns["y"][0] <= 1

@@ -1,17 +1,33 @@
-"""Truths of programs in all worlds, against `judge` and against traces that are long enough."""
+"""Truths of programs on unknown samples, against `judge` and longer traces."""
 
+import itertools
+import math
+from typing import cast
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Trace, formulas, length, traces
 
+import rtamt
 from rtamt import Formula, holds, judge, parse
 from rtamt.checking.answers import ExampleTrace
-from rtamt.checking.encoding import World, truth
-from rtamt.checking.graph import FALSE, TRUE, Graph, function_of, known_samples, unknown_samples
+from rtamt.checking.encoding import World, change_times, truth, truth_of_runs
+from rtamt.checking.graph import (
+    FALSE,
+    TRUE,
+    Graph,
+    TermKey,
+    exact_sides,
+    function_of,
+    known_samples,
+    unknown_samples,
+)
 from rtamt.checking.search import Goal, KnownTrace, TracePool, reaches
 from rtamt.checking.simplify import Plainness, simplified
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
+from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.lowering import compile_program
 
 ENDS: dict[End, tuple[World, World]] = {
@@ -126,3 +142,109 @@ def test_long_traces_that_change_often_become_plainer_too() -> None:
     found = simplified(before, graph, [asked], Plainness([spec.formula], frozenset(), {}))
     assert judge(spec, found.columns).robustness > 0
     assert {*found.columns["x"]} == {0.0, 4.0}
+
+
+VALUES = st.sampled_from([-1.0, -0.0, 0.0, 1.0, 2.5])
+
+
+@given(formula=formulas(depth=3, endless=True), data=st.data())
+def test_truths_of_runs_are_those_of_all_samples(formula: Formula, data: st.DataObject) -> None:
+    lengths = data.draw(st.lists(st.integers(1, 5), min_size=1, max_size=4))
+    times = [0, *itertools.accumulate(lengths[:-1])]
+    columns: dict[str, list[float]] = {}
+    for name in formula.variables:
+        runs = [data.draw(VALUES) for _ in lengths]
+        columns[name] = [value for value, n in zip(runs, lengths, strict=True) for _ in range(n)]
+    program = compile_program(Specification.of(formula))
+    found = truth_of_runs(Graph(), known_samples(columns), program, times)
+    expected = truth(Graph(), known_samples(columns), program, sum(lengths), World.ENDLESS, loop=1)
+    assert found in {TRUE, FALSE}
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "times"),
+    [
+        ("x > 0", [[0], [0, 1]]),
+        ("always[0:100](x > 0)", [[0], [0, 1, 100, 101], [0, 1, 50, 100, 101]]),
+        ("eventually[10:40](always[0:100](x > 0))", [[0], [0, 1, 10, 11, 40, 41, 110, 111, 140]]),
+    ],
+)
+def test_traces_change_where_windows_begin_and_end(text: str, times: list[list[int]]) -> None:
+    program = compile_program(parse(text))
+    found = [*map(list, change_times([program], 141))]
+    assert found[: len(times)] == times
+    assert all(each == sorted({*each}) and each[-1] < 141 for each in found)
+
+
+def test_a_trace_of_one_sample_does_not_change() -> None:
+    assert [*change_times([compile_program(parse("always[0:100](x > 0)"))], 1)] == [(0,)]
+
+
+def test_of_many_corners_some_are_tried() -> None:
+    text = "x > 0"
+    for power in range(9):
+        text = f"eventually[{2**power}:{3**power + 2**power}]({text})"
+    program = compile_program(parse(text))
+    most = 1 + sum(3**power + 2**power for power in range(9))
+    found = [*map(list, change_times([program], most))]
+    assert found[0] == [0]
+    assert all(each == sorted({*each}) and each[-1] < most for each in found)
+    assert 64 <= len(found[1]) <= 129
+    assert found[1][-1] > most // 2
+
+
+X: TermKey = ("load", "x", 0)
+Y: TermKey = ("load", "y", 0)
+DOUBLES = [
+    *(0.0, -0.0, 5e-324, -5e-324, 2.0**-1022 - 5e-324, 2.0**-1022, 2.0**-1021),
+    *(0.5, -0.5, 1.0, 3.0, math.nextafter(0.5, 0), 1.7976931348623157e308, -1.7976931348623157e308),
+]
+TERMS: list[TermKey] = [
+    *(("sub", X, Y), ("add", X, Y), ("neg", X)),
+    *((f, X, ("const", k)) for f in ("mul", "div") for k in (2.0, 0.5, -4.0, 3.0, 2.0**-1000)),
+    *(("mul", ("const", 2.0), ("sub", X, Y)), ("neg", ("mul", ("const", -2.0), X))),
+]
+
+
+def value(term: TermKey, x: float, y: float) -> float:
+    function, *parts = term
+    if function == "load":
+        return x if parts[0] == "x" else y
+    if function == "const":
+        return cast("float", parts[0])
+    operands = (value(cast("TermKey", part), x, y) for part in parts)
+    return FUNCTIONS[cast("str", function)].apply(*operands)
+
+
+@pytest.mark.parametrize("term", TERMS, ids=str)
+def test_exact_sides_compare_as_before(term: TermKey) -> None:
+    for number, turned in itertools.product(DOUBLES, (False, True)):
+        sides = (("const", number), term) if turned else (term, ("const", number))
+        made = exact_sides(*sides)
+        for x, y in itertools.product(DOUBLES, DOUBLES):
+            a, b = (value(side, x, y) for side in sides)
+            c, d = (value(side, x, y) for side in made)
+            assert (a >= b, a == b) == (c >= d, c == d), (number, x, y, made)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "answer"),
+    [
+        ("2 * x > 1", "x > 0.5", "yes"),
+        ("x - y > 0", "x > y", "yes"),
+        ("0 <= x - y", "not (x < y)", "yes"),
+        ("-4 * x == 2", "x == -0.5", "yes"),
+        ("always(2 * (x - y) > 0)", "always(x > y)", "yes"),
+        ("x + y > 0", "x > -y", "yes"),
+        ("x / 4 > 1", "x > 4", "yes"),
+        # Half of the least double above 0 is 0; 3 * x and x - y are rounded.
+        ("0.5 * x > 0", "x > 0", "unknown"),
+        ("3 * x > 1.5", "x > 0.5", "unknown"),
+        ("x - y > 1", "x > y + 1", "unknown"),
+        ("2 * x > 1", "x > 0.6", "no"),
+    ],
+)
+def test_equivalence_of_exact_terms(one: str, other: str, answer: str) -> None:
+    pytest.importorskip("z3")
+    assert rtamt.equivalent(one, other).says == answer

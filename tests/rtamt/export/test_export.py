@@ -1,0 +1,397 @@
+"""Exported units against the monitors, over samples and dense time."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, get_args
+
+import pytest
+from bits import bits, identical
+from expected_monitors import DenseExpected, Expected
+from exported import Drawn, Unit, exported, texts
+from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
+from fmpy.fmi2 import fmi2Terminated  # type: ignore[import-untyped]
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from interface_oracle import SEMANTICS
+from profiles import examples
+from strategies import Trace, length, sample, traces
+
+from rtamt import (
+    DenseMonitor,
+    EpisodeMonitor,
+    InputError,
+    SemanticsName,
+    SpecificationError,
+    export_fmu,
+    parse,
+)
+from rtamt.export import Fmi
+
+OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
+
+
+def monitors(
+    drawn: Drawn,
+    constants: Mapping[str, float] | None = None,
+    *,
+    period: float = 1,
+    semantics: SemanticsName = "standard",
+) -> Expected:
+    """The monitors of a drawn specification."""
+    whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
+    return Expected(whole, part, whole, period=period, semantics=semantics)
+
+
+def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> None:
+    """Every step gives what the monitors give, up to the first sample that they refuse."""
+    assert unit.outputs() == OUTPUTS
+    assert identical(unit.get(*OUTPUTS), expected.values)
+    for i in range(length(trace)):
+        values = sample(trace, i, expected.names)
+        try:
+            expected.update(values)
+        except InputError:
+            with pytest.raises(FMICallException):
+                unit.step(i * period, period, values)
+            return
+        unit.step(i * period, period, values)
+        assert identical(unit.get(*OUTPUTS), expected.values)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@settings(max_examples=examples(30))
+@given(drawn=texts(), trace=traces(), period=st.sampled_from((1.0, 0.5)))
+def test_an_exported_monitor_is_the_episode_monitor(
+    fmi: Fmi, drawn: Drawn, trace: Trace, period: float
+) -> None:
+    try:
+        expected = monitors(drawn, period=period)
+    except SpecificationError as error:
+        with pytest.raises(SpecificationError, match=re.escape(str(error).partition("\n")[0])):
+            export_fmu(drawn.text, "never.fmu", period=period)
+        return
+    with exported(drawn.text, fmi, period=period) as unit:
+        unit.begin()
+        check_steps(unit, expected, trace, period)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@settings(max_examples=examples(30))
+@given(drawn=texts(), trace=traces())
+def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
+    fmi: Fmi, drawn: Drawn, trace: Trace
+) -> None:
+    try:
+        EpisodeMonitor(drawn.text, 1)
+    except SpecificationError:  # a constant term that is no number
+        return
+    with exported(drawn.text, fmi, period=1) as unit:
+        others = {name: drawn.others[name] for name in drawn.others if name in unit.entries}
+        try:
+            expected = monitors(drawn, drawn.others)
+        except SpecificationError:
+            with pytest.raises(FMICallException):
+                unit.begin(others)
+            return
+        unit.begin(others)
+        check_steps(unit, expected, trace, 1)
+
+
+@pytest.mark.parametrize("semantics", get_args(SemanticsName)[1:])
+@settings(max_examples=examples(10))
+@given(drawn=texts(), trace=traces())
+def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, trace: Trace) -> None:
+    try:
+        expected = monitors(drawn, semantics=semantics)
+    except SpecificationError:  # a term of constants is no number
+        return
+    with exported(drawn.text, 2, period=1, semantics=semantics) as unit:
+        unit.begin()
+        check_steps(unit, expected, trace, 1)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_named_formulas_without_an_end_are_judged_as_far_as_the_run_has_come(fmi: Fmi) -> None:
+    text = """
+    const float limit = 30
+    slow = always(speed < limit)
+    done = eventually(speed > 20)
+    answered = always(speed > 10 implies done)
+    out = always(slow) and answered
+    """
+    with exported(text, fmi, period=1) as unit:
+        unit.begin({"limit": 25.0})
+        found = []
+        for i, speed in enumerate((5.0, 15.0, 22.0, 12.0)):
+            unit.step(i, 1, {"speed": speed})
+            found.append(unit.get("slow", "done", "answered", "out"))
+            assert unit.get("out") == unit.get("robustness")
+    assert found == [
+        [20.0, -15.0, 5.0, 5.0],
+        [10.0, -5.0, -5.0, -5.0],
+        [3.0, 2.0, 2.0, 2.0],
+        [3.0, 2.0, -2.0, -2.0],
+    ]
+
+
+def test_a_sample_is_refused_by_every_formula_or_by_none() -> None:
+    # The terms of `other` are in no formula of the result, which would have taken the sample.
+    text = "other = always(eventually(sqrt(y) > 0)); fine = always(eventually(x > 0))"
+    with exported(text, 2, period=1) as unit:
+        unit.begin()
+        unit.step(0, 1, {"x": 1.0, "y": 4.0})
+        with pytest.raises(FMICallException):
+            unit.step(1, 1, {"x": 2.0, "y": -1.0})
+        assert unit.get("other", "fine", "robustness") == [2.0, 1.0, 1.0]
+        unit.step(1, 1, {"x": 2.0, "y": 1.0})
+        assert unit.get("other", "fine", "robustness") == [1.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@settings(max_examples=examples(25))
+@given(
+    drawn=texts(dense=True),
+    trace=traces(),
+    steps=st.lists(st.sampled_from((0.25, 1.0, 1.5, 3.0)), min_size=12, max_size=12),
+    semantics=st.just("standard") | st.sampled_from(SEMANTICS),
+)
+def test_a_monitor_over_dense_time_is_the_dense_episode_monitor(
+    fmi: Fmi, drawn: Drawn, trace: Trace, steps: list[float], semantics: SemanticsName
+) -> None:
+    try:
+        expected = DenseExpected(drawn.text, drawn.part, drawn.text, semantics=semantics)
+    except SpecificationError:  # it has no variables, or a term of constants is no number
+        return
+    now = 0.0
+    with exported(drawn.text, fmi, dense=True, semantics=semantics) as unit:
+        unit.begin()
+        assert unit.outputs() == OUTPUTS
+        assert identical(unit.get(*OUTPUTS), expected.values)
+        for i in range(length(trace)):
+            values = sample(trace, i, expected.names)
+            try:
+                expected.update(now, values)
+            except InputError:
+                with pytest.raises(FMICallException):
+                    unit.step(now, steps[i], values)
+                return
+            unit.step(now, steps[i], values)
+            assert identical(unit.get(*OUTPUTS), expected.values)
+            now += steps[i]
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
+    size = {"s": 1.0, "ms": 0.001}[unit]
+    spec = parse("out = eventually[0:2](x > 0)", unit=unit)
+    with exported(spec, 2, dense=True) as monitor:
+        monitor.begin()
+        settled = []
+        for i, x in enumerate((-1.0, 5.0, -3.0, -4.0, -2.0)):
+            monitor.step(i * size, size, {"x": x})
+            settled.append(monitor.get("out", "robustness", "upper", "verdict"))
+    nan, inf = math.nan, math.inf
+    assert identical(settled[0], [nan, -1.0, inf, 0.0])
+    assert identical(settled[1], [nan, 5.0, inf, 1.0])
+    assert identical(settled[2], [nan, 5.0, 5.0, 1.0])
+    assert [each[0] for each in settled[3:]] == [5.0, 5.0]
+
+
+def test_a_named_formula_over_the_whole_trace_has_what_is_known_so_far() -> None:
+    text = (
+        "low = always(x < 5); seen = eventually[0:1](x > 2); done = eventually(seen); once(x > 3)"
+    )
+    parts = {
+        "low": "always(x < 5)",
+        "seen": "eventually[0:1](x > 2)",
+        "done": "eventually(eventually[0:1](x > 2))",
+    }
+    monitors = {name: DenseMonitor(f"{name} = {part}") for name, part in parts.items()}
+    with exported(text, 2, dense=True) as unit:
+        unit.begin()
+        for i, x in enumerate((1.0, 4.0, 3.0, 2.0, 1.0)):
+            for monitor in monitors.values():
+                monitor.update({"x": [(float(i), x)]})
+            unit.step(i, 1, {"x": x})
+            expected = [monitor.values[name] for name, monitor in monitors.items()]
+            assert identical(unit.get(*parts), expected)
+        assert unit.get(*parts) == [1.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_what_no_monitor_can_wait_for_is_as_if_the_run_ended_now(fmi: Fmi) -> None:
+    text = "done = always(x > 0 implies eventually(y > 0)); near = once[0:1](x > 0); done and near"
+    steps = ((0.0, 1.0, -1.0), (2.0, 1.0, -2.0), (3.0, -1.0, 4.0), (3.5, 1.0, -3.0))
+    with exported(text, fmi, dense=True) as unit:
+        assert unit.entries["done"].description.endswith("as if the run ended now")
+        unit.begin()
+        found = []
+        for time, x, y in steps:
+            unit.step(time, {0.0: 2.0, 2.0: 1.0}.get(time, 0.5), {"x": x, "y": y})
+            found.append(unit.get("done", "near", "robustness"))
+    assert [each[0] for each in found] == [-1.0, -1.0, 4.0, -1.0]
+    assert identical(found[0][1:], [math.nan, -1.0])
+    assert found[3][1:] == [1.0, -1.0]
+
+
+KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense": True}}
+
+
+def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> list[list[int]]:
+    """The outputs of each step from one on, up to the first that is refused."""
+    found = []
+    for i in range(begin, length(trace)):
+        try:
+            unit.step(float(i), 1.0, sample(trace, i, names))
+        except FMICallException:
+            break
+        found.append(bits(unit.get(*unit.outputs())))
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fmi", [2, 3])
+@settings(max_examples=examples(10))
+@given(drawn=texts(dense=True), trace=traces(4), at=st.integers(0, 4))
+def test_a_restored_monitor_goes_on_alike(
+    fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, at: int
+) -> None:
+    names = parse(drawn.text).variables
+    try:
+        with exported(drawn.text, fmi, **KINDS[kind]) as unit:
+            unit.begin()
+            before = {name: trace[name][:at] for name in trace}
+            if len(continued(unit, before, 0, names)) < at:
+                return
+            outputs = bits(unit.get(*unit.outputs()))
+            state = unit.state()
+            once = continued(unit, trace, at, names)
+            unit.restore(state)
+            assert bits(unit.get(*unit.outputs())) == outputs
+            assert continued(unit, trace, at, names) == once
+            with exported(drawn.text, fmi, **KINDS[kind]) as other:
+                other.begin()
+                other.restore(state)
+                assert bits(other.get(*other.outputs())) == outputs
+                assert continued(other, trace, at, names) == once
+    except SpecificationError:  # it has no variables, or a term of constants is no number
+        return
+
+
+TEXT = (
+    "const float gain = 4; const float T = 1; float x = 1.5; float y; once[0:T](x * gain + y > 1)"
+)
+BOTH = pytest.mark.parametrize("fmi", [2, 3])
+
+
+class Heard:
+    """The last message of a unit, without the call that it begins with."""
+
+    last = ""
+
+    def __call__(self, *arguments: Any) -> None:  # noqa: ANN401 - FMPy calls it
+        _, _, self.last = arguments[-1].decode().partition(": ")
+
+
+@BOTH
+def test_inputs_have_the_defaults_of_the_text_until_they_are_set(fmi: Fmi) -> None:
+    with exported(TEXT, fmi, period=1) as unit:
+        unit.begin()
+        unit.step(0, 1, {})
+        assert unit.get("x", "y", "robustness") == [1.5, 0.0, 5.0]
+        unit.step(1, 1, {"y": 2.0})
+        assert unit.get("x", "y", "robustness") == [1.5, 2.0, 5.0]
+
+
+@BOTH
+def test_what_a_new_monitor_says_before_the_first_sample(fmi: Fmi) -> None:
+    with exported("once(x > 0) and true", fmi, period=1) as unit:
+        unit.begin()
+        found = unit.get("robustness", "lower", "upper", "verdict")
+        assert identical(found, [math.nan, -math.inf, math.inf, 0])
+    with exported("const float v = 1; x > 0 or v > 0", fmi, period=1) as unit:
+        unit.begin({"v": 3.0})
+        assert unit.get("lower", "upper", "verdict") == [3.0, math.inf, 1]
+    with exported("const float v = 1; x > 0 or v > 0", fmi, period=1) as unit:
+        unit.begin({"v": -3.0})
+        assert unit.get("lower", "upper", "verdict") == [-3.0, math.inf, 0]
+
+
+@BOTH
+def test_a_parameter_is_minus_zero_in_no_text(fmi: Fmi) -> None:
+    with exported("const float v = 1; v / x > 0", fmi, period=1) as unit:
+        unit.begin({"v": -0.0})
+        unit.step(0, 1, {"x": 1.0})
+        assert identical(unit.get("robustness"), [-0.0])
+    with exported("const float v = 1; 1 / v + x > 0", fmi, period=1) as unit:
+        unit.begin({"v": -0.0})
+        unit.step(0, 1, {"x": 1.0})
+        assert identical(unit.get("robustness"), [math.inf])
+
+
+@BOTH
+def test_a_constant_in_a_bound_can_be_read_and_not_set(fmi: Fmi) -> None:
+    heard = Heard()
+    with exported(TEXT, fmi, heard, period=1) as unit:
+        assert unit.get("T") == [1.0]
+        with pytest.raises(FMICallException):
+            unit.set({"T": 2.0})
+        assert heard.last == "expected the value reference of an input or a parameter, got 11"
+        unit.begin()
+        with pytest.raises(FMICallException):
+            unit.set({"gain": 2.0})
+        assert heard.last == "the parameter 'gain' can be set until initialization ends"
+        assert unit.get("T", "gain") == [1.0, 4.0]
+
+
+@BOTH
+def test_a_term_of_constants_that_is_no_number_fails_the_initialization(fmi: Fmi) -> None:
+    heard = Heard()
+    with exported("const float k = 4; sqrt(k - 1) < x", fmi, heard, period=1) as unit:
+        with pytest.raises(FMICallException):
+            unit.begin({"k": 0.5})
+        assert heard.last == (
+            "with these parameters a constant of the specification is not a number: k=0.5"
+        )
+
+
+@BOTH
+def test_a_longer_step_takes_several_samples_of_held_inputs(fmi: Fmi) -> None:
+    text = "historically[2:2](x > 0) or x > 5"
+    episode = EpisodeMonitor(f"always({text})", 0.5)
+    with exported(f"always({text})", fmi, period=0.5) as unit:
+        unit.begin()
+        now = 0.0
+        for x, samples in ((6.0, 3), (-1.0, 2), (9.0, 1), (4.0, 7), (-2.0, 4)):
+            unit.step(now, samples / 2, {"x": x})
+            now += samples / 2
+            for _ in range(samples):
+                episode.update(x=x)
+            found = unit.get("robustness", "lower", "upper", "verdict")
+            assert identical(found, [episode.robustness, *episode.bounds(), episode.verdict])
+
+
+@BOTH
+def test_of_shorter_steps_those_take_a_sample_in_which_one_falls(fmi: Fmi) -> None:
+    with exported("always(x > 0)", fmi, period=1) as unit:
+        unit.begin()
+        for k, (x, least) in enumerate([(5, 5), (1, 5), (2, 5), (3, 5), (4, 4), (0, 4)]):
+            unit.step(k / 4, 0.25, {"x": float(x)})
+            assert unit.get("robustness") == [least]
+
+
+@BOTH
+def test_dense_time_ends_at_a_violation_too(fmi: Fmi) -> None:
+    with exported("always[0:1](x > 0)", fmi, dense=True, stop_on_violation=True) as unit:
+        unit.begin()
+        unit.step(0, 0.5, {"x": 1.0})
+        ended = False
+        try:
+            unit.step(0.5, 1, {"x": -1.0})
+            answer = unit.fmu.doStep(1.5, 1)
+            ended = fmi == 3 and answer[1]
+        except FMICallException:
+            ended = unit.fmu.getBooleanStatus(fmi2Terminated)
+        assert ended
+        assert unit.get("robustness", "verdict") == [-1.0, -1]
