@@ -1,7 +1,5 @@
 """The commands of `rtamt`: a row here, and a module of the same name."""
 
-__all__ = ["COMMANDS", "OF_TRACES", "SEPARATOR"]
-
 COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
     "init": "write a specification, a test and a job of CI to begin with",

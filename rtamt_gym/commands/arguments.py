@@ -1,4 +1,4 @@
-"""The values of arguments that several commands have: environments, signals, files to write."""
+"""Values of arguments of several commands: environments, signals, output files."""
 
 from __future__ import annotations
 
@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 
 
 def read_options(arguments: Sequence[str]) -> dict[str, Any]:
-    """Reads ``--env-kwarg``: values in JSON, or as Python writes them, or else text.
-
-    Raises:
-        InputError: If an argument has no ``=``, a key comes twice, or a list or an object is not
-            JSON.
-    """
+    """Read ``--env-kwarg``: values are JSON, a constant of Python, or text."""
     options: dict[str, Any] = {}
     for argument in arguments:
         key, _, value = (part.strip() for part in argument.partition("="))
@@ -53,11 +48,7 @@ def _read_value(text: str) -> Any:  # noqa: ANN401 - what JSON holds
 
 
 def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
-    """Reads ``--signal NAME=SELECTOR``, with the value at reset behind a comma.
-
-    Raises:
-        InputError: If an argument is not of this form, or a name comes twice.
-    """
+    """Read ``--signal NAME=SELECTOR``, with the value at reset after a comma."""
     signals: dict[str, SignalLike] = {}
     for argument in arguments:
         name, _, selector = (part.strip() for part in argument.partition("="))
@@ -81,16 +72,12 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
 
 
 def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[str] = ()) -> None:
-    """Checks the files that a command is to write before it begins; None is no file.
+    """Check the files that a command will write, before it starts.
 
     Args:
         files: The files.
         picture: One more, whose name says its format.
         inputs: The files that the command reads; other arguments may be among them.
-
-    Raises:
-        InputError: If a folder does not exist, or a file is a folder, is read, or is to be written
-            twice, or the picture's name has no known format.
     """
     read = {Path(name).resolve() for name in inputs}
     written: set[Path] = set()

@@ -28,8 +28,6 @@ from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.results.codec import document
 from rtamt_gym.results.provenance import Provenance, plain_provenance
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -52,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prints what there is to say of each requirement, and of all; 1 if something is wrong."""
+    """Check each requirement and all together; return 1 if something is wrong."""
     check_outputs(picture=options.plot, inputs=files_of(options.specs))
     specs = read_requirements(options.specs, read_constants(options.constant))
     others = read_requirements(options.same_as)
@@ -82,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _drawn(found: Check, period: Fraction | None, path: Path) -> str:
-    """Draws the traces and says where, or that there are none."""
+    """Draw the traces, and print the file, or that there are none."""
     from rtamt_gym.commands.trace_pictures import draw
     from rtamt_gym.drawing import save
 
@@ -94,7 +92,7 @@ def _drawn(found: Check, period: Fraction | None, path: Path) -> str:
 
 
 def _files(arguments: Sequence[str]) -> dict[str, str]:
-    """The files among the arguments, by their text."""
+    """Return the files among the arguments by their text."""
     paths = [Path(path) for path in files_of(arguments) if path.endswith(".stl")]
     return {path.read_text(encoding="utf-8-sig"): f"{path}:" for path in paths if path.is_file()}
 
@@ -102,7 +100,7 @@ def _files(arguments: Sequence[str]) -> dict[str, str]:
 def _compared(
     found: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
 ) -> Iterator[str]:
-    """What there is to say of requirements and their namesakes."""
+    """Yield comparisons of requirements that share a name."""
     for name, same in found.same.items():
         yield f"{_titled(name, specs[name])}:"
         for side, spec in (("one", specs[name]), ("other", _other(name, others))):
@@ -207,7 +205,7 @@ def _data(
     period: Fraction | None,
     options: argparse.Namespace,
 ) -> tuple[str, dict[str, Any]]:
-    """The kind of a result, and what is in it beside its head."""
+    """Return the kind of a result, and its fields without the head."""
     asked = {
         "period": period,
         "end": options.end,

@@ -9,8 +9,6 @@ from rtamt_gym.commands.evaluate import check_files, tell_files
 from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (

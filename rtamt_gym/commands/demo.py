@@ -8,8 +8,6 @@ from pathlib import Path
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.options.command_line import Option, add_options, whole
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (

@@ -9,12 +9,10 @@ from typing import Any
 
 from rtamt_gym.judging.ends import CutWindowWarning, OpenEndWarning
 
-__all__ = ["noted_ends"]
-
 
 @contextmanager
 def noted_ends() -> Iterator[list[str]]:
-    """Gives the list of lines that tell, once, that an end has satisfied what was open."""
+    """Yield a list that receives the note on ends that satisfied open windows, once."""
     notes: list[str] = []
     show = warnings.showwarning
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from rtamt_gym.signals.selectors import Selector
 
-__all__ = ["add_arguments", "run"]
-
 _MOST, _SHOWN = 8, 6
 """Of more selectors than the first that begin with one word, as many as the second are shown."""
 
@@ -45,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prints the selectors of an environment, or the ids of all environments; returns 0."""
+    """Print the selectors of an environment, or the ids of all environments; return 0."""
     from rtamt_gym.systems.registry import families, make
 
     if options.env_id is None and options.env_kwarg:
@@ -62,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
-    """The length of a step, the time limit and the spaces of an environment."""
+    """Yield the length of a step, the time limit and the spaces of an environment."""
     from rtamt_gym.signals.periods import (
         conflicting_times,
         find_period,
@@ -101,7 +99,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
 
 
 def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, which is above
-    """What a scenario declares: names and units, parameters, requirements."""
+    """Yield the declarations of a scenario: names, units, parameters, requirements."""
     if scenario is None:
         return
     rows = [("", "name", "unit", "least", "greatest")]
@@ -132,7 +130,7 @@ def _filled(text: str, indent: str = "") -> str:
 
 
 def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]:
-    """A table of the selectors with their values at reset and after a step."""
+    """Return a table of the selectors with their values at reset and after a step."""
     from rtamt_gym.signals.offers import offers
 
     space = env.action_space  # an environment may make a new one at a reset
@@ -171,7 +169,7 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
 
 
 def _rest(selectors: Sequence[Selector]) -> str:
-    """Says what the selectors that are not shown read."""
+    """Return the lines on selectors that are not shown."""
     named = dict.fromkeys(name for selector in selectors for name in selector.names)
     which = f"of {', '.join(named)}" if named else f"to {selectors[-1]}"
     return shorten(f"... {len(selectors)} more, {which}", 80)
@@ -185,7 +183,7 @@ class _Reader:
         self._step = step
 
     def __call__(self, selector: Selector) -> str:
-        """The value of a selector as text; "-" if it has none."""
+        """Return the value of a selector as text; "-" if it has none."""
         from rtamt_gym.signals.signals import ParsedSignal
         from rtamt_gym.signals.sources import SOURCES
 

@@ -15,8 +15,6 @@ from rtamt_gym.checks.extras import advice, missing
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
 
-__all__ = ["options_in", "options_of", "refusal", "unexpected", "valued"]
-
 _CALLED: Final[Mapping[str, str]] = {
     "constants": "constant",
     "nan": "missing",
@@ -47,7 +45,7 @@ _NEEDS: Final[Mapping[str, str]] = {
 
 
 def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> str | None:
-    """The message for an error that a user can cause; None for one that nobody expected.
+    """Return the message for an error that a user can cause; None for unexpected errors.
 
     Args:
         error: The error.
@@ -73,7 +71,7 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
 
 @cache
 def options_of(command: str) -> Mapping[str, str]:
-    """The options of a command, by the names of the arguments that they are for."""
+    """Return the options of a command, by the names of the arguments that they are for."""
     if command not in COMMANDS:
         return {}
     made_by = _OF_RESULTS.get(command, "")
@@ -97,7 +95,7 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
 
 
 def options_in(parser: argparse.ArgumentParser) -> Mapping[str, str]:
-    """The options of a parser, by the names of the arguments that they are for."""
+    """Return the options of a parser, by the names of the arguments that they are for."""
     found = {
         action.dest: action.option_strings[-1]
         for action in parser._actions  # noqa: SLF001 - argparse has no other list of them
@@ -118,7 +116,7 @@ def _worded(argument: Argument, options: Mapping[str, str]) -> str | None:
 
 
 def _value(value: object) -> str:
-    """A value behind an option; nothing for a switch."""
+    """Return the text of a value after an option; empty for a switch."""
     match value:
         case True:
             return ""
@@ -133,5 +131,5 @@ def _value(value: object) -> str:
 
 
 def unexpected(error: Exception) -> str:
-    """The message for an error that nobody expected."""
+    """Return the message for an unexpected error."""
     return f"unexpected {type(error).__name__}: {shorten(shown(str(error)), 200)}"

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.results.outcome import Word
 
-__all__ = ["add_arguments", "check_files", "run", "tell_files"]
-
 _EPISODES = 100
 """The number of episodes, if nothing is said."""
 
@@ -209,11 +207,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _so_far(pressed: KeyboardInterrupt) -> tuple[Evaluation, int]:
-    """What an evaluation has found that was interrupted, and how many more episodes had begun.
-
-    Raises:
-        KeyboardInterrupt: If no episode was over.
-    """
+    """Return the evaluation so far after an interrupt, and the number of unfinished episodes."""
     found: Evaluation | None = getattr(pressed, "evaluation", None)
     if found is None:
         print("interrupted before an episode was over", file=sys.stderr)
@@ -232,11 +226,7 @@ _ARGUMENTS = (
 
 
 def check_files(options: argparse.Namespace, *inputs: Path) -> None:
-    """Refuses ``--save`` and ``--report`` that cannot be written, before anything runs.
-
-    Raises:
-        InputError: If a file cannot be written, is read, or its name has another ending.
-    """
+    """Refuse ``--save`` and ``--report`` that cannot be written, before anything runs."""
     check_outputs(options.save, options.report, picture=None, inputs=list(map(str, inputs)))
     if options.save is not None and options.save.suffix.lower() != ".json":
         raise InputError(f"cannot write {options.save}: expected a name that ends in .json")
@@ -249,7 +239,7 @@ def check_files(options: argparse.Namespace, *inputs: Path) -> None:
 
 
 def tell_files(result: Evaluation | Comparison, options: argparse.Namespace, what: str) -> None:
-    """Writes the page that was asked for, and names the files; the other has been written."""
+    """Write the page, and print the names of the files."""
     files = [f"{what}: {options.save}"] if options.save else []
     if options.report:
         from rtamt_gym.reports.write import write_report
@@ -261,7 +251,7 @@ def tell_files(result: Evaluation | Comparison, options: argparse.Namespace, wha
 
 
 def _words(decision: Mapping[str, str], target: float | None) -> list[Word]:
-    """What became of requirements that are to meet a target."""
+    """Return the results of requirements with a target."""
     if target is None:
         return []
     return [_word(each) for each in decision.values()]

@@ -20,20 +20,6 @@ from rtamt_gym.tables import counted, number, table
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
 
-__all__ = [
-    "add_search",
-    "answer_data",
-    "code_of",
-    "drawn",
-    "equivalence_data",
-    "read_period",
-    "read_rates",
-    "strict",
-    "trace_data",
-    "write",
-    "write_samples",
-]
-
 _WORDS: Final[Mapping[str, Word]] = {
     "yes": "satisfied",
     "no": "violated",
@@ -42,7 +28,7 @@ _WORDS: Final[Mapping[str, Word]] = {
 
 
 def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> None:
-    """Adds the specifications and how traces are searched for.
+    """Add the specifications and how traces are searched for.
 
     Args:
         parser: The parser of a command.
@@ -80,11 +66,7 @@ def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> 
 
 
 def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """How fast variables change, as ``--rate`` says it.
-
-    Raises:
-        InputError: If a text is none of a rate, or a variable is there twice.
-    """
+    """Return the rates of change that ``--rate`` sets."""
     rates: dict[str, tuple[float, float]] = {}
     for text in texts:
         found = re.fullmatch(r"\s*([\w.]+)\s+in\s+\[([^,]*),([^,]*)\]\s*", text)
@@ -106,11 +88,7 @@ def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
 def read_period(
     options: argparse.Namespace, *requirements: Mapping[str, Specification]
 ) -> Fraction | None:
-    """Reads ``--period``.
-
-    Raises:
-        InputError: If there is none, and a requirement has a unit in a bound.
-    """
+    """Read ``--period``."""
     period = read_evaluation_options(options).seconds
     for name, spec in itertools.chain(*(each.items() for each in requirements)):
         bounds = (node.interval for node in spec.formula.nodes())
@@ -123,12 +101,12 @@ def read_period(
 
 
 def code_of(answers: Iterable[str]) -> int:
-    """The code with which a command ends: 0 of yes, 1 of a no, 3 of unknown."""
+    """Return the exit code: 0 for yes, 1 for no, 3 for unknown."""
     return exit_code([_WORDS[says] for says in answers])
 
 
 def drawn(trace: ExampleTrace) -> list[str]:
-    """The trace as a table: a column for each run of equal samples, in as many tables as needed."""
+    """Return the trace as tables with a column for each run of equal samples."""
     rows = list(zip(*trace.columns.values(), strict=True))
     runs: list[tuple[str, tuple[float, ...]]] = []
     begin = 0
@@ -165,7 +143,7 @@ def answer_data(answer: Answer) -> dict[str, Any]:
 
 
 def equivalence_data(same: Equivalence) -> dict[str, Any]:
-    """Whether two requirements are the same, with the trace that tells them apart."""
+    """Return whether two requirements are equivalent, with a trace on which they differ."""
     data: dict[str, Any] = {"says": same.says}
     if same.trace is not None:
         data |= {"satisfied": same.satisfied, "trace": trace_data(same.trace)}
@@ -175,18 +153,18 @@ def equivalence_data(same: Equivalence) -> dict[str, Any]:
 
 
 def trace_data(trace: ExampleTrace) -> dict[str, Any]:
-    """A trace, infinities as texts."""
+    """Return a trace with infinities as texts."""
     columns = {name: [*map(strict, values)] for name, values in trace.columns.items()}
     return {"samples": trace.samples, "repeats": trace.loop, "columns": columns}
 
 
 def strict(value: float | None) -> float | str | None:
-    """A number that strict JSON can say: infinities are texts."""
+    """Return a number for strict JSON: infinities become texts."""
     return str(value) if value is not None and math.isinf(value) else value
 
 
 def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
-    """Writes files of samples, which `rtamt monitor` reads with the same period.
+    """Write files of samples that `rtamt monitor` reads with the same period.
 
     Args:
         traces: Traces, each with the words that its file is named after.
@@ -197,7 +175,7 @@ def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
 
 
 def write_samples(folder: Path, words: str, columns: Mapping[str, Sequence[float]]) -> None:
-    """Writes a file of samples, named after words, into a folder."""
+    """Write a file of samples, named after words, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^\w.-]", "_", words)
     with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:

@@ -24,8 +24,6 @@ from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.results.codec import document
 from rtamt_gym.tables import number
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -42,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prints the examples; 1 if a requirement is not satisfied, or not violated, by any trace."""
+    """Print the examples; return 1 if no trace satisfies, or none violates, a requirement."""
     specs = read_requirements(options.specs, read_constants(options.constant))
     period = read_period(options, specs)
     found = rtamt.examples(

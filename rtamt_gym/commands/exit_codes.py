@@ -1,7 +1,8 @@
-"""The exit codes of commands, and what makes a verdict hollow: said always, a failure by choice."""
+"""The exit codes of commands, and the warnings on verdicts that rest on little evidence."""
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from rtamt_gym.tables import wrapped
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
     from rtamt_gym.results.table import Results
-
-__all__ = ["INTERRUPTED", "Hollow", "Required", "exit_code", "tell", "unasked", "undecided"]
+if TYPE_CHECKING:
+    from rtamt_gym.play.record import Record
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +45,11 @@ INTERRUPTED: Final = 130
 
 @dataclass(frozen=True, slots=True)
 class Hollow:
-    """What a verdict leaves out.
+    """A warning on a verdict.
 
     Attributes:
-        text: It in words, as in ``never asked: up was put to the test in 0 of 40 traces``.
-        fails: Whether the command is to fail for it, by a switch or by what it is.
+        text: The warning, as in ``never asked: up was put to the test in 0 of 40 traces``.
+        fails: Whether the command fails for it.
     """
 
     text: str
@@ -56,7 +57,7 @@ class Hollow:
 
 
 def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
-    """The exit code of a command: the first of 2, 1, 3 and 0 for which there is a reason.
+    """Return the exit code of a command: the first of 2, 1, 3 and 0 for which there is a reason.
 
     Bad input is 2 too, before there is anything to judge: an error, which `rtamt_gym.__main__`
     says.
@@ -82,7 +83,7 @@ def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
 
 
 def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
-    """What trials leave undecided.
+    """Return the warnings on undecided trials.
 
     Args:
         results: The trials.
@@ -98,7 +99,7 @@ def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
 
 
 def unasked(results: Results, what: str, required: Required) -> list[Hollow]:
-    """What nothing has put to the test, and what was satisfied without an answer.
+    """Return the warnings on requirements that were never triggered or never answered.
 
     Args:
         results: The trials.
@@ -125,7 +126,7 @@ def unasked(results: Results, what: str, required: Required) -> list[Hollow]:
 
 
 def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:
-    """Prints what verdicts leave out, in lines of at most 80 columns below an empty one.
+    """Print warnings after an empty line, in lines of at most 80 columns.
 
     Args:
         hollow: What they leave out.
@@ -136,3 +137,20 @@ def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:
         lines += wrapped(each.text)
     if lines:
         print(*lines, sep="\n", file=sys.stderr if stderr else sys.stdout, flush=True)
+
+
+def hollow_failures(record: Record, options: argparse.Namespace, shown: str) -> list[Hollow]:
+    """Return the warning on failed simulations, which fails if more failed than are allowed.
+
+    Args:
+        record: The simulations.
+        options: The arguments, with ``--allow-failures``.
+        shown: What the others show, and how many failed.
+    """
+    failed, allowed = len(record.failed()), options.allow_failures
+    if not failed or allowed is None:
+        return []
+    switch = f"--allow-failures {max(failed, allowed)}"
+    if failed > allowed:
+        return [Hollow(f"{shown} ({switch} would let them pass)", fails=True)]
+    return [Hollow(f"{shown} ({switch} lets them pass)")]

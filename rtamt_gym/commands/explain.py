@@ -11,8 +11,6 @@ from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.commands.traces import read_arguments
 from rtamt_gym.options.command_line import add_options
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -32,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prints an explanation for each requirement of each trace; returns the verdict."""
+    """Print an explanation for each requirement of each trace; return the exit code."""
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of, too_short
     from rtamt_gym.results.matrix import note_lines, undecided_lines
 

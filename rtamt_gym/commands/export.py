@@ -13,8 +13,6 @@ from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
 from rtamt_gym.options.command_line import Option, add_options, read_evaluation_options
 from rtamt_gym.tables import shorten
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -49,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Writes the file, and says what it holds; returns 0."""
+    """Write the file, and print its content; return 0."""
     check_outputs(options.output, picture=None, inputs=[options.spec])
     reading = read_evaluation_options(options)
     if reading.dense == (reading.period is not None):
@@ -78,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _requirement(options: argparse.Namespace) -> rtamt.Specification:
-    """The requirement that is asked for."""
+    """Return the requirement that the command line names."""
     every = read_requirements([options.spec], read_constants(options.constant))
     specs = list(chosen(every, options.only).values())
     if len(specs) > 1:

@@ -18,14 +18,13 @@ from rtamt_gym.commands.exit_codes import (
     Hollow,
     Required,
     exit_code,
+    hollow_failures,
     tell,
     unasked,
     undecided,
 )
-from rtamt_gym.commands.failures import hollow_failures
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
-from rtamt_gym.commands.systems import opened_system
-from rtamt_gym.commands.varied import read_varied
+from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
     EPISODES,
     Option,
@@ -39,8 +38,6 @@ from rtamt_gym.tables import shorten
 if TYPE_CHECKING:
     from rtamt_gym.results.outcome import Word
     from rtamt_gym.search.falsification.falsification import Falsification
-
-__all__ = ["add_arguments", "run"]
 
 _WHY = 12
 """The most lines of an explanation that are shown."""
@@ -173,11 +170,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _so_far(pressed: KeyboardInterrupt) -> Falsification:
-    """What a search has found that was interrupted.
-
-    Raises:
-        KeyboardInterrupt: If no simulation was over.
-    """
+    """Return the findings of a search after an interrupt."""
     found: Falsification | None = getattr(pressed, "falsification", None)
     if found is None:
         print("interrupted before a simulation was over", file=sys.stderr)
@@ -186,7 +179,7 @@ def _so_far(pressed: KeyboardInterrupt) -> Falsification:
 
 
 def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:
-    """What was found, and why; not why where the search was interrupted: it takes a simulation."""
+    """Yield the findings, with an explanation unless an interrupt came: it needs a simulation."""
     yield from found.lines()
     if found.judged and not found.interrupted and not math.isnan(found.robustness):
         why = [shorten(line, 80) for line in str(found.explain()).splitlines()]
@@ -197,7 +190,7 @@ def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:
 
 
 def _write(found: Falsification, options: argparse.Namespace, system: str | None) -> Iterator[str]:
-    """Writes the files that were asked for; a line for each that is written."""
+    """Write the output files; return a line for each."""
     if options.record:
         found.record.save(options.record)
         yield f"record: {options.record}"

@@ -10,8 +10,6 @@ from rtamt.errors import shown
 from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.starters import STARTERS, write_starter
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (

@@ -1,4 +1,4 @@
-"""Judges recorded traces one after the other or in processes; no trace keeps others from it."""
+"""Judges recorded traces one after the other or in processes; each trace by itself."""
 
 from __future__ import annotations
 
@@ -38,20 +38,6 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.unmet import Unmet
 from rtamt_gym.tables import number, shorten
 
-__all__ = [
-    "Judged",
-    "Watch",
-    "failure_lines",
-    "judge_file",
-    "judge_files",
-    "matrix_of",
-    "out_of_range",
-    "read_file",
-    "row_of",
-    "too_short",
-    "unmet_of",
-]
-
 _NAMED = 3
 """Traces that a summary names."""
 
@@ -89,14 +75,14 @@ class Watch(Protocol):
         """Whether copies know all they need; until then it is to see traces itself."""
 
     def see(self, judged: Judged, row: Trial) -> Seen:
-        """What is there to see in a trace; copies see traces in their order, and not all."""
+        """Return observations on a trace; copies see some traces only, in order."""
 
     def take(self, row: Trial, found: Seen) -> None:
-        """Takes in what was seen in a trace, in the order of the traces."""
+        """Record the observations on a trace, in the order of the traces."""
 
 
 def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
-    """Judges a trace; what cannot be read or judged is a failure of the requirements.
+    """Judge a trace; errors are failures of the requirements.
 
     Args:
         asked: The requirements, and how traces are judged.
@@ -117,14 +103,14 @@ def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
 
 
 def read_file(asked: TracesAsked, path: str) -> Judged:
-    """Reads a trace, and judges nothing."""
+    """Read a trace without judging it."""
     judged = Judged(path)
     _read(asked, judged)
     return judged
 
 
 def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
-    """Reads a trace; returns the requirements that it can be judged by.
+    """Read a trace, and return the requirements that can be judged on it.
 
     Where a column is missing or bad, the requirements that do not read it are judged without it.
     """
@@ -149,7 +135,7 @@ def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specificatio
 
 
 def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
-    """The requirements whose columns cannot be read, each with the reason."""
+    """Return the requirements whose columns cannot be read, each with the reason."""
     parts: dict[tuple[str, ...], dict[str, rtamt.Specification]] = {}
     for name, spec in asked.specs.items():
         parts.setdefault(tuple(sorted(spec.variables)), {})[name] = spec
@@ -170,7 +156,7 @@ def judge_files(
     explain: Sequence[Verdict],
     watch: Watch | None = None,
 ) -> list[Trial]:
-    """Judges traces, in the order of their names whatever the number of workers.
+    """Judge traces; rows have the order of the names for any number of workers.
 
     Args:
         asked: The requirements, and how traces are judged.
@@ -202,7 +188,7 @@ def judge_files(
 def _in_processes(
     job: _Job, paths: Sequence[str], workers: int, advance: Callable[[int], None]
 ) -> list[tuple[Trial, Seen]]:
-    """Does a job for each trace in processes.
+    """Run a job for each trace in processes.
 
     If a process dies, as for lack of memory, nobody knows at which trace: the first that has no
     row yet is judged alone, and only if its process dies too it is a failure.
@@ -231,7 +217,7 @@ def _in_processes(
 def _begin(
     pool: ProcessPoolExecutor, task: Callable[[str], _T], paths: Sequence[str]
 ) -> Iterator[_T]:
-    """Starts the processes, which ignore interrupts from their first moment on."""
+    """Start the processes, which ignore interrupts from the start."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         return pool.map(task, paths)
@@ -241,20 +227,20 @@ def _begin(
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """What is to be done with each trace; `judge_files` documents the arguments."""
+    """The job for each trace; `judge_files` documents the arguments."""
 
     asked: TracesAsked
     explain: Sequence[Verdict]
     watch: Watch | None
 
     def done(self, path: str) -> tuple[Trial, Seen]:
-        """The outcomes of a trace, and what was seen in it."""
+        """Return the outcomes of a trace, and the observations on it."""
         judged = judge_file(self.asked, path, formulas=False)
         row = row_of(self.asked, judged, explain=self.explain)
         return row, {} if self.watch is None else self.watch.see(judged, row)
 
     def lost(self, path: str) -> Trial:
-        """The row of a trace whose process died."""
+        """Return the row of a trace whose process died."""
         name = shown(path)
         failure = Failure(f"{name}: the process that judged it died, perhaps for lack of memory")
         return Trial.of_trace(name, "", dict.fromkeys(self.asked.specs, failure))
@@ -265,7 +251,7 @@ _jobs: list[_Job] = []
 
 
 def _begin_worker(*job: _Job) -> None:
-    """Leaves bars, and what an interrupt does, to the process that has asked."""
+    """Leave bars and interrupts to the parent process."""
     silence()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where that is not inherited
     _jobs[:] = job
@@ -276,7 +262,7 @@ def _row_of_file(path: str) -> tuple[Trial, Seen]:
 
 
 def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
-    """The outcomes of a trace as a row of results; verdicts in ``explain`` with an explanation."""
+    """Return the outcomes of a trace as a row; verdicts in ``explain`` are explained."""
     cells: dict[str, Outcome | Failure] = {}
     for name, spec in asked.specs.items():
         if name in judged.failures:
@@ -329,7 +315,7 @@ def _late_starts(judgements: Mapping[str, TraceJudgement], *, several: bool) -> 
 
 
 def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
-    """The rows, with the formulas of the requirements."""
+    """Return the rows, with the formulas of the requirements."""
     texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
 
@@ -337,7 +323,7 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
 def unmet_of(
     asked: TracesAsked, matrix: Matrix, required: Required, *, undecided: bool = False
 ) -> Unmet:
-    """What the traces were to have beside verdicts, and do not have: `Hollow` that fails.
+    """Return the required evidence that the traces lack: the warnings that fail.
 
     Args:
         asked: What the command line asks for.
@@ -386,7 +372,7 @@ def out_of_range(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
 
 
 def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
-    """What says which traces are shorter than was asked for; nothing if none is."""
+    """Return the warning on traces shorter than ``--min-duration``, if there are any."""
     if asked.min_duration is None:
         return []
     extents = {row.name: each for row in rows if (each := row.judged_extent) is not None}
@@ -395,7 +381,7 @@ def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
-    """What could not be judged, for standard error: each message once."""
+    """Return the lines on failures for standard error, each message once."""
     lines = []
     for message, (failure, traces) in matrix.failures().items():
         where = "" if len(matrix.rows) == 1 or traces[0] in message else f"{traces[0]}: "
@@ -470,7 +456,7 @@ def _outcome(
 
 
 def _defaults(spec: rtamt.Specification, judged: Judged) -> dict[str, float]:
-    """The variables of a requirement that have their default in the trace."""
+    """Return the variables of a requirement that have their default in the trace."""
     found = {} if judged.trace is None else judged.trace.defaults
     return {name: value for name, value in found.items() if name in spec.variables}
 

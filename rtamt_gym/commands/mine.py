@@ -21,8 +21,6 @@ from rtamt_gym.recorded.trace import Trace
 if TYPE_CHECKING:
     from rtamt_gym.search.mining.traces import Samples
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -124,14 +122,14 @@ def _read_tolerance(text: str | None) -> float | None:
 
 
 def _text_of(word: str) -> str:
-    """The text of a formula, or of the file that the word names."""
+    """Return the text of a formula, or of the file that the word names."""
     if word.endswith(".stl"):
         return Path(word).read_text(encoding="utf-8-sig", errors="replace")
     return word
 
 
 def _read(asked: TracesAsked, path: str) -> Samples:
-    """Reads a trace as the rules say."""
+    """Read a trace under the options of evaluation."""
     from rtamt_gym.search.mining.traces import Samples
 
     trace, period = read_trace_of(asked, path)

@@ -19,8 +19,7 @@ from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, una
 from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
-from rtamt_gym.commands.specs import files_of, identified_texts
-from rtamt_gym.commands.stages import STAGE, with_stages
+from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, with_stages
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, positive
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import MutationScore
     from rtamt_gym.results.unmet import Unmet
-
-__all__ = ["add_arguments", "discard_old_outcomes", "run"]
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
 """The options that write what becomes of one trace over time."""
@@ -143,7 +140,7 @@ def _given(options: argparse.Namespace, option: str) -> bool:
 
 
 def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
-    """Refuses names of files that cannot be written."""
+    """Refuse output files that cannot be written."""
     inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
     outputs = options.junit, options.markdown, options.out, options.write_mcap
     check_outputs(*outputs, picture=options.plot, inputs=inputs)
@@ -158,7 +155,7 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Judges the traces, prints the report and writes the files asked for; returns the verdict."""
+    """Judge the traces, print the report and write the files; return the exit code."""
     from rtamt_gym.commands.judging import (
         failure_lines,
         judge_file,
@@ -175,7 +172,7 @@ def run(options: argparse.Namespace) -> int:
             refuse_unknown(options, option, "needs the robustness at every sample")
     asked, paths = read_arguments(options)
     _check_expected(options, asked, paths)
-    asked = with_stages(asked)
+    asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
     check_mutants(options, asked)
     _check_files(options, paths)
     wanted = options.json or options.junit or options.markdown
@@ -230,7 +227,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
-    """The lines of the report: on one trace in detail, on several as a table."""
+    """Return the lines of the report: on one trace in detail, on several as a table."""
     if judged is None:
         from rtamt_gym.results.matrix import matrix_lines
 
@@ -248,7 +245,7 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
 
 
 def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[str]:
-    """The lines about mutants, below an empty one."""
+    """Return the lines about mutants, after an empty line."""
     if not scores:
         return []
     from rtamt_gym.results.mutation import score_lines
@@ -257,7 +254,7 @@ def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[st
 
 
 def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
-    """How the columns were read: with the defaults of the specifications, and topics of bags.
+    """Return the options of columns with the defaults of specifications and topics of bags.
 
     With these a trace is read alike under formulas that have lost their declarations.
     """
@@ -273,7 +270,7 @@ def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
 
 
 def _rules(asked: TracesAsked) -> dict[str, str]:
-    """How the traces were judged, by name."""
+    """Return the options of evaluation by name."""
     names = ("end", "view", "semantics", "align", "period")
     rules = {name: getattr(asked.reading, name) for name in names}
     said = {name: str(value) for name, value in rules.items() if value is not None}
@@ -290,7 +287,7 @@ def _write(
     judged: Judged | None,
     unmet: Unmet,
 ) -> list[str]:
-    """Writes the files that are asked for; returns a line about each."""
+    """Write the output files; return a line about each."""
     said = []
     if options.junit:
         from rtamt_gym.results.junit import to_junit

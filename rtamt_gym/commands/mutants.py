@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from rtamt_gym.results.mutation import JudgedMutant, MutationScore
     from rtamt_gym.results.trial import Trial
 
-__all__ = ["MutantWatch", "add_arguments", "check_arguments", "hollow_scores", "write_apart"]
-
 _MOST: Final = 50
 _SECONDS: Final = 2.0
 """How long a solver may look for a trace that tells a mutant apart."""
@@ -36,7 +34,7 @@ _DECIDED: Final = {Verdict.SATISFIED, Verdict.VIOLATED}
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
-    """Adds ``--mutants`` and what belongs to it."""
+    """Add ``--mutants`` and its options."""
     add_options(
         group,
         Option(
@@ -79,11 +77,7 @@ def _share(text: str) -> float:
 
 
 def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
-    """Refuses what belongs to ``--mutants`` without it, and what does not belong to it.
-
-    Raises:
-        InputError: If such an option is given.
-    """
+    """Refuse options that need ``--mutants`` without it, and options that exclude it."""
     if not options.mutants:
         for option in ("--max-mutants", "--mutation", "--min-noticed", "--write-apart"):
             if getattr(options, option.strip("-").replace("-", "_")) not in (None, []):
@@ -131,7 +125,7 @@ class MutantWatch:
         return bool(self._made)
 
     def see(self, judged: Judged, row: Trial) -> dict[str, list[int]]:
-        """The numbers of the mutants that a trace notices, and none that was seen has noticed."""
+        """Return the numbers of the mutants that a trace is the first to kill."""
         from rtamt_gym.recorded.judge import noticed
 
         if not self.ready and row.extent is not None:
@@ -156,7 +150,7 @@ class MutantWatch:
                 self._noticed[name].setdefault(number, row.name)
 
     def scores(self, matrix: Matrix) -> dict[str, MutationScore]:
-        """What became of the mutants, once all traces were seen."""
+        """Return the scores after all traces."""
         from rtamt_gym.results.mutation import MutationScore
 
         period = _period(self._asked, matrix.rows)
@@ -178,7 +172,7 @@ class MutantWatch:
         return scores
 
     def _make(self, period: Fraction | None) -> None:
-        """Makes the mutants, none of which is noticed then."""
+        """Make the mutants, none of which is killed yet."""
         self._period = period
         for name, spec in self._asked.specs.items():
             made = rtamt.mutants(spec, period, kinds=self._kinds, most=self._most)
@@ -191,7 +185,7 @@ class MutantWatch:
             self._noticed[name], self._seen[name] = {}, set()
 
     def _again(self, matrix: Matrix, period: Fraction | None) -> None:
-        """Judges the mutants of a period of which no trace has known."""
+        """Judge the mutants if no trace has a period."""
         from rtamt_gym.commands.judging import read_file
 
         self._make(period)
@@ -206,7 +200,7 @@ def _timed(asked: TracesAsked) -> bool:
 
 
 def _period(asked: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
-    """The period by which bounds move: one that all traces have, or a multiple of each."""
+    """Return the period by which bounds move: a common multiple of the periods of the traces."""
     if asked.reading.period is not None or asked.reading.dense:
         return asked.reading.seconds
     periods = [row.extent.period for row in rows if row.extent and row.extent.period]
@@ -214,7 +208,7 @@ def _period(asked: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
 
 
 def _multiple(one: Fraction, other: Fraction) -> Fraction:
-    """The least number of which both are parts."""
+    """Return the least common multiple."""
     numerator = math.lcm(one.numerator * other.denominator, other.numerator * one.denominator)
     return Fraction(numerator, one.denominator * other.denominator)
 
@@ -222,7 +216,7 @@ def _multiple(one: Fraction, other: Fraction) -> Fraction:
 def _judged(
     asked: TracesAsked, mutant: Mutant, period: Fraction | None, trace: str
 ) -> JudgedMutant:
-    """What became of a mutant that a trace notices, or none."""
+    """Return the fate of a mutant."""
     from rtamt_gym.results.mutation import JudgedMutant
 
     where = (mutant.kind, mutant.line, mutant.column, mutant.before, mutant.after)
@@ -255,7 +249,7 @@ def _judged(
 def _compared(
     asked: TracesAsked, mutant: Mutant, period: Fraction | None
 ) -> tuple[rtamt.Equivalence | None, str]:
-    """Whether a mutant is the same requirement; None if it cannot be asked, and why."""
+    """Return whether a mutant is equivalent; None and the reason if that is not known."""
     reading = asked.reading
     if reading.dense:
         return None, "a solver compares samples, not dense time"
@@ -278,7 +272,7 @@ def _differ(
     period: Fraction | None,
     columns: Mapping[str, Sequence[float]],
 ) -> bool:
-    """Whether requirement and mutant have different verdicts on a trace."""
+    """Return whether requirement and mutant have different verdicts on a trace."""
     found = [
         rtamt.judge(each, columns, period, asked.reading.end).verdict
         for each in _both(asked, mutant)
@@ -295,7 +289,7 @@ def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtam
 def hollow_scores(
     options: argparse.Namespace, scores: Mapping[str, MutationScore]
 ) -> Iterator[Hollow]:
-    """What the traces do not notice; it fails below ``--min-noticed``."""
+    """Yield the warning on surviving mutants, which fails below ``--min-noticed``."""
     from rtamt_gym.results.mutation import percent, score_text
 
     least = options.min_noticed
@@ -312,7 +306,7 @@ def hollow_scores(
 def write_apart(
     scores: Mapping[str, MutationScore], asked: TracesAsked, matrix: Matrix, folder: Path
 ) -> str:
-    """Writes the traces that would notice what is missed; returns a line about them.
+    """Write traces that kill the survivors; return a line about them.
 
     They have a column of times where the traces have one, and the columns of their requirement.
     """

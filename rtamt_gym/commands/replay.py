@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from rtamt_gym.play.run import Run
     from rtamt_gym.play.saved_case import SavedCase
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -43,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the case, prints the run and its verdict; returns 1 if it is not the expected one."""
+    """Run the case, and print the run and its verdict; return 1 if it is unexpected."""
     from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.table import Results
 

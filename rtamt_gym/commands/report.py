@@ -16,8 +16,6 @@ from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
 from rtamt_gym.options.command_line import Option, add_options
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -66,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Writes the page; returns 0, or 3 if a case was to be played again and could not be."""
+    """Write the page; return 0, or 3 if a case could not be replayed."""
     from rtamt_gym.recorded.readers import extensions, is_bag_folder
     from rtamt_gym.reports.html import render
     from rtamt_gym.reports.results import Access
@@ -104,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tell_imports(paths: Sequence[str]) -> None:
-    """Says on standard error what the cases import, before anything of it runs."""
+    """Print the imports of the cases to standard error, before they run."""
     from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.codec import read
 
@@ -117,11 +115,7 @@ def _tell_imports(paths: Sequence[str]) -> None:
 
 
 def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """The paths of results, and their names; None if none is named.
-
-    Raises:
-        InputError: If two have one name.
-    """
+    """Return the paths of results, and their names; None if none is named."""
     paths, names = [], []
     named = False
     for result in results:

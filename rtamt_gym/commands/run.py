@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rtamt_gym.play.run import Run
     from rtamt_gym.play.summaries import Episode
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -83,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the episodes, prints a table of them, writes files; returns 0, or 2 or 3."""
+    """Run the episodes, print a table and write files; return 0, 2 or 3."""
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.play.record import Record
     from rtamt_gym.play.simulate import simulate

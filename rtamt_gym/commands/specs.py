@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import rtamt
-from rtamt import InputError
+from rtamt import InputError, Specification
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
+from rtamt_gym.options.command_line import Option
+
+if TYPE_CHECKING:
+    from rtamt_gym.options.evaluation import Reading
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
-    """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
+    """Read a formula or a file; a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
         return rtamt.parse(argument, constants=named_in(argument, constants))
     return load_file(argument, constants)
@@ -33,7 +39,7 @@ def read_requirements(
     constants: Mapping[str, str] | None = None,
     own: Mapping[str, rtamt.Specification] = MappingProxyType({}),
 ) -> dict[str, rtamt.Specification]:
-    """Reads specifications, and gives every requirement in them a name of its own.
+    """Read specifications, and give each requirement a unique name.
 
     An argument that names a requirement of the system stands for that requirement.
 
@@ -45,10 +51,6 @@ def read_requirements(
         arguments: Formulas and paths of files, ``name=path`` too.
         constants: Values of constants; each text gets those that it names.
         own: The requirements that the system has of its own, by name.
-
-    Raises:
-        InputError: If two requirements have the same name, an argument is nearly the name of one in
-            ``own``, or no text has one of the constants.
     """
     specs: dict[str, rtamt.Specification] = {}
     unused = {**(constants or {})}
@@ -98,16 +100,13 @@ def requirements_of(
     system: str,
     option: str = "",
 ) -> dict[str, rtamt.Specification]:
-    """The requirements that arguments name or write; of no arguments, all of the system's own.
+    """Return the requirements of the arguments; without arguments, those of the system.
 
     Args:
         arguments: Names of the system's own, formulas and paths of files.
         own: The requirements that the system has of its own, by name.
         system: The name of the system.
         option: The option that the arguments belong to, for the message.
-
-    Raises:
-        InputError: If there are none, or as `read_requirements` does.
     """
     if not arguments and not own:
         example = f"{option} 'always(x < 1)'".strip()
@@ -125,15 +124,7 @@ def requirements_of(
 def told_apart(
     specs: Mapping[str, rtamt.Specification], text: str | None
 ) -> Mapping[str, rtamt.Specification]:
-    """``requirement iff other`` in place of a requirement, which is violated where they differ.
-
-    Args:
-        specs: The requirements.
-        text: The other, which ``--apart`` gives; None: the requirements stay as they are.
-
-    Raises:
-        InputError: If there are several requirements, or several others.
-    """
+    """Return ``requirement iff other``, which is violated where they differ."""
     if text is None:
         return specs
     others = read_requirements([text])
@@ -148,11 +139,7 @@ def told_apart(
 
 
 def read_constants(arguments: Sequence[str]) -> dict[str, str]:
-    """Reads ``--constant``.
-
-    Raises:
-        InputError: If an argument has no value, or a name comes twice.
-    """
+    """Read ``--constant``."""
     constants: dict[str, str] = {}
     for argument in arguments:
         name, _, value = (part.strip() for part in argument.partition("="))
@@ -169,11 +156,7 @@ def read_constants(arguments: Sequence[str]) -> dict[str, str]:
 def chosen(
     specs: Mapping[str, rtamt.Specification], names: Sequence[str]
 ) -> dict[str, rtamt.Specification]:
-    """The requirements that ``--only`` names; all if it names none.
-
-    Raises:
-        InputError: If there is none of a name.
-    """
+    """Return the requirements that ``--only`` names; all if it names none."""
     for name in names:
         if name not in specs:
             hint = nearest(name, specs) or f"; they are {listing(specs)}"
@@ -184,7 +167,7 @@ def chosen(
 def _read_argument(
     argument: str, constants: Mapping[str, str]
 ) -> tuple[str | None, rtamt.Specification]:
-    """Reads the name that an argument gives, or None, and the specification."""
+    """Read the name that an argument gives, or None, and the specification."""
     named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
     if named:
         return named[1], _read_spec(named[2], constants)
@@ -205,11 +188,63 @@ def _add(specs: dict[str, rtamt.Specification], name: str, spec: rtamt.Specifica
 
 
 def files_of(specs: Sequence[str], policy: str | None = None) -> list[str]:
-    """The arguments that may be files: those of specifications, and of the model of a policy."""
+    """Return the arguments that may be files: specifications, and the model of a policy."""
     paths = [argument.rpartition("=")[2] for argument in specs]
     return paths if policy is None else [*paths, policy.removeprefix("sb3:")]
 
 
 def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
-    """The variables of all specifications, each once."""
+    """Return the variables of all specifications, each once."""
     return list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
+
+
+STAGE = Option(
+    "--stage [NAME:] FORMULA",
+    "a stage of the requirement for its progress, in order; of several requirements with "
+    "the name: --stage 'task: near > 0' --stage 'task: lifted > 0'",
+    default=argparse.SUPPRESS,
+    usual="the stages of a requirement that is in order",
+    repeat=True,
+    dest="stages",
+)
+
+
+def with_stages(specs: Mapping[str, Specification], reading: Reading) -> Reading:
+    """Return the options of evaluation with the stages by the names of their requirements."""
+    from rtamt_gym.judging.stages import stages_of
+
+    texts = reading.stages
+    if texts is None or isinstance(texts, Mapping):
+        return reading
+    named: dict[str, list[str]] = {}
+    for text in map(str, texts):
+        name, stage = _divided(text, specs)
+        named.setdefault(name, []).append(stage)
+    reading = reading.having(stages=named)
+    stages = stages_of(specs, reading)
+    for name in named:
+        if reading.dense and stages[name].deciders:
+            raise InputError(
+                f"--stage: stages of {name!r} look at other times, such as those of operators with "
+                "an interval; in dense time a stage is reached at an event, by what holds then; "
+                "leave out such operators, or --dense"
+            )
+    return reading
+
+
+def _divided(text: str, specs: Mapping[str, Specification]) -> tuple[str, str]:
+    """Return the requirement of a stage, and its formula."""
+    name, colon, stage = (part.strip() for part in text.partition(":"))
+    if colon and name in specs:
+        return name, stage
+    if colon and re.fullmatch(r"[\w.-]+", name):  # not the colon of an interval
+        raise InputError(
+            f"--stage: expected the name of a requirement, {listing(specs)}, got {name!r}"
+            f"{nearest(name, specs)}"
+        )
+    if len(specs) == 1:
+        return next(iter(specs)), text
+    raise InputError(
+        "--stage: expected the name of a requirement before the formula, as in "
+        f"'{next(iter(specs))}: {text}', for there are several: {listing(specs)}"
+    )

@@ -55,7 +55,7 @@ SUCCESS = (
 
 
 def check_success(options: argparse.Namespace) -> None:
-    """Refuses ``--success-key`` and ``--hold`` without ``--success``."""
+    """Refuse ``--success-key`` and ``--hold`` without ``--success``."""
     for name in ("success_key", "hold"):
         if getattr(options, name) is not None and not options.success:
             raise InputError(f"--{name.replace('_', '-')} is for --success, got it without")
@@ -66,15 +66,12 @@ def success_requirements(
     specs: Mapping[str, rtamt.Specification],
     period: rtamt.Period | None,
 ) -> dict[str, rtamt.Specification]:
-    """The specifications, and the readings of the flag if they are asked for.
+    """Return the specifications, and the requirements of the success flag if there is one.
 
     Args:
         options: The arguments of the command.
         specs: The specifications.
         period: Seconds between samples, of which the time is the next multiple where none is given.
-
-    Raises:
-        InputError: If the time is none, or a specification has the name of a reading.
     """
     if not options.success:
         return dict(specs)
@@ -87,7 +84,7 @@ def success_requirements(
 
 
 def _hold(period: rtamt.Period | None) -> str:
-    """The time where none is given, as a text with its unit."""
+    """Return the default time as a text with its unit."""
     step = seconds_of(period)
     length = _HOLD if step is None else math.ceil(_HOLD / step) * step
     return f"{float(length * 1000):.12g}ms"
@@ -98,12 +95,9 @@ def flag_signal(
     env: Any,  # noqa: ANN401 - an environment
     signals: Mapping[str, SignalLike],
 ) -> dict[str, SignalLike]:
-    """The signals, with the flag of the environment; one of its name that is given stays.
+    """Return the signals with the success flag, unless a signal has its name.
 
     Which key of info the flag is, a reset and a step say: the price is one of each.
-
-    Raises:
-        InputError: If info has no such key, or two.
     """
     if not options.success or _FLAG in signals:
         return dict(signals)
@@ -124,7 +118,7 @@ def flag_signal(
 
 
 def not_kept(results: Results) -> list[Hollow]:
-    """What is said of episodes that succeed at some step, and do not keep it."""
+    """Return the warnings on episodes that succeed at some step, and lose it."""
     lost = [
         row.seed
         for row in results

@@ -14,11 +14,17 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked, undecided
-from rtamt_gym.commands.failures import hollow_failures
+from rtamt_gym.commands.exit_codes import (
+    Hollow,
+    Required,
+    exit_code,
+    hollow_failures,
+    tell,
+    unasked,
+    undecided,
+)
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
-from rtamt_gym.commands.systems import opened_system
-from rtamt_gym.commands.varied import read_varied
+from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
     EPISODES,
     Option,
@@ -32,8 +38,6 @@ from rtamt_gym.tables import counted, shorten
 if TYPE_CHECKING:
     from rtamt_gym.results.table import Results
     from rtamt_gym.search.sweeps.sweep import Sweep
-
-__all__ = ["add_arguments", "run"]
 
 _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
 
@@ -118,7 +122,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the sweep, prints what came of it and writes the files asked for; returns 0 or 3."""
+    """Run the sweep, print the results and write the files; return 0 or 3."""
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning, sweep
 
     check_outputs(options.save, options.json, picture=options.heat_map)
@@ -175,11 +179,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _never_satisfied(record: Results) -> list[tuple[str, bool]]:
-    """Return, for each requirement that no simulation satisfies, a text and if some violate it.
-
-    Args:
-        record: The simulations.
-    """
+    """Return texts on requirements that no simulation satisfies, and whether some violate them."""
     found = []
     for name in record.requirements:
         verdicts = [each.verdict for row in record.rows if (each := row.judged(name)) is not None]
@@ -214,7 +214,7 @@ def _count(count: str, text: str) -> int:
 def _check_map(
     columns: Sequence[str], requirements: Collection[str], options: argparse.Namespace
 ) -> None:
-    """Refuses a heat map that cannot be drawn, before anything runs."""
+    """Refuse a heat map that cannot be drawn, before anything runs."""
     from rtamt_gym.search.sweeps.heights import two_of
 
     if len(requirements) > 1:
@@ -223,7 +223,7 @@ def _check_map(
 
 
 def _worst(done: Sweep) -> Iterator[str]:
-    """A line for each requirement: its least robustness, and where that is."""
+    """Yield a line for each requirement: its minimum robustness, and where that is."""
     for name in done.requirements:
         worst = done.worst(name)
         number = next(i for i, row in enumerate(done.record) if row is worst)
@@ -234,7 +234,7 @@ def _worst(done: Sweep) -> Iterator[str]:
 
 
 def _moved(done: Sweep, name: str) -> str:
-    """What moves a requirement, or why that is not known."""
+    """Return the parameters that move a requirement, or why they are not known."""
     try:
         return str(done.indices(name))
     except InputError as error:
@@ -243,7 +243,7 @@ def _moved(done: Sweep, name: str) -> str:
 
 
 def _write(done: Sweep, options: argparse.Namespace) -> None:
-    """Writes the files that were asked for."""
+    """Write the output files."""
     if options.save:
         done.save(options.save)
         print(f"record: {options.save}")

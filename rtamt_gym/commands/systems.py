@@ -1,10 +1,10 @@
-"""What a search runs, as an argument: an environment, a function, an FMU; and how it acts."""
+"""What a search runs and varies, as arguments: a system, ``--vary`` and ``--set``."""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import read_options
 
+if TYPE_CHECKING:
+    from rtamt_gym.inputs.ranges import Parameter, Signal
 if TYPE_CHECKING:
     from rtamt_gym.inputs.ranges import Parameter, Signal
 
@@ -44,11 +49,7 @@ class SearchedSystem:
 
 @contextmanager
 def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
-    """Makes the system that the command line names, and closes it at the end.
-
-    Raises:
-        InputError: If there is no such system, or an option does not fit it.
-    """
+    """Make the system that the command line names, and close it at the end."""
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.systems.policies import policy_of
     from rtamt_gym.systems.references import named_system
@@ -74,7 +75,7 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
 
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
-    """The name of the system that an argument gives, as `named_system` takes it."""
+    """Return the name of the system that an argument gives, as `named_system` takes it."""
     if text.endswith(".py"):
         raise InputError(
             f"expected a system as module:function, got the name of a file; write "
@@ -89,3 +90,66 @@ def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
     if arguments:
         raise InputError(f"--env-kwarg is for environments, got it for {text}; --set is for all")
     return name
+
+
+_EXAMPLE = "mass=1:2, gear=1|2|3 or throttle=0:100,points=7"
+
+
+def read_varied(
+    vary: Sequence[str],
+    fixed: Sequence[str],
+    scenario: Any,  # noqa: ANN401 - None where there is none
+) -> tuple[list[Signal | Parameter] | None, dict[str, float]]:
+    """Read ``--vary`` and ``--set``: the entries of a space, None for the default, and numbers."""
+    numbers: dict[str, float] = {}
+    for argument in fixed:
+        name, _, text = (part.strip() for part in argument.partition("="))
+        value = read_floats([text]) if name and text else None
+        if value is None:
+            raise InputError(f"--set: expected NAME=NUMBER, such as mass=1.5, got {argument!r}")
+        if name in numbers:
+            raise InputError(f"--set: expected one {name!r}, got two")
+        (numbers[name],) = value
+    known = {} if scenario is None else _known(scenario)
+    return [_entry(argument, known) for argument in vary] or None, numbers
+
+
+def _known(scenario: Any) -> Mapping[str, Signal | Parameter]:  # noqa: ANN401
+    each: Iterable[Signal | Parameter] = [*scenario.parameters, *scenario.inputs]
+    return {entry.name: entry for entry in each}
+
+
+def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | Parameter:
+    from rtamt_gym.inputs.ranges import Parameter, Signal
+
+    name, equals, text = (part.strip() for part in argument.partition("="))
+    if not equals:
+        if name not in known:
+            has = f"the scenario has {listing(known)}" if known else "the system says no ranges"
+            raise InputError(f"--vary {name}: expected {_EXAMPLE}; {has}{nearest(name, known)}")
+        return known[name]
+    span, *options = (part.strip() for part in text.split(","))
+    words = {option.partition("=")[0]: option.partition("=")[2] for option in options}
+    if not name:
+        raise _refused(argument)
+    if "|" in span or ":" not in span:
+        values = read_floats(span.split("|"))
+        if values is None or words:
+            raise _refused(argument)
+        return Parameter(name, values=values)
+    ends = read_floats(span.split(":"))
+    if ends is None or len(ends) != 2:
+        raise _refused(argument)
+    if "points" not in words:
+        if words not in ({}, {"log": ""}):
+            raise _refused(argument)
+        return Parameter(name, *ends, log="log" in words)
+    points = words.pop("points")
+    rest: Any = [*words] or ["hold"]
+    if not points.isdecimal() or any(words.values()) or len(rest) != 1:
+        raise _refused(argument)
+    return Signal(name, *ends, points=int(points), interpolation=rest[0])
+
+
+def _refused(argument: str) -> InputError:
+    return InputError(f"--vary: expected {_EXAMPLE}, got {argument!r}")

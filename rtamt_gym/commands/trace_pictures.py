@@ -16,14 +16,12 @@ from rtamt import ExampleTrace
 from rtamt_gym import drawing
 from rtamt_gym.tables import counted, shorten
 
-__all__ = ["draw"]
-
 _ABREAST: Final = 3
 _MOST: Final = 12
 
 
 def draw(traces: Sequence[tuple[str, ExampleTrace]], period: Fraction | None) -> Figure:
-    """Draws a panel for each variable of each trace; what repeats for ever is shaded.
+    """Draw a panel for each variable of each trace; what repeats for ever is shaded.
 
     Args:
         traces: Traces with what they show, one or more; the first 12 are drawn.

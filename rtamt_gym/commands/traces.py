@@ -43,14 +43,6 @@ if TYPE_CHECKING:
     from rtamt_gym.options.evaluation import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
-__all__ = [
-    "TracesAsked",
-    "add_arguments",
-    "read_arguments",
-    "read_trace_of",
-    "refuse_unknown",
-]
-
 
 @dataclass(frozen=True)
 class TracesAsked:
@@ -88,7 +80,7 @@ _SPECS = (
 
 
 def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _SPECS) -> None:
-    """Adds the specifications, the traces, and the options that say how they are read.
+    """Add the specifications, the traces and the options for reading them.
 
     Args:
         parser: The parser of the command.
@@ -123,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
 
 
 def _add_columns(group: argparse._ArgumentGroup) -> None:
-    """Adds the arguments of `read_columns`."""
+    """Add the arguments of `read_columns`."""
     add_options(
         group,
         Option(
@@ -236,13 +228,7 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
 
 
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
-    """Reads the requirements and how traces are judged, and finds the traces.
-
-    Raises:
-        InputError: If an argument is wrong: a trace stands in the place of a specification or the
-            other way round, a name or a constant is unknown, or there are no traces.
-        SpecificationError: If a specification is wrong.
-    """
+    """Read the requirements and the options of evaluation, and find the traces."""
     from rtamt_gym.recorded.judge import viewed
     from rtamt_gym.recorded.names import starts_of
 
@@ -297,7 +283,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
-    """Refuses ``--period`` beside what reads times."""
+    """Refuse ``--period`` next to options that read times."""
     if dense:
         raise InputError("expected --period or --dense, which reads events at any time")
     if all(map(is_bag, traces)):
@@ -308,7 +294,7 @@ def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: 
 
 
 def _check_signals(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
-    """Refuses ``--signal`` for what no specification reads."""
+    """Refuse ``--signal`` for a name that no specification reads."""
     variables = variables_of(specs)
     for name in columns.signals:
         if name not in variables and name not in _messages(specs):
@@ -317,7 +303,7 @@ def _check_signals(columns: Columns, specs: Mapping[str, rtamt.Specification]) -
 
 
 def _check_defaults(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
-    """Refuses ``--default`` for what has none."""
+    """Refuse ``--default`` for a variable without one."""
     known = sorted({name for spec in specs.values() for name in spec.defaults})
     for name in columns.defaults:
         if name not in known:
@@ -326,15 +312,12 @@ def _check_defaults(columns: Columns, specs: Mapping[str, rtamt.Specification]) 
 
 
 def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None:
-    """Refuses ``--missing unknown`` for a command that needs the robustness of instants.
+    """Refuse unknown values for a command that needs the robustness at each instant.
 
     Args:
         options: The arguments.
         command: Its name.
         does: What it does with a robustness.
-
-    Raises:
-        InputError: If it is given.
     """
     if options.missing == "unknown":
         raise InputError(
@@ -349,12 +332,7 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
 
 
 def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: as given, else found in its samples, or None.
-
-    Raises:
-        InputError: If the trace cannot be read, or is too short to have a period.
-        OSError: If there is no such file.
-    """
+    """Read a trace, and its period: as given, else found in its samples, or None."""
     from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.ruled import read_ruled
     from rtamt_gym.recorded.trace import constant_note, outside_ranges
@@ -371,7 +349,7 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
 
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:
-    """The messages whose fields specifications read."""
+    """Return the messages whose fields specifications read."""
     return {each.variable for spec in specs.values() for each in spec.subscriptions()}
 
 
@@ -380,7 +358,7 @@ _SURE = tuple(extension for extension in extensions() if extension != ".txt")
 
 
 def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The specifications and the traces; the last word is the trace unless ``--`` says more."""
+    """Return the specifications and the traces; without ``--``, the last word is the trace."""
     if SEPARATOR in words:
         at = words.index(SEPARATOR)
         specs, traces = list(words[:at]), list(words[at + 1 :])
@@ -415,9 +393,6 @@ def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the paths of the traces, each once, and a text for each folder with other files.
 
     A word is the path of a file, a folder or a pattern.
-
-    Raises:
-        InputError: If a folder has no trace, a pattern names no file, or stdin is not alone.
     """
     ends, ignored = extensions(), list[str]()
     found = [
@@ -434,18 +409,7 @@ def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
 def _files(
     word: str, ends: Sequence[str], ignored: list[str], *, pattern: bool, bags: bool = False
 ) -> list[str]:
-    """The word itself, or the files with some ends in the folder or the pattern that it names.
-
-    Args:
-        word: The word.
-        ends: The ends of the names of files that are read in folders.
-        ignored: A text for each folder with other files or folders is appended to it.
-        pattern: Whether ``*``, ``?`` and ``[`` make the word a pattern, if it is no file.
-        bags: Whether a folder that is a bag of rosbag2 counts as a file.
-
-    Raises:
-        InputError: If there is no such file in the folder, or none with a name like the pattern.
-    """
+    """Return the word itself, or the files in the folder or pattern that it names."""
     paths = [word]
     if pattern and re.search(r"[*?\[]", word) and not os.path.exists(word):  # noqa: PTH110 - "./"
         paths = sorted(glob(word, recursive=True))  # noqa: PTH207 - stays as it was written
