@@ -1,4 +1,4 @@
-"""Episodes that are played again in full, with pictures where the environment renders."""
+"""Replays of episodes, with pictures if the environment renders."""
 
 from __future__ import annotations
 
@@ -30,41 +30,27 @@ if TYPE_CHECKING:
 __all__ = ["Film", "Filming", "Frame", "played", "replay_difference"]
 
 _MOST: Final = 22
-"""The most pictures that are spread over an episode; its end and its violations have their own."""
+"""The maximum number of evenly spread pictures; the end and violations have further ones."""
 
 _SIDE: Final = 320
-"""The most pixels of a side of a picture."""
+"""The maximum width and height of a picture, in pixels."""
 
 _QUALITY: Final = 60
-"""Of WebP, up to 100: a robot that MuJoCo renders takes about 6 kB, a cart with a pole 0.5 kB."""
+"""WebP quality, up to 100: a MuJoCo robot takes about 6 kB, a cart with a pole 0.5 kB."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A picture of an episode.
-
-    Attributes:
-        time: When, in seconds; the number of the sample if there is no period.
-        webp: The picture: the bytes of a WebP file.
-    """
+    """A picture of an episode: its time in seconds (or sample), and the bytes of a WebP file."""
 
     time: float
     webp: bytes
 
 
 class Film:
-    """Pictures of an episode: evenly spread over it, however long it becomes, and of chosen steps.
+    """Pictures of an episode of unknown length: evenly spread ones, and those of chosen steps.
 
-    Whenever there are too many it goes on with half of them.
-
-    Attributes:
-        pictures: The pictures by the number of their step, increasing; 0 is the reset.
-        steps: How many states it has seen.
-
-    Args:
-        take: Takes a picture of the present state.
-        chosen: The steps of which a picture is kept in any case.
-        expected: How many states there are at least; the fewer, the more pictures are in vain.
+    If there are too many, it drops half of them. ``expected`` is the minimum number of states.
 
     Example:
         >>> film = Film(lambda: b"", chosen=[25], expected=10)
@@ -82,7 +68,7 @@ class Film:
         self.steps = 0
 
     def look(self, *, last: bool = False) -> None:
-        """Sees the state after one more step; takes a picture of it if it is due, or the last."""
+        """Count one more state; take a picture of it if it is due, or the last one."""
         step, self.steps = self.steps, self.steps + 1
         if step % self._stride == 0 or step in self._chosen or last:
             self.pictures[step] = self._take()
@@ -96,13 +82,9 @@ class Film:
 
 
 class Filming:
-    """Plays episodes again in full; with pictures if the environment renders arrays.
+    """Replays episodes, with pictures if the environment renders arrays.
 
-    A picture that fails ends all pictures, and no episode.
-
-    Args:
-        runner: What plays the episodes.
-        period: Seconds between samples, or None.
+    An error of rendering ends the pictures, but not the episode.
     """
 
     def __init__(self, runner: Runner, period: Fraction | None) -> None:
@@ -111,7 +93,7 @@ class Filming:
         self._error: Exception | None = None
 
     def play(self, row: Trial) -> tuple[Run, tuple[Frame, ...]]:
-        """Plays the episode of a row; gives its run and its pictures."""
+        """Play the episode of a row; return its run and its pictures."""
         runner, seed = self._runner, row.seed or 0
         if not isinstance(runner, Episodes) or runner.system.render_mode != "rgb_array":
             return played(runner, seed), ()
@@ -144,7 +126,7 @@ class Filming:
         return run, tuple(frames)
 
     def tell(self) -> None:
-        """Warns if a picture has failed."""
+        """Warn if a picture has failed."""
         if self._error is not None:
             warnings.warn(
                 f"pictures of the worst episodes are missing, since {self._runner.name} could not "
@@ -162,23 +144,17 @@ class Filming:
 
 
 def played(runner: Runner, seed: int, **others: Any) -> Run:  # noqa: ANN401 - options of `simulate`
-    """The episode of a seed, played to its end."""
+    """Play the episode of a seed to its end."""
     return replace(runner.simulate({}, seed, stop="end", **others), case=None)
 
 
 def replay_difference(runner: Runner, row: Trial, run: Run) -> str:
-    """Return how a replay differs from the recorded episode; an empty string if it does not.
-
-    Args:
-        runner: What plays the episodes. If it stops them early, it plays this one once more.
-        row: The recorded episode.
-        run: The replay, to the end of the episode.
-    """
+    """Return how a replay differs from the recorded episode; an empty string if it does not."""
     return difference(row, run if runner.stop == "end" else runner.simulate({}, row.seed or 0))
 
 
 def _samples_per_step(env: gym.Env[Any, Any]) -> int:
-    """How many samples a step of the environment has: several under a monitor with substeps."""
+    """Return the samples per step of an environment: several under a monitor with substeps."""
     monitor = monitor_of(env)
     step, sample = read_period(env), read_substep_period(env)
     if monitor is None or not monitor.substeps or not step or not sample:
@@ -187,7 +163,7 @@ def _samples_per_step(env: gym.Env[Any, Any]) -> int:
 
 
 def _picture(env: gym.Env[Any, Any]) -> bytes:
-    """What the environment renders, made small, as a WebP file."""
+    """Return what the environment renders as a small WebP file."""
     from PIL import Image
 
     shown: Any = env.render()

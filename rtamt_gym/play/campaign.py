@@ -1,4 +1,4 @@
-"""`run_campaign`: many runs, on several processes or machines, that a kill does not lose."""
+"""`run_campaign`: many runs on several processes or machines, with results that survive a kill."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 Enough = Callable[[Trial], bool]
-"""Takes a row; says whether no more are needed."""
+"""Returns whether no rows after this one are needed."""
 
 
 def run_campaign(
@@ -43,41 +43,38 @@ def run_campaign(
     progress: bool = False,
     enough: Enough | None = None,
 ) -> Record:
-    """Runs a case with its seed for each task; keeps a row of each.
+    """Run a case with its seed for each task; return a record with a row for each.
 
-    The record does not depend on how many workers there are, or which run is over first.
-
-    Several tasks go to a worker at once, about a second's work, or as many as run side by side.
+    The record does not depend on the number of workers, or on which run is over first. A worker
+    gets about a second's work at once, or as many tasks as run side by side.
 
     Args:
-        runner: Runs the cases. Other processes make it anew from what it was made of.
+        runner: Runs the cases. Other processes make it again.
         tasks: The case of each run, and its seed (None for a system without seeds).
-        n_jobs: How many runs, or batches of lanes, run at once, each in a process of its own;
-            -1: as many as there are cores. None: one after the other in this process, unless
-            ``backend`` or ``timeout`` is given.
-        backend: The backend of joblib that has the workers. None: this machine.
-            ``"dask"``: the workers of the present Dask client; ``"ray"``: the workers of Ray.
-        timeout: The seconds that a run may take. One that takes longer is ended, whatever it does,
-            and has a ``TimeoutError`` in its row; so is a run that ends its process twice,
-            with a ``ChildProcessError``. A first run may have code to compile.
-        folder: Where finished runs are kept. A campaign that was interrupted, by whatever, goes on
-            there with the runs that it does not have. The folder stores hashes and versions of what
-            runs, `Runner.fingerprint`, and is refused if they have changed.
-        accept_changed: Whether to use the runs in the folder although the model has changed since;
-            the record states it, in ``provenance.reuse``.
-        about: What is kept with the record, as JSON can write it, and tells the campaign from
-            others.
-        what: Names the campaign on the bar of progress.
+        n_jobs: How many runs, or batches, run at once, each in its own process; -1: one for each
+            core. None: one after the other in this process, unless ``backend`` or ``timeout`` is
+            given.
+        backend: ``"dask"``: the workers of the present Dask client; ``"ray"``: those of Ray. None:
+            this machine.
+        timeout: The seconds that a run may take. A longer run is ended and has a ``TimeoutError``
+            in its row; a run that ends its process twice has a ``ChildProcessError``. The first
+            run may have code to compile.
+        folder: Stores finished runs. An interrupted campaign continues there. The folder stores
+            hashes and versions of what runs, `Runner.fingerprint`, and is refused if they have
+            changed.
+        accept_changed: Whether to use the runs in the folder although the model has changed;
+            ``provenance.reuse`` of the record states it.
+        about: Metadata of the record for JSON, which distinguishes the campaign from others.
+        what: The name of the campaign on the progress bar.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        enough: Is given each row in the order of the tasks, as soon as all before it are there, and
-            says whether they are enough: then no more runs are made. None: all are made.
+        enough: Gets each row in the order of the tasks, and returns whether no more are needed.
 
     Returns:
         A row for each task, in their order, up to the one that was enough.
 
     Raises:
         KeyboardInterrupt: On Ctrl-C, with the attributes ``record``, the rows up to the first run
-            that is not over, and ``lost``, how many more runs had begun at most.
+            that is not over, and ``lost``, the maximum number of further runs that had started.
         InputError: If an argument is wrong, the folder holds another campaign, or another process
             cannot make the system.
         InputTypeError: If the system cannot be sent to another process.
@@ -136,7 +133,7 @@ def run_campaign(
             note.take(row for _, row in finished)
             advance(len(finished), str(note))
             if order.over():
-                if elsewhere is not None:  # else its workers would be waited for
+                if elsewhere is not None:  # do not wait for its workers
                     elsewhere.close()
                 break
         record = record_of(order.count)
@@ -159,22 +156,14 @@ def _carrying(
     record_of: Callable[[int], Record],
     open_tasks: Callable[[int], int],
 ) -> Iterator[None]:
-    """Makes attributes of an interrupt, which `run_campaign` documents.
-
-    Args:
-        rows: The rows by the number of their task.
-        take: Adds rows to them.
-        order: Shows rows in order.
-        record_of: The record of the first rows.
-        open_tasks: How many tasks behind the first ones have begun at most.
-    """
+    """Add the attributes to an interrupt that `run_campaign` documents."""
     try:
         yield
     except KeyboardInterrupt as pressed:
-        if finished := getattr(pressed, "finished", []):  # of a chunk that was run here
+        if finished := getattr(pressed, "finished", []):  # the chunk ran in this process
             take(finished)
         order.over()
-        # Runs that are over early may be short ones: those behind one that is not do not count.
+        # Runs that are over early may be short ones: stop at the first that is not over.
         count = next(i for i in itertools.count() if i not in rows)
         carried: Any = pressed
         carried.record, carried.lost = record_of(count), open_tasks(count)
@@ -182,11 +171,7 @@ def _carrying(
 
 
 class _Order:
-    """Shows rows in the order of their tasks, and counts those that are needed.
-
-    Attributes:
-        count: How many were shown.
-    """
+    """Passes rows to ``enough`` in the order of their tasks, and counts them."""
 
     def __init__(self, rows: Mapping[int, Trial], tasks: int, enough: Enough | None) -> None:
         self._rows = rows
@@ -195,7 +180,7 @@ class _Order:
         self.count = tasks if enough is None else 0
 
     def over(self) -> bool:
-        """Shows the rows that have come; whether they are enough."""
+        """Pass the new rows on; return whether they are enough."""
         if self._enough is None:
             return False
         while not self._found and self.count in self._rows:
@@ -205,7 +190,7 @@ class _Order:
 
 
 class _Note:
-    """What the bar of progress says: violations, the least robustness, time saved, failures."""
+    """The note of the progress bar: violations, minimum robustness, time saved, failures."""
 
     def __init__(self, duration: float | None, rows: Iterable[Trial]) -> None:
         self._duration = duration
@@ -216,7 +201,7 @@ class _Note:
         self.take(rows)
 
     def take(self, rows: Iterable[Trial]) -> None:
-        """Counts violations, the least robustness and the time saved by stops of finished runs."""
+        """Count violations, the minimum robustness and the time saved by stops."""
         for row in rows:
             self._failed += bool(row.error)
             outcomes = row.outcomes.values()

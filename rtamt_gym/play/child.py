@@ -1,4 +1,4 @@
-"""What the process does that `campaign_process` starts: it makes a runner and runs tasks."""
+"""The program of a worker process: it makes a runner and runs tasks."""
 
 from __future__ import annotations
 
@@ -16,21 +16,15 @@ from rtamt_gym.recorded.progress import silence
 
 
 class Making:
-    """Whether this process is making its runner, which imports what the runner is made of."""
+    """Whether this process is making its runner, which may import modules of the user."""
 
     now = False
 
 
 def main(pipe: int, alive: int, idle: float) -> None:
-    """Runs tasks until there are no more.
-
-    Args:
-        pipe: The file descriptor of the pipe that brings tasks and takes rows.
-        alive: The file descriptor of a pipe that ends when the parent process ends.
-        idle: Seconds without tasks after which it ends too.
-    """
+    """Run tasks until there are no more; ``pipe`` and ``alive`` are file descriptors."""
     _end_with(alive)
-    faulthandler.enable()  # it says on stderr where a simulation crashed
+    faulthandler.enable()  # prints on stderr where a simulation crashed
     silence()
     connection = Connection(pipe)
     Making.now = True
@@ -54,14 +48,14 @@ def main(pipe: int, alive: int, idle: float) -> None:
 
 
 def _end_with(alive: int) -> None:
-    """Ends this process, and what it starts, as soon as the one that has started it ends.
+    """End this process, and what it starts, as soon as its parent ends.
 
-    The system does it, by a signal: no code of ours runs while a simulation hangs in C.
+    The system sends a signal, because no code of ours runs while a simulation hangs in C.
     """
     import fcntl
 
     signal.signal(signal.SIGIO, signal.SIG_DFL)
     fcntl.fcntl(alive, fcntl.F_SETOWN, -os.getpgrp())
     fcntl.fcntl(alive, fcntl.F_SETFL, fcntl.fcntl(alive, fcntl.F_GETFL) | os.O_ASYNC)
-    if select.select([alive], [], [], 0)[0]:  # it has ended already
+    if select.select([alive], [], [], 0)[0]:  # the parent has ended already
         sys.exit(1)

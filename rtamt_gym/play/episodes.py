@@ -19,31 +19,19 @@ from rtamt_gym.systems.policies import evaluated
 from rtamt_gym.systems.system import Policy
 
 _WAVES = 8
-"""How many episodes each lane plays of those that a worker gets at once."""
+"""The number of episodes per environment that a worker gets at once."""
 
 
 class Episodes(Runner):
     """Plays episodes of a policy in an environment.
 
-    A model that gives the action that it holds for best acts in ``n_envs`` episodes at once, each
-    in an environment of its own. All else acts in one after the other.
+    A deterministic model acts in ``n_envs`` episodes at once, each in its own environment. Other
+    policies act in one episode after the other.
 
     Attributes:
         evaluated: The policy.
-        unasked: Whether nobody has said what the environment's own end means.
+        unasked: Whether ``at_termination`` was not given.
         monitor: The monitor of the environment, or None.
-
-    Args:
-        env: The environment, or a function that makes one.
-        requirements: The requirements.
-        policy: The policy, as `evaluate_policy` takes it, or an `Evaluated`.
-        deterministic: Whether a model gives the action that it holds for best.
-        n_envs: How many episodes run side by side.
-        made: What the function has made, if it was called already.
-        **options: As for `Runner`.
-
-    Raises:
-        InputError: If there are to be several environments, and they cannot be made.
     """
 
     def __init__(
@@ -67,7 +55,7 @@ class Episodes(Runner):
         self.monitor = monitor_of(made)
         super().__init__(made, requirements, policies=self.evaluated.make, **options)
         self.unasked = self.reading.at_termination is None
-        if self.unasked:  # else every episode would warn
+        if self.unasked:  # every episode would warn
             self.reading = self.reading.having(at_termination="complete")
         if self._model is not None and n_envs > 1:
             self._envs = [made, self._another()]
@@ -89,11 +77,11 @@ class Episodes(Runner):
 
     @property
     def batch(self) -> int:
-        """How many episodes a worker gets at once at least."""
+        """The minimum number of episodes that a worker gets at once."""
         return self._n_envs * _WAVES if self._envs else super().batch
 
     def close(self) -> None:
-        """Closes the environments made here: all but the first, which the runner itself closes."""
+        """Close the environments made here: all but the first, which `Runner.close` closes."""
         for env in self._envs[1:]:
             env.close()
         super().close()
@@ -118,7 +106,7 @@ class Episodes(Runner):
         yield from self._played(batch, tasks, lambda task: play(alone, [task]))
 
     def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
-        """The simulator of an environment, made once for all episodes in it."""
+        """Return the simulator of an environment, made once for all its episodes."""
         if id(env) not in self._simulators:
             specs, duration = self.requirements, self._of_runs["duration"]
             self._simulators[id(env)] = Simulator(
@@ -128,12 +116,12 @@ class Episodes(Runner):
 
     @property
     def _model(self) -> Model | None:
-        """The model that can act in many episodes at once, if it is one."""
+        """The model that can act in many episodes at once, or None."""
         make = self.evaluated.make
         return make if isinstance(make, Model) and make.deterministic else None
 
     def _another(self) -> gym.Env[Any, Any]:
-        """One more environment like the first."""
+        """Make another environment like the first."""
         if not isinstance(self._given, gym.Env):
             return self._given()
         spec = self._given.spec

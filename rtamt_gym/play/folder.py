@@ -1,6 +1,6 @@
-"""The folder of a campaign: finished runs as small Parquet files, so that it can go on later.
+"""The folder of a campaign: finished runs in small Parquet files, so that it can continue later.
 
-Every file is complete from the moment it has its name, whenever the program or the machine dies.
+A file with its final name is complete, whenever the program or the machine dies.
 """
 
 from __future__ import annotations
@@ -33,31 +33,14 @@ from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse, check_unc
 from rtamt_gym.results.trial import Trial
 
 _WRITING: Final = "writing-"
-"""What the name of a file begins with until it is complete."""
+"""The prefix of the name of an incomplete file."""
 
 _WHAT: Final = "a campaign with folder="
-"""What needs the extra that reads and writes the files."""
+"""The feature that needs pyarrow, for messages."""
 
 
 class Folder:
-    """The folder of one campaign, held by one process at a time.
-
-    Attributes:
-        path: Its path.
-
-    Args:
-        path: The folder; it is made if there is none.
-        identity: What tells the campaign from others, as JSON can write it.
-        about: What is kept with the record, as JSON can write it.
-        requirements: The text of each requirement, by name.
-        system: The name of the system.
-        fingerprint: Hashes and versions of what the campaign runs.
-        accept_changed: Whether to go on with results of another fingerprint.
-
-    Raises:
-        InputError: If the folder holds another campaign, results of a model that has changed, or
-            files of something else, or another process runs the campaign now.
-    """
+    """The folder of one campaign, which one process at a time holds."""
 
     def __init__(
         self,
@@ -107,35 +90,25 @@ class Folder:
         self.close()
 
     def close(self) -> None:
-        """Releases the lock, so that another process may use the folder."""
+        """Release the lock, so that another process may use the folder."""
         self._lock.close()
 
     def reuse(self, reused: int, total: int) -> Reuse:
-        """Return how many results come from the folder, for the provenance of a record.
-
-        Args:
-            reused: The number of results that were here before.
-            total: The number of all results.
-        """
+        """Return how many results come from the folder, for the provenance of a record."""
         mixtures = self._mixtures if reused else ()
         notes, unseen = tuple(self._notes), self._fingerprint.unseen
         return Reuse(str(self.path), reused, total, mixtures, notes, unseen)
 
     def rows(self) -> dict[int, Trial]:
-        """The finished runs, by the numbers of their tasks."""
+        """Return the finished runs, by task number."""
         return finished(self.path, _WHAT)
 
     def parts(self) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
-        """The finished runs of each file: their numbers, they, and what is kept with them."""
+        """Yield the task numbers, the runs and the metadata of each file."""
         return parts(self.path, _WHAT)
 
     def add(self, rows: Sequence[tuple[int, Trial]], also: Mapping[str, Any] | None = None) -> None:
-        """Writes finished runs, with the numbers of their tasks; a kill afterwards loses none.
-
-        Args:
-            rows: The numbers and the runs.
-            also: What else is kept with them.
-        """
+        """Write finished runs with their task numbers; a kill afterwards loses none."""
         record = Record((row for _, row in rows), self._requirements, self._system)
         numbers = [number for number, _ in rows]
         self._number += 1
@@ -146,7 +119,7 @@ class Folder:
         )
 
     def finish(self, record: Record, also: Mapping[str, Any] | None = None) -> None:
-        """Replaces the parts by one file of all runs, with what else is kept of them."""
+        """Replace the parts by one file of all runs, with further metadata."""
         kept = {**self._about, **(also or {})}
         if also is not None or not (self.path / RECORD).exists():
             self._write(RECORD, lambda path: record.write(path, _WHAT, kept))
@@ -154,7 +127,7 @@ class Folder:
             part.unlink()
 
     def _check(self, identity: Mapping[str, Any]) -> bool:
-        """Refuses a folder of something else; returns whether it holds this campaign."""
+        """Return whether the folder holds this campaign; raise InputError for other files."""
         if not self.path.exists():
             return False
         if not self.path.is_dir():
@@ -181,11 +154,7 @@ class Folder:
         return True
 
     def _compare(self, *, accept_changed: bool) -> Fingerprint | None:
-        """Compare the stored fingerprint; None if the folder has to store the new one.
-
-        Raises:
-            InputError: If results are stored, the model has changed, and that is not accepted.
-        """
+        """Return the stored fingerprint if it is unchanged; None if the new one must be stored."""
         kept, now = read_campaign(self.path), self._fingerprint
         self._mixtures = tuple(map(Mixture.read, kept.get("mixtures", ())))
         then = Fingerprint.read(kept.get("fingerprint"))
@@ -206,13 +175,7 @@ class Folder:
         write: Callable[[Path], object],
         called: Callable[[Path], str] | None = None,
     ) -> None:
-        """Writes a file that has its name when it is complete, and on the disk.
-
-        Args:
-            name: The name.
-            write: Writes the file of a path.
-            called: Gives another name to the file of a path, as by its content.
-        """
+        """Write a file that gets its name when it is complete and on the disk."""
         unfinished = self.path / f"{_WRITING}{name}"
         write(unfinished)
         _to_disk(unfinished)
@@ -221,7 +184,7 @@ class Folder:
 
 
 def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
-    """A text that only these tasks have."""
+    """Return a text that identifies the tasks."""
     found = hashlib.sha256()
     for case, seed in tasks:
         found.update(f"{case.to_json()} {seed}\n".encode())
@@ -229,11 +192,7 @@ def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
 
 
 def _locked(path: Path) -> IO[str]:
-    """The lock of a folder; the system frees it when the process ends, however it ends.
-
-    Raises:
-        InputError: If it is a link, which could lead to a file of somebody else's, or no file.
-    """
+    """Lock a folder; the system releases the lock however the process ends."""
     name = path / "lock"
     try:
         opened = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
@@ -275,7 +234,7 @@ def _short(value: Any) -> str:  # noqa: ANN401 - as in JSON
 
 
 def _to_disk(path: Path) -> None:
-    """Waits until a file or folder is on the disk."""
+    """Wait until a file or folder is on the disk."""
     with suppress(OSError):  # a folder on Windows
         opened = os.open(path, os.O_RDONLY)
         try:

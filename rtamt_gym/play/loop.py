@@ -64,11 +64,7 @@ class PlayBatch:
     size = 1
 
     def free(self, running: Collection[int]) -> Sequence[int]:
-        """Return the places in which a task may start now.
-
-        Args:
-            running: The places that play one.
-        """
+        """Return the places in which a task may start now."""
         return [place for place in range(self.size) if place not in running]
 
     def start(self, tasks: Mapping[int, Task]) -> None:
@@ -103,9 +99,6 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
     """Play tasks in the places of a batch; yield each as soon as it is over.
 
     An error of an episode is in its trial, with the results of the samples before it.
-
-    Raises:
-        Exception: An error of what the places share. The tasks that are running then are lost.
     """
     todo = deque(tasks)
     running: dict[int, tuple[Task, PlayEpisode]] = {}
@@ -157,11 +150,7 @@ def _advanced(
 
 
 class OneByOne(PlayBatch):
-    """A batch of one system, which plays each task to its end.
-
-    Args:
-        begin: Starts a task.
-    """
+    """A batch of one system, which plays each task to its end."""
 
     def __init__(self, begin: Callable[[Task], Simulation]) -> None:
         self._begin = begin
@@ -177,12 +166,6 @@ class SideBySide(PlayBatch):
     """A batch of several environments, in all of which a model acts at once.
 
     The model also acts in places without a task, so that its batches have one size.
-
-    Args:
-        size: The number of environments.
-        begin: Starts a task in the environment of a place, with the policy that acts there.
-        model: The model.
-        space: The space of an observation.
     """
 
     def __init__(

@@ -57,14 +57,6 @@ class NativeRollouts:
         size: The maximum number of runs in a batch.
         steps: The number of steps of a run that is not stopped.
         end: Why such a run is over.
-
-    Args:
-        env: The environment of one run; it is registered with a vector environment.
-        judging: The requirements, and how runs are judged.
-        elements: The element of the observation that each variable reads.
-        most: The maximum number of steps; None: the time limit of the environment.
-        stop: As for `rtamt_gym.simulate`.
-        batch: The maximum number of places.
     """
 
     def __init__(
@@ -144,13 +136,7 @@ class NativeRollouts:
     def batch(
         self, tasks: Sequence[Task], above: Mapping[str, float] | None, *, keeps: bool
     ) -> NativeBatch:
-        """Return a batch for tasks of one kind, at most ``size``.
-
-        Args:
-            tasks: The tasks.
-            above: As for `rtamt_gym.simulate`.
-            keeps: Whether the samples are needed after the runs.
-        """
+        """Return a batch for tasks of one kind, at most ``size``."""
         return NativeBatch(self, len(tasks), above or {}, keeps=keeps)
 
     def whole(self, tasks: Sequence[Task]) -> Iterator[Played]:
@@ -202,14 +188,7 @@ class NativeRollouts:
 
 
 class NativeBatch(PlayBatch):
-    """The runs of one reset, in which all places step together.
-
-    Args:
-        rollouts: The environment and the requirements.
-        count: The number of tasks.
-        above: As for `rtamt_gym.simulate`; None: runs go to their end without monitors.
-        keeps: Whether the samples are needed after the runs.
-    """
+    """The runs of one reset, in which all places step together."""
 
     def __init__(
         self,

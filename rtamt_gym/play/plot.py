@@ -21,21 +21,17 @@ _CURVES: Final[Mapping[View, str]] = {
     "episode": "robustness if it ended now",
     "step": "robustness of the newest instant",
 }
-"""What the curve of robustness shows."""
+"""The meaning of the curve of robustness, by view."""
 
 _AFTER = 0.2
 """Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
 
 
 def draw(runs: Sequence[RunRecord]) -> Figure:
-    """Draws runs side by side: the signals above, below them a panel for every specification.
+    """Draw runs side by side: the signals, and below them a panel for every specification.
 
-    A panel shows the robustness if the run ended now, between its lower and its upper bound;
-    infinite bounds end at the frame. A line marks the sample that made the verdict certain, and
-    everything after it is shaded.
-
-    Args:
-        runs: One or more runs, all with the same number of signals and of specifications.
+    A panel shows the robustness of the samples so far, between its lower and upper bound; infinite
+    bounds end at the frame. A line marks the sample that decided the verdict; the rest is shaded.
     """
     heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].courses)
     size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)

@@ -1,7 +1,7 @@
-"""Runs tasks in a process of their own and watches it: a run may end it, or hang in it.
+"""Runs tasks in watched processes: a run may end its process or hang in it.
 
-The process is watched by the worker that joblib has given the tasks to: a thread here, a process of
-a cluster elsewhere. So a run that kills its process takes no worker with it.
+The worker of joblib that has the tasks watches the process: a thread here, a process of a cluster
+elsewhere. So a run that kills its process does not end a worker.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 
 SearchTask = tuple[int, Case, int | None]
-"""The number of a task, what the simulation is given, and its seed."""
+"""The number of a task, its case and its seed."""
 
 _IDLE: Final = 60.0
-"""Seconds after which a process that gets no tasks ends by itself: workers of a cluster live on."""
+"""Seconds without tasks after which a process ends by itself: workers of a cluster live on."""
 
 _LOOK: Final = 0.5
-"""Seconds between looks whether a silent process has ended: a child of it can keep the pipe."""
+"""Seconds between checks of a silent process: one of its children can keep the pipe open."""
 
 _THREADS: Final = (
     "MKL_NUM_THREADS",
@@ -39,21 +39,12 @@ _THREADS: Final = (
     "OPENBLAS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""The variables that say how many threads the libraries of a process start."""
+"""The environment variables that set how many threads libraries start."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What a worker needs to run tasks of a campaign.
-
-    Attributes:
-        name: What no other campaign is called.
-        recipe: The recipe of the runner, pickled.
-        timeout: The seconds that a run may take; None: any.
-        threads: How many threads the libraries of a process may start.
-        path: Where the program finds modules; a worker looks there before it looks elsewhere.
-        above: As for `Runner.run`.
-    """
+    """What a worker needs to run tasks of a campaign."""
 
     name: str
     recipe: bytes = field(repr=False)
@@ -64,13 +55,10 @@ class Setup:
 
 
 def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Trial]]:
-    """Runs tasks, each to its row; gives the rows with the numbers of the tasks.
+    """Run tasks; return their rows with the task numbers.
 
-    Where a process dies, its unfinished tasks are run again, each alone; a task that makes its
-    process die then too has an error in its row.
-
-    Raises:
-        InputError: If the process cannot make the system.
+    If a process dies, its unfinished tasks run again, each alone; a task whose process dies again
+    has an error in its row.
     """
     rows: dict[int, Trial] = {}
     begin = time.monotonic()
@@ -79,7 +67,7 @@ def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Tria
         number, case, seed = task
         if number in rows:
             continue
-        if len(tasks) > 1 or not why.startswith("TimeoutError"):  # else it has hung alone already
+        if len(tasks) > 1 or not why.startswith("TimeoutError"):  # it has hung alone already
             begin = time.monotonic()
             why = _deal(setup, [task], rows)
         if number not in rows:
@@ -89,19 +77,19 @@ def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Tria
 
 
 def end_processes(name: str) -> None:
-    """Ends the processes of a campaign that this one has started; no more are started."""
+    """End the processes of a campaign; no more are started."""
     with _lock:
         _over.add(name)
         idle = _idle.pop(name, [])
         busy = _all.pop(name, set()).difference(idle)
-    for process in busy:  # which the threads that watch them free
+    for process in busy:  # the threads that watch them free them
         process.kill()
     for process in idle:
         process.end()
 
 
 def _deal(setup: Setup, tasks: Sequence[SearchTask], rows: dict[int, Trial]) -> str:
-    """Has a process run tasks, and takes their rows; returns why it ended, an empty text if not."""
+    """Let a process run tasks, and collect their rows; return why it ended, or an empty text."""
     process = _take(setup)
     try:
         process.connection.send(([task[1:] for task in tasks], setup.above))
@@ -131,7 +119,7 @@ class _Process:
 
     def __init__(self, setup: Setup) -> None:
         self.connection, theirs = Pipe()
-        alive, self._alive = os.pipe()  # nothing is written: it says by its end that we have ended
+        alive, self._alive = os.pipe()  # nothing is written: it ends with this process
         passed = (theirs.fileno(), alive)
         path = list(dict.fromkeys([*setup.path, *sys.path]))
         code = (
@@ -145,7 +133,7 @@ class _Process:
                 stdin=subprocess.DEVNULL,
                 env={**threads, **os.environ},
                 pass_fds=passed,
-                # Ctrl-C is for us: we end it, and what it has started.
+                # This process handles Ctrl-C: it ends the other and what that has started.
                 start_new_session=True,
             )
         finally:
@@ -153,7 +141,7 @@ class _Process:
             os.close(alive)
 
     def speaks(self, timeout: float | None) -> bool:
-        """Waits until there is something to receive, or the end of it; False: not in time."""
+        """Wait for a message or the end of the process; return False after the timeout."""
         end = None if timeout is None else time.monotonic() + timeout
         while True:
             left = _LOOK if end is None else min(_LOOK, max(0.0, end - time.monotonic()))
@@ -167,11 +155,7 @@ class _Process:
                 return False
 
     def start(self, recipe: bytes) -> None:
-        """Waits until the process has made its runner.
-
-        Raises:
-            InputError: If it cannot.
-        """
+        """Wait until the process has made its runner; raise InputError if it cannot."""
         try:
             self.connection.send_bytes(recipe)
             self.speaks(None)
@@ -190,27 +174,27 @@ class _Process:
         return self._process.poll() is not None
 
     def ending(self) -> str:
-        """Says how the process has ended."""
-        with suppress(subprocess.TimeoutExpired):  # it has closed its pipe, and soon ends
+        """Describe how the process has ended."""
+        with suppress(subprocess.TimeoutExpired):  # it has closed its pipe, and ends soon
             self._process.wait(1.0)
         self.kill()
         code = self._process.returncode
         return f"with exit status {code}" if code >= 0 else f"by {signal.Signals(-code).name}"
 
     def kill(self) -> None:
-        """Ends the process and all that it has started."""
+        """End the process and everything that it has started."""
         with suppress(ProcessLookupError, PermissionError):  # all have ended
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
 
     def free(self) -> None:
-        """Ends the process, and closes the pipes to it."""
+        """End the process, and close its pipes."""
         self.kill()
         self.connection.close()
         os.close(self._alive)
 
     def end(self) -> None:
-        """Lets a process that waits for tasks do what its simulations do at their end."""
+        """End an idle process in the regular way, which closes its simulations."""
         with suppress(subprocess.TimeoutExpired, OSError):
             self.connection.send(([], None))
             self._process.wait(5.0)
@@ -221,13 +205,13 @@ _lock: Final = Lock()
 _all: Final[dict[str, set[_Process]]] = {}
 """The processes of each campaign."""
 _idle: Final[dict[str, list[_Process]]] = {}
-"""The processes of each campaign that wait for tasks."""
+"""The idle processes of each campaign."""
 _over: Final[set[str]] = set()
-"""The campaigns that start no more processes here."""
+"""The campaigns that start no more processes."""
 
 
 def _take(setup: Setup) -> _Process:
-    """A process that waits for tasks of a campaign, or a new one."""
+    """Return an idle process of a campaign, or a new one."""
     with _lock:
         if setup.name in _over:
             raise InputError("the campaign is over")
@@ -249,7 +233,7 @@ def _take(setup: Setup) -> _Process:
 
 
 def _drop(name: str, process: _Process) -> None:
-    """Ends a process and forgets it."""
+    """End a process and forget it."""
     process.free()
     with _lock:
         _all.get(name, set()).discard(process)

@@ -1,6 +1,6 @@
 """`Record`: the table of many simulations, a row for each; sweeps, searches and campaigns share it.
 
-A row has what the simulation was given, what every requirement became, and what it cost.
+A row stores the case, the outcome of every requirement, and the cost of a simulation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class Record(Results):
     """The table of many simulations of one system: a row for each, in the order of their cases.
 
-    It is a sequence of `Trial`. Two records are equal if all is equal but the wall times.
+    It is a sequence of `Trial`. Two records are equal if they differ only in wall times.
 
     Args:
         rows: The simulations. A waveform has the same times in all of them.
@@ -89,13 +89,13 @@ class Record(Results):
 
     @property
     def chosen(self) -> bool:
-        """Whether cases were chosen; episodes of a policy, which have none, differ by chance."""
+        """Whether cases were chosen; episodes of a policy have none, and differ by chance."""
         return bool(self.case_columns)
 
     def worst(self, requirement: str | None = None) -> Trial:
-        """The simulation with the least robustness; None: of the only requirement.
+        """Return the simulation with the minimum robustness; None: of the only requirement.
 
-        One that an error has ended was not judged, and counts where no other has a robustness.
+        A simulation that an error has ended counts only if no other one has a robustness.
 
         Raises:
             InputError: If there is no such requirement, there are several and none is named, or no
@@ -109,25 +109,24 @@ class Record(Results):
         return min(found, key=lambda row: order(row.outcomes[name].robustness))
 
     def columns(self) -> dict[str, list[Any]]:
-        """The record as a table: columns of the case, then ``seed``, then columns of outcomes.
+        """Return a table: columns of the case, then ``seed``, then columns of outcomes.
 
         These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
         ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
-        of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
-        ``error``; and ``is_success``, 1 or 0, where an environment says that itself of an episode
-        that it has ended. What a row does not have is None. Where a requirement has an implication,
-        ``asked(NAME)`` says how many times it was put to the test, and ``evidence(NAME)`` is what
-        JSON has of that (docs/results.md). A requirement that some row violates by its end alone,
-        at a robustness that holds, has ``violated(NAME)``, which says ``"by how it ended"`` there.
+        of every requirement, then ``ended``, ``simulated``, ``return``, ``wall`` and ``error``, and
+        ``is_success``, 1 or 0, if an environment reports it. Missing values are None. For a
+        requirement with an implication, ``asked(NAME)`` is the number of triggers, and
+        ``evidence(NAME)`` their JSON (docs/results.md). ``violated(NAME)`` is ``"by how it ended"``
+        in rows that violate a requirement only by their end, at a robustness that holds.
 
-        Where only the end decided a verdict, ``decided_at(NAME)`` is None, and ``ended_at(NAME)``
-        and ``ended_sample(NAME)`` are the last sample. A record without such a row lacks these two.
+        If only the end decided a verdict, ``decided_at(NAME)`` is None, and ``ended_at(NAME)``
+        and ``ended_sample(NAME)`` are the last sample; other records lack these two.
         """
         cells = [row.columns() for row in self.rows]
         return {name: [row.get(name) for row in cells] for name in self.kinds()}
 
     def kinds(self) -> dict[str, str]:
-        """What the cells of each column are: ``"number"``, ``"whole"`` or ``"text"``."""
+        """Return the kind of each column: ``"number"``, ``"whole"`` or ``"text"``."""
         seed, *others = (
             (each.name, each.kind)
             for each in OF_TRIAL
@@ -142,12 +141,12 @@ class Record(Results):
         return dict([*((name, "number") for name in self.case_columns), seed, *measured, *others])
 
     def _has(self, measure: Measure, name: str) -> bool:
-        """Whether some row has a cell of a measure of a requirement."""
+        """Return whether some row has a value of a measure of a requirement."""
         outcomes = (row.outcomes[name] for row in self.rows if name in row.outcomes)
         return any(measure.of(each) is not None for each in outcomes)
 
     def numbers(self, column: str) -> NDArray[np.float64]:
-        """A column of numbers, nan where a row has none.
+        """Return a column of numbers; missing values are nan.
 
         Raises:
             InputError: If there is no such column of numbers; names the nearest.
@@ -161,9 +160,9 @@ class Record(Results):
         return np.array(self.columns()[column], dtype=np.float64)  # None becomes nan
 
     def to_frame(self) -> pd.DataFrame:
-        """The record as a data frame of pandas: a row for each simulation, columns as in `columns`.
+        """Return a data frame of pandas: a row for each simulation, columns as in `columns`.
 
-        Cells that a row does not have are nan or None. Needs the extra ``pandas``.
+        Missing cells are nan or None. Needs the extra ``pandas``.
         """
         try:
             import pandas as pd
@@ -179,14 +178,14 @@ class Record(Results):
         return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
 
     def heights(self, requirement: str) -> NDArray[np.float64]:
-        """The robustness of a requirement in each simulation; nan where an error ended it."""
+        """Return the robustness of a requirement in each simulation; nan after an error."""
         judged = [row.judged(requirement) for row in self.rows]
         return np.array([math.nan if each is None else each.robustness for each in judged])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a Parquet file: a row for each simulation, columns as in `columns`.
+        """Write a Parquet file: a row for each simulation, columns as in `columns`.
 
-        `Record.load` gives an equal record back. Needs the extra ``files``.
+        `Record.load` returns an equal record. Needs the extra ``files``.
 
         Raises:
             InputError: If the name does not end in ``.parquet``.
@@ -194,7 +193,7 @@ class Record(Results):
         self.write(path, "Record.save", {})
 
     def write(self, path: str | os.PathLike[str], what: str, also: Mapping[str, Any]) -> None:
-        """Writes the file of `save` with what else is kept in it, for the method ``what``."""
+        """Write the file of `save` with further metadata; ``what`` names the method."""
         kept = {
             "system": self.system,
             "requirements": dict(self.requirements),
@@ -209,7 +208,7 @@ class Record(Results):
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
-        """Reads a file that `save` has written, of a record or of a `Sweep`.
+        """Read a file that `save` has written, of a record or of a `Sweep`.
 
         Raises:
             InputError: If the file does not hold a record.
@@ -218,14 +217,14 @@ class Record(Results):
 
     @staticmethod
     def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
-        """Reads a record, and what else `write` has kept with it."""
+        """Read a record, and the further metadata of `write`."""
         rows, kept = load_record(Path(path), what)
         record = Record(rows, kept["requirements"], kept["system"], provenance_of(kept))
         return record, kept["also"]
 
     @property
     def unconditional(self) -> list[str]:
-        """The requirements that are known to have no implication, which could be asked."""
+        """The requirements that are known to have no implication."""
         return [
             name
             for name in self.requirements
@@ -234,17 +233,13 @@ class Record(Results):
 
     @property
     def timed(self) -> bool:
-        """Whether times are seconds: False if a verdict was settled at a sample without a time."""
+        """Whether times are seconds, and not numbers of samples."""
         settled = (each.settled for row in self.rows for each in row.outcomes.values())
         return all(each.seconds is not None for each in settled if each is not None)
 
 
 def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
-    """Refuses a column of a case that has the name of another column.
-
-    Raises:
-        InputError: If there is one.
-    """
+    """Raise InputError if a column of a case has the name of another column."""
     case = list(case)
     taken = {each.name for each in OF_TRIAL}
     taken |= {f"{each.name}({name})" for name in requirements for each in MEASURES}
@@ -258,12 +253,12 @@ def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
 
 
 def _points(name: str, count: int) -> list[str]:
-    """The columns of a waveform's control points."""
+    """Return the columns of a waveform's control points."""
     return [f"{name}[{i}]" for i in range(count)]
 
 
 def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:
-    """What a case has beside its columns: times and interpolation of waveforms, None of numbers."""
+    """Return times and interpolation of each waveform of the cases; None for a number."""
     shapes: dict[str, dict[str, Any] | None] = {}
     for number, row in enumerate(rows):
         for name, entry in row.case.items():

@@ -56,11 +56,7 @@ def save_record(
     metadata: Mapping[str, Any],
     what: str,
 ) -> None:
-    """Write a record; `what` names the caller if pyarrow is missing.
-
-    Raises:
-        InputError: If the name of the file does not end in ``.parquet``.
-    """
+    """Write a record; `what` names the caller if pyarrow is missing."""
     pa, parquet = _pyarrow(what)
     if path.suffix.lower() != ".parquet":
         raise InputError(
@@ -74,11 +70,7 @@ def save_record(
 
 
 def load_record(path: Path, what: str) -> tuple[list[Trial], dict[str, Any]]:
-    """Read rows and metadata of a file, or the finished rows of a campaign's folder.
-
-    Raises:
-        InputError: If the path is not a record.
-    """
+    """Read rows and metadata of a file, or the finished rows of a campaign's folder."""
     pa, parquet = _pyarrow(what)
     if path.is_dir():
         rows, campaign = finished(path, what), read_campaign(path)
@@ -134,11 +126,7 @@ def part_number(path: Path) -> int:
 
 
 def finished(path: Path, what: str) -> dict[int, Trial]:
-    """Read the finished runs of a folder, by task number.
-
-    Raises:
-        InputError: If the folder is not a campaign, or a file is damaged.
-    """
+    """Read the finished runs of a folder, by task number."""
     read_campaign(path)
     rows: dict[int, Trial] = {}
     for numbers, trials, _ in parts(path, what):
@@ -151,9 +139,6 @@ def parts(path: Path, what: str) -> Iterator[tuple[list[int], list[Trial], dict[
 
     The file of a finished campaign comes first. A search that continues with a larger budget adds
     further files.
-
-    Raises:
-        InputError: If a file is damaged.
     """
     if (path / RECORD).exists():
         rows, also = _load_part(path / RECORD, what, _OTHER)
@@ -173,11 +158,7 @@ def parts(path: Path, what: str) -> Iterator[tuple[list[int], list[Trial], dict[
 
 
 def read_campaign(path: Path) -> dict[str, Any]:
-    """Read the description of the campaign in a folder.
-
-    Raises:
-        InputError: If there is none, or it is damaged.
-    """
+    """Read the description of the campaign in a folder."""
     file = path / CAMPAIGN
     if file.exists():
         _check_regular(file, _OTHER)

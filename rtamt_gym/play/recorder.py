@@ -26,15 +26,6 @@ class Recorder:
         panel: The monitors.
         names: The names of the values of a sample: the variables, then further signals.
         first_sample: The number of the first sample in its episode.
-
-    Args:
-        panel: The monitors, which have no samples yet.
-        variables: The names that the specifications read.
-        signals: The names of further signals.
-        nan: Whether a value that is nan is refused, or keeps the last value.
-        keeps: Whether the samples are needed after the run.
-        curves: Whether the values of the monitors at every sample are needed.
-        fed: Whether the system updates the monitors itself, as a `StepMonitor` does.
     """
 
     def __init__(
@@ -153,12 +144,7 @@ class Recorder:
         specs: Mapping[str, rtamt.Specification],
         evidence: Mapping[str, Evidence[Asked]],
     ) -> dict[str, Course]:
-        """Return the course of every specification.
-
-        Args:
-            specs: The specifications.
-            evidence: The triggers of each; empty if nobody has counted them.
-        """
+        """Return the course of every specification."""
         outcomes = self.panel.outcomes()
         courses = {}
         for name, (_, judge) in self.panel.monitors.items():

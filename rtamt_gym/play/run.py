@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # it is optional
 class Run(RunRecord):
     """One run of a simulation under specifications; `simulate` makes it.
 
-    Two runs are equal if everything that they record is equal, except the wall time.
+    Two runs are equal if they differ only in wall time.
 
     Attributes:
         system: Name of the system that ran.
@@ -34,17 +34,17 @@ class Run(RunRecord):
         period: Seconds between samples, or None.
         view: ``"episode"`` if formulas are about the run from sample 0 on, ``"step"`` if they are
             about every instant.
-        stop: The ``stop`` that `simulate` was given.
-        limit: The largest number of steps that it could have made, or None.
-        seed: The seed that it was given, or None.
-        label: The label that it was given, which tells who acted; may be empty.
+        stop: The option ``stop`` of `simulate`.
+        limit: The maximum number of steps that it could have made, or None.
+        seed: The seed, or None.
+        label: The label, which names who acted; may be empty.
         wall_time: Seconds that it took, monitors included.
-        align: How bounds that are no multiple of the period became samples, or None.
-        first_sample: The number of the first recorded sample in its episode. It is 0, unless the
-            run went on from a `StepMonitor`: then robustness, bounds and verdicts judge the whole
-            episode, of which the run has the samples from this one on.
-        case: The `Case` that it was given, or None.
-        reward: The sum of the rewards that an environment has given; None of another system.
+        align: How bounds that are not multiples of the period became samples, or None.
+        first_sample: The number of the first recorded sample in its episode: 0, unless the run
+            continues a `StepMonitor`. Then robustness, bounds and verdicts judge the whole episode,
+            and the run has its samples from this one on.
+        case: The `Case`, or None.
+        reward: The sum of the rewards of an environment; None for another system.
 
     Example:
         >>> from rtamt_gym import simulate
@@ -67,12 +67,11 @@ class Run(RunRecord):
     __slots__ = ()
 
     def replay(self, specs: SpecsLike | None = None) -> dict[str, Floats]:
-        """Evaluates specifications offline on the recorded signals, with `rtamt.evaluate`.
+        """Evaluate specifications offline on the recorded signals, with `rtamt.evaluate`.
 
-        For the run's own specifications, the first value equals the last that was monitored. With
-        ``view="step"`` the monitor has the same values, later by its latency; but a formula that
-        as a whole is ``always p`` or ``eventually p`` looks back online and forward here, see
-        `rtamt.Monitor`.
+        For the run's own specifications, the first value equals the last monitored one. With
+        ``view="step"`` the monitor has the same values, later by its latency; but the formulas
+        ``always p`` and ``eventually p`` look back online and forward here, see `rtamt.Monitor`.
 
         Args:
             specs: Specifications that read the signals of the run, under the standard semantics;
@@ -112,10 +111,10 @@ class Run(RunRecord):
         }
 
     def explain(self, name: str | None = None, *, sample: int | None = None) -> Explanation:
-        """Which sub-formulas and samples decided the robustness of a specification of the run.
+        """Return the sub-formulas and samples that decided the robustness of a specification.
 
-        It is `rtamt.explain` of the recorded signals, under the semantics, the period and the
-        rounding of the run; ``print`` shows the way from the specification down to the sample.
+        It is `rtamt.explain` of the recorded signals with the semantics, the period and the
+        rounding of the run; ``print`` shows the path from the specification to the sample.
 
         Args:
             name: The specification. None: the one that was violated first, or if none was the one
@@ -157,14 +156,14 @@ class Run(RunRecord):
         return titled(explanation, name, spec.formula)
 
     def to_frame(self) -> pd.DataFrame:
-        """The run as a data frame of pandas: a row for each sample, the columns as in `save`.
+        """Return the run as a data frame of pandas: a row for each sample, the columns of `save`.
 
         They are ``time``, the signals, and ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``
-        of every specification. The index is the number of the sample, so that
-        ``frame.loc[run.violated_at]`` is the row that showed the violation. ``frame.attrs["view"]``
-        is the view: with ``"step"`` the robustness is that of the newest instant, and the bounds
-        are about all instants. ``frame.attrs["by_end"]``, if it is there, has the specifications
-        that the end alone violates. Needs the extra ``pandas``.
+        of every specification. The index is the number of the sample, so
+        ``frame.loc[run.violated_at]`` is the row of the violation. ``frame.attrs["view"]`` is the
+        view: with ``"step"`` the robustness is that of the newest instant, and the bounds hold for
+        all instants. ``frame.attrs["by_end"]``, if present, lists the specifications that only the
+        end violates. Needs the extra ``pandas``.
 
         Example:
             >>> from rtamt_gym import simulate
@@ -190,7 +189,7 @@ class Run(RunRecord):
         return frame
 
     def _check_whole(self, way_out: str) -> None:
-        """Refuses a run that lacks the begin of its episode."""
+        """Raise InputError if a run lacks the start of its episode."""
         if self.first_sample:
             raise InputError(
                 f"expected the samples of a whole episode, got those from sample "
@@ -199,10 +198,10 @@ class Run(RunRecord):
             )
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draws signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.
+        """Draw signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.
 
         Raises:
-            InputError: If the file does not have the extension of a picture.
+            InputError: If the extension is not one of a picture.
         """
         from rtamt_gym.drawing import check_format, save
         from rtamt_gym.play.plot import draw
@@ -211,7 +210,7 @@ class Run(RunRecord):
         save(draw([self]), Path(path))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a Parquet file: a row for each sample, with ``time`` and the signals first.
+        """Write a Parquet file: a row for each sample, with ``time`` and the signals first.
 
         Every reader of Parquet can read it, ``rtamt monitor`` too. Needs the extra ``files``.
 
@@ -224,7 +223,7 @@ class Run(RunRecord):
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Run:
-        """Reads a file written by `save`; the run is equal to the one that was saved.
+        """Read a file written by `save`; the run is equal to the saved one.
 
         Raises:
             InputError: If the file does not hold a run.

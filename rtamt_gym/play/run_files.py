@@ -1,4 +1,4 @@
-"""Runs in full as JSON holds them: beside others in a file, or as what a table says of itself."""
+"""Complete runs as JSON, in files of results and in the metadata of Parquet files."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
 from rtamt_gym.results.outcome import asked_of
 
 _OF_OUTCOME: Final = ("decided_at", "ended_at", "asked", "vacuous", "progress")
-"""What is written of a course as outcomes have it."""
+"""The fields of a course that are written like those of its outcome."""
 
 
 def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
-    """A run in full as JSON holds it; without arrays the names of its signals."""
+    """Return a run for JSON; without arrays, the names of its signals replace them."""
     kept = {each.name: getattr(run, each.name) for each in fields(run)}
     kept["signals"] = run.signals if arrays else list(run.signals)
     outcomes = run.outcomes
@@ -47,12 +47,7 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
 def run_fields(
     kept: Mapping[str, Any], column: Callable[[str], Floats] | None = None
 ) -> dict[str, Any]:
-    """The fields of a run from what `plain_run` has made.
-
-    Args:
-        kept: It, read as JSON.
-        column: Gives the columns of the table that has the arrays; None: they are in ``kept``.
-    """
+    """Return the fields of a run that `plain_run` wrote; ``column`` reads arrays of a table."""
     case = kept.get("case")
     if not isinstance(case, str | None):  # version 1 has it as text
         case = json.dumps(case)
@@ -103,15 +98,11 @@ def _array(kept: Sequence[float | str]) -> Floats:
 
 
 _KEY = b"rtamt.run"
-"""The key of the file's metadata under which everything but the arrays is kept, as JSON."""
+"""The key of the file's metadata, which stores as JSON everything except the arrays."""
 
 
 def save_run(run: RunRecord, path: Path) -> None:
-    """Writes a run: its columns, and all else as metadata.
-
-    Raises:
-        InputError: If the name of the file says that it is no Parquet file.
-    """
+    """Write a run: its columns, and everything else as metadata."""
     if path.suffix.lower() != ".parquet":
         raise InputError(
             f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
@@ -124,11 +115,7 @@ def save_run(run: RunRecord, path: Path) -> None:
 
 
 def load_run(path: Path) -> dict[str, Any]:
-    """Reads the fields of a run that `save` has written.
-
-    Raises:
-        InputError: If the file does not hold a run.
-    """
+    """Read the fields of a run that `save_run` has written."""
     try:
         table = pq.read_table(path)
     except pa.ArrowInvalid as error:

@@ -25,21 +25,21 @@ CURVES = ("robustness", "lower", "upper")
 """The arrays of a course."""
 
 Stop = Literal["violation", "decided", "known", "verdicts", "end"]
-"""When to stop a run: at the first certain violation, also once every verdict is certain, also once
-every robustness is known, only once every verdict is certain, or not before its end."""
+"""When to stop a run: at the first certain violation; also once every verdict is certain; also once
+every robustness is known; only once every verdict is certain; or at its end."""
 
 AT_VIOLATION: Final = frozenset[Stop]({"violation", "decided", "known"})
-"""When a run is stopped at the first certain violation."""
+"""The stops at the first certain violation."""
 
 AT_VERDICTS: Final = frozenset[Stop]({"decided", "verdicts"})
-"""When a run is stopped once every verdict is certain."""
+"""The stops once every verdict is certain."""
 
 KNOWN_EVERY: Final = 10
-"""The samples after which it is asked whether every robustness is known: that takes a while."""
+"""The number of samples between checks whether every robustness is known, which are slow."""
 
 
 class _ComparesArrays:
-    """A dataclass whose objects are equal if all compared fields are, arrays element by element."""
+    """A base of dataclasses whose comparison handles arrays."""
 
     __slots__ = ()
 
@@ -70,21 +70,21 @@ class Course(_ComparesArrays):
     Attributes:
         formula: Its text.
         robustness: The robustness at every sample, if the run ended there.
-        lower: The least robustness still possible, at every sample.
-        upper: The greatest robustness still possible, at every sample.
+        lower: The lower bound of the final robustness, at every sample.
+        upper: The upper bound of the final robustness, at every sample.
         final: The robustness at the end.
         verdict: The verdict at the end.
         decided_at: The sample that decided the verdict, counted from the start of the episode;
             None if it is open, or if only the end decided it.
-        unit: The unit of the bounds in the formula that have none.
-        semantics: How predicates count, as for `rtamt.Monitor`.
+        unit: The unit of bounds in the formula without a unit.
+        semantics: As for `rtamt.Monitor`.
         inputs: Variables that the system reads.
         outputs: Variables that the system sets.
-        asked: How often it was put to the test, as `Outcome.asked` has it.
-        vacuous: Whether it was satisfied without an answer.
-        progress: How far it has come in its stages at the end, as `Outcome.progress` has it.
+        asked: Its triggers, as in `Outcome.asked`.
+        vacuous: Whether it was vacuously satisfied.
+        progress: Its progress through stages at the end, as in `Outcome.progress`.
         ended_at: The last sample, counted in the same way, if only the end decided the verdict;
-            else None.
+            otherwise None.
     """
 
     formula: str
@@ -109,12 +109,12 @@ class Course(_ComparesArrays):
         return np.subtract(~np.signbit(self.lower), np.signbit(self.upper), dtype=np.int8)
 
     def final_text(self, form: str) -> str:
-        """Writes the robustness at the end in a format; a 0 says whether the formula holds."""
+        """Format the robustness at the end; a 0 states whether the formula holds."""
         return robustness_text(self.final, self.semantics, self.verdict, form)
 
     @property
     def specification(self) -> Specification:
-        """The formula, read again."""
+        """The formula, parsed again."""
         return parse(self.formula, unit=self.unit)
 
     @property
@@ -123,7 +123,7 @@ class Course(_ComparesArrays):
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 
     def outcome(self, period: Fraction | None) -> Outcome:
-        """What the specification has become, without its course."""
+        """Return the outcome of the specification, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
         found = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
         return replace(found, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
@@ -142,12 +142,7 @@ class Course(_ComparesArrays):
 
 
 class CoursesOnDemand(Mapping[str, Course]):
-    """Courses that are computed when the first of them is read.
-
-    Args:
-        names: The names of the specifications.
-        compute: Returns their courses.
-    """
+    """Courses that are computed when the first of them is read."""
 
     def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, Course]]) -> None:
         self._names = names
@@ -195,7 +190,7 @@ class SimulatedTrace:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunRecord(_ComparesArrays):
-    """The fields of a `Run`, which describes them, and what follows from them."""
+    """The fields of a `Run`, which documents them, and properties that follow from them."""
 
     system: str
     signals: Mapping[str, Floats]
@@ -215,7 +210,7 @@ class RunRecord(_ComparesArrays):
     reward: float | None = None
 
     def columns(self) -> dict[str, Floats]:
-        """The run as a table: ``time``, the signals, and three columns for every specification.
+        """Return a table: ``time``, the signals, and three columns for every specification.
 
         These are ``robustness(NAME)``, ``lower(NAME)`` and ``upper(NAME)``. A signal named ``time``
         takes the place of the times, which follow from the period.
@@ -252,16 +247,16 @@ class RunRecord(_ComparesArrays):
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on all specifications together, which is the worst of theirs."""
+        """The verdict on all specifications together: the worst of theirs."""
         return min(course.verdict for course in self.courses.values())
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
-        """What each specification has become, by its name."""
+        """The outcome of each specification, by name."""
         return {name: course.outcome(self.period) for name, course in self.courses.items()}
 
     def trial(self, case: Case | None = None, error: str = "") -> Trial:
-        """What was given and what came of it, without the samples.
+        """Return the case and the outcomes, without the samples.
 
         Args:
             case: What the simulation was given. None: the case of the run.
@@ -290,7 +285,7 @@ class RunRecord(_ComparesArrays):
         return self.limit - self.steps
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: each specification with its verdict, robustness and curve."""
+        """Return HTML for notebooks: verdict, robustness and curve of each specification."""
         rows = [
             [
                 markup.plain(name),

@@ -417,14 +417,7 @@ class Runner:
         *,
         warns: bool = False,
     ) -> Iterator[Played]:
-        """Play tasks in a batch; after an error of the batch, play the remaining ones alone.
-
-        Args:
-            batch: The batch.
-            tasks: The tasks.
-            alone: Plays one task without the others.
-            warns: Whether to warn if the error does not occur again.
-        """
+        """Play tasks in a batch; after an error of the batch, play the remaining ones alone."""
         left = {task.number: task for task in tasks}
         try:
             for played in play(batch, tasks):
@@ -479,13 +472,7 @@ def _duration_of(ran: System, duration: float | None, period: Period | None) -> 
 def load_requirements(
     given: Requirements | None, own: Mapping[str, rtamt.Specification], system: str
 ) -> dict[str, rtamt.Specification]:
-    """Load requirements, by name; None: all requirements of the system.
-
-    Raises:
-        SpecificationError: If a specification is wrong.
-        InputError: If there are no requirements, or two have the same name.
-        InputTypeError: If one is not a specification.
-    """
+    """Load requirements, by name; None: all requirements of the system."""
     if given is None:
         if not own:
             raise InputError(

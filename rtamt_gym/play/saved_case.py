@@ -1,4 +1,4 @@
-"""`SavedCase`: a case of a system in a file, with what a simulation of it is to give."""
+"""`SavedCase`: a case of a system in a file, with its expected result."""
 
 from __future__ import annotations
 
@@ -64,40 +64,38 @@ _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
     "policy": (str | None, "text or null"),
     "versions": (dict, "an object of JSON"),
 }
-"""What else would fail later, in words that name no file."""
+"""Types that are checked here, where errors name the file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SavedCase:
-    """One case of a system with a requirement, and what the requirement became; `load` reads one.
+    """One case of a system with a requirement, and its outcome; `load` reads one.
 
-    A case is code of its author, as a pickle is: `load` only reads, and `replay` imports and runs
-    what the file names, `imports`: modules, policies, models, FMUs. Replay cases of people whose
-    programs you would run.
+    Loading a case never executes code. `replay` imports and runs what the file names, `imports`:
+    modules, policies, models, FMUs. Replay cases only of people whose programs you would run.
 
-    `Falsification.save` writes it as strict JSON, in which infinities are the strings ``"inf"`` and
+    `Falsification.save` writes strict JSON, in which infinities are the strings ``"inf"`` and
     ``"-inf"``. ``rtamt replay case.json`` runs it.
 
     Attributes:
-        system: What names the system: ``{"environment": ID}`` with ``"arguments"`` and ``"steps"``
-            where they are not those that the id stands for; ``{"fmus": {NAME: PATH}}`` with the
-            arguments of `Fmus`, paths being relative to the file; or ``{"object": "module:name"}``,
+        system: The reference to the system: ``{"environment": ID}``, with ``"arguments"`` and
+            ``"steps"`` that differ from the registered ones; ``{"fmus": {NAME: PATH}}`` with the
+            arguments of `Fmus` and paths relative to the file; or ``{"object": "module:name"}``,
             the system or a function without arguments that makes it.
         name: The name of the requirement.
         requirement: The requirement.
-        case: What the simulation is given.
+        case: The case of the simulation.
         seed: The seed of an environment's reset, or None.
         signals: The selectors of the variables, or None.
         policy: The name of the policy, as ``rtamt run --policy`` takes it, or None.
         period: As for `rtamt_gym.simulate`.
         duration: As for `rtamt_gym.simulate`.
-        reading: Options of `rtamt_gym.simulate` that say how a run is judged.
-        robustness: The robustness that the run had; it was stopped at its certain violation.
-        verdict: The verdict that the run had.
+        reading: Evaluation options of `rtamt_gym.simulate`.
+        robustness: The robustness of the run, which was stopped at its certain violation.
+        verdict: The verdict of the run.
         versions: The versions of Python and of packages with which it ran.
-        fingerprint: Hashes and versions of the system and the policy; None in the file of an older
-            version.
-        folder: The folder of the file, from which paths are read.
+        fingerprint: Hashes and versions of the system and the policy; None in older files.
+        folder: The folder of the file, to which paths are relative.
     """
 
     system: Mapping[str, Any]
@@ -127,7 +125,7 @@ class SavedCase:
         system: str | None = None,
         policy: str | None = None,
     ) -> Self:
-        """The case of a simulation that a runner has made.
+        """Return the case of a simulation that a runner has made.
 
         Args:
             runner: The runner.
@@ -174,7 +172,7 @@ class SavedCase:
         return tuple(dict.fromkeys(filter(None, [*system_texts(self.system), *policy])))
 
     def replay(self, *, accept_changed: bool = False) -> Run:
-        """Runs the case, and so the code that it names; the run is stopped at a certain violation.
+        """Run the case, and so the code that it names, until a violation is certain.
 
         Args:
             accept_changed: Whether to run it although the system, its source, its policy, rtamt or
@@ -225,11 +223,11 @@ class SavedCase:
             yield system, policy
 
     def gives(self, run: Run) -> bool:
-        """Whether a run has the verdict that is expected."""
+        """Return whether a run has the expected verdict."""
         return run.courses[self.name].verdict is self.verdict
 
     def repeats(self, run: Run) -> bool:
-        """Whether a run has the verdict and the robustness that are expected, to the last bit."""
+        """Return whether a run has the expected verdict and robustness, to the last bit."""
         final = run.courses[self.name].final
         same = final == self.robustness and math.copysign(1, final) == math.copysign(
             1, self.robustness
@@ -237,7 +235,7 @@ class SavedCase:
         return self.gives(run) and (same or (math.isnan(final) and math.isnan(self.robustness)))
 
     def newer(self) -> dict[str, tuple[str, str]]:
-        """The versions then and now, by package, of those that are not the same."""
+        """Return the saved and the present versions of packages that differ."""
         now = versions_in_use()
         return {
             name: (then, now[name])
@@ -246,7 +244,7 @@ class SavedCase:
         }
 
     def to_json(self) -> str:
-        """The case as strict JSON."""
+        """Return the case as strict JSON."""
         requirement = {"name": self.name, "text": str(self.requirement)}
         if self.requirement.unit != "s":
             requirement["unit"] = self.requirement.unit
@@ -271,7 +269,7 @@ class SavedCase:
         return document("case", kept) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the case into a file, whose name ends in ``.json``.
+        """Write the case to a file, whose name ends in ``.json``.
 
         Raises:
             InputError: If it ends in something else.
@@ -281,7 +279,7 @@ class SavedCase:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Reads a file that `save` has written.
+        """Read a file that `save` has written.
 
         Raises:
             InputError: If it holds no case.
@@ -291,7 +289,7 @@ class SavedCase:
 
 
 def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a case from what JSON holds."""
+    """Return the fields of a case from JSON."""
     _check_keys("a case", kept, _KEYS, ("fingerprint",))
     requirement, expected = kept["requirement"], kept["expected"]
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
@@ -359,14 +357,14 @@ def _number(name: str, given: Any) -> float:  # noqa: ANN401 - what JSON holds
 
 
 def _pairs(signals: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Signals with their pairs, which JSON holds as lists."""
+    """Return signals with pairs as tuples, which JSON stores as lists."""
     if signals is None:
         return None
     return {name: tuple(each) if isinstance(each, list) else each for name, each in signals.items()}
 
 
 def _listed(value: Any) -> Any:  # noqa: ANN401 - an option
-    """An option as JSON holds it: several names are a list."""
+    """Return an option for JSON: several names are a list."""
     return value if isinstance(value, str | bool) else list(value)
 
 

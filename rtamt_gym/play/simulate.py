@@ -1,4 +1,4 @@
-"""`simulate`: runs one simulation of any kind under specifications."""
+"""`simulate`: runs one simulation under specifications."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def simulate(
     label: str = "",
     **reading: Unpack[EvaluationKeywords],
 ) -> Run:
-    """Runs a simulation under specifications until a violation is certain; records every sample.
+    """Run a simulation under specifications until a violation is certain; record every sample.
 
     | system | ``signals`` | ``policy`` |
     |---|---|---|
@@ -47,66 +47,59 @@ def simulate(
     | an iterable of samples, or a generator function | keys of the sample | |
 
     A sample is a mapping from names to numbers. For the last three systems, a variable that is not
-    in ``signals`` reads the value of its own name; for an environment that has ``signals`` of its
-    own, as scenarios do, what that says.
+    in ``signals`` reads the value of its own name; environments with ``signals`` of their own, such
+    as scenarios, name theirs.
 
-    A ``case`` is what this run is given by name, numbers and waveforms: actions, parameters and
-    attributes of an environment; controls, initial states and constants of a model; inputs and
-    parameters of FMUs; keyword arguments of a function or a generator function. A step of the
-    simulation gets the value of a waveform at its start with ``"hold"``, at its end with
-    ``"linear"`` and ``"pchip"``; a function gets the waveform itself, which is a function of time.
-    Attributes, model and data are as before afterwards. docs/simulations.md lists the names.
+    A ``case`` gives numbers and waveforms by name: actions, parameters and attributes of an
+    environment; controls, initial states and constants of a model; inputs and parameters of FMUs;
+    keyword arguments of a function. A step gets the value of a waveform at its start with
+    ``"hold"``, at its end with ``"linear"`` and ``"pchip"``; a function gets the waveform itself.
+    Afterwards attributes, model and data are restored. docs/simulations.md lists the names.
 
-    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Without
-    ``specs`` all that it says is taken: specifications, signals, period and readings. The policy
-    sees what the wrappers show; samples and rewards are those that the monitor reads, substeps
-    included. It ends no episode meanwhile: ``stop`` says when the run ends.
+    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it, which sets
+    specifications, signals, period and evaluation options unless ``specs`` is given. The policy
+    sees the outputs of the wrappers; samples and rewards are those that the monitor reads. The
+    monitor ends no episode: ``stop`` sets when the run ends.
 
     Sample 0 is the state before the first step: an environment's observation at reset, the present
     state of a MuJoCo model's data, an FMU's outputs after its initialization.
 
-    What an open verdict becomes at the end of the run is said by ``at_termination``, where the
-    system ends by itself, and by ``at_truncation``, where a time limit of the system or
-    ``duration`` cuts the run short. A run that was stopped decides nothing more, nor does the
-    ``duration`` of a `StepMonitor` that goes on afterwards: open verdicts stay UNDECIDED.
+    ``at_termination`` sets how open verdicts are decided if the system ends by itself,
+    ``at_truncation`` if its time limit or ``duration`` ends the run. They stay UNDECIDED in a run
+    that was stopped, and at the ``duration`` of a `StepMonitor` that continues afterwards.
 
-    A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
-    does, to the last bit: robustness, bounds and verdicts judge the whole episode, and the
-    first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
-    monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
-    from the snapshot, and afterwards monitor and simulation are what they were before the call, to
-    the last bit. A policy may make such branches of the monitor that it drives.
+    A `StepMonitor` has its own specifications and options. Its run continues as `StepMonitor.run`
+    does: robustness, bounds and verdicts judge the whole episode, and the first recorded sample is
+    the monitor's last one. With ``start=snapshot`` the run is a branch from the snapshot, after
+    which monitor and simulation are restored exactly. A policy may make such branches.
 
-    An error of the system, the policy or a signal after sample 0, and Ctrl-C too, comes with its
-    own type, and with the samples so far as its attribute ``run``: a `Run` whose ``ended`` is
-    ``"error"``, with the verdicts that these samples leave.
+    An error after sample 0, and Ctrl-C, keeps its type and gets the samples so far as its attribute
+    ``run``: a `Run` whose ``ended`` is ``"error"``.
 
     Args:
-        system: The simulation to run, one of those above.
+        system: The simulation to run.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
-            or several with their names; of a text, every formula that no other formula uses is
-            one by itself. The name of a requirement that an environment has of its own
-            (``"AT1"``) stands for that requirement. None: all of these, or what its monitor
-            monitors; for a `StepMonitor` it must be None.
-        signals: What the variables of the specifications read, and what else to record: signals
-            that no specification reads are in the run and its picture too.
-        case: Numbers and waveforms by name, such as a `Case`, for this run.
-        start: Where a `StepMonitor` branches off. None: it runs on from its present state.
-        policy: The function that acts. Its arguments are the observation, or model and data. For
-            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. What a case
-            drives, the policy does not. None: the ``baseline`` of an environment that has one.
+            or several by name; every formula of a text that no other one uses is a specification.
+            The name of an environment's own requirement (``"AT1"``) stands for it. None: all of
+            these, or those of its monitor; required for a `StepMonitor`.
+        signals: What the variables of the specifications read, and further signals to record.
+        case: Numbers and waveforms by name, such as a `Case`.
+        start: Where a `StepMonitor` branches off. None: it continues from its present state.
+        policy: The function that acts; its arguments are the observation, or model and data. For
+            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. It does not
+            drive what a case drives. None: the ``baseline`` of an environment that has one.
         seed: The seed of an environment's reset.
-        duration: The longest simulated time, in seconds (in steps without a period). None: until
-            the system ends by itself. A model, an FMU or a function of time never does; with
+        duration: The maximum simulated time in seconds (in steps without a period). None: until the
+            system ends by itself, which a model, an FMU or a function of time never does; with
             ``math.inf`` they run until they are stopped.
         stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
-            once every verdict is certain; ``"known"``: also once every robustness is known, which
-            is looked at after every tenth sample; ``"verdicts"``: only once every verdict is
-            certain, not at a violation while others are open; ``"end"``: not before the end.
+            once every verdict is certain; ``"known"``: also once every robustness is known, checked
+            after every tenth sample; ``"verdicts"``: only once every verdict is certain, not at a
+            violation while others are open; ``"end"``: not before the end.
         above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
-            above its number is known. Without one, it is known once it cannot change any more.
+            above its number is known; without a number, one that cannot change any more.
         label: A name for tables and pictures that tells who acted.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+        **reading: Evaluation options, those of `rtamt_gym.Reading`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``,
             ``at_truncation`` and ``substeps``.
 

@@ -52,18 +52,7 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
 
 
 class _Bound(NamedTuple):
-    """A system whose signals are bound, and its monitors.
-
-    Attributes:
-        system: The system.
-        reads: What reads the variables after a step of an environment, if a step is one sample.
-        judge: Makes the monitors; None for a `StepMonitor`, which has its own.
-        free: Recorders of finished runs, which further runs use again.
-        variables: The names that the specifications read.
-        period: Seconds between samples.
-        most: The number of steps at which ``duration`` ends a run, or None.
-        questions: Counts triggers.
-    """
+    """A system whose signals are bound, and its monitors."""
 
     system: System
     reads: Sequence[Read] | None
@@ -79,9 +68,6 @@ class Simulator:
     """A system under specifications, checked, bound and compiled once for many runs.
 
     `rtamt_gym.simulate` documents the arguments. Every run has the same case.
-
-    Raises:
-        RtamtError: An error that every run would raise before its first sample.
     """
 
     def __init__(
@@ -163,20 +149,7 @@ class Simulator:
         label: str = "",
         light: bool = False,
     ) -> Simulation:
-        """Start a run; the arguments are those of `rtamt_gym.simulate`.
-
-        Args:
-            case: What the run is given; None: the case of the simulator.
-            policy: Who acts in an environment; None: the policy of the simulator.
-            seed: As for `rtamt_gym.simulate`, like the following ones.
-            stop: See there.
-            above: See there.
-            label: See there.
-            light: Whether only the trial is needed, and not the run.
-
-        Raises:
-            RtamtError: If an argument does not fit the system.
-        """
+        """Start a run; the arguments are those of `rtamt_gym.simulate`."""
         _check_stop(stop, above)
         if self.monitor is not None:
             _refuse_options({"above": above})
@@ -579,11 +552,7 @@ def _refuse_options(options: Mapping[str, object]) -> None:
 
 
 def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:
-    """Return the number of steps at which ``duration`` ends a run, or None.
-
-    Raises:
-        InputError: If a run might never end, or the duration is not positive.
-    """
+    """Return the number of steps at which ``duration`` ends a run, or None."""
     if duration is None:
         if system.endless:
             raise InputError(

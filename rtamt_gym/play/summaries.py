@@ -1,4 +1,4 @@
-"""The outcomes of runs, as a table for the terminal and as JSON for programs."""
+"""Outcomes of runs and records: tables for the terminal, and JSON."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from rtamt_gym.results.trial import STOPPED, Trial, end_note
 from rtamt_gym.tables import counted, number, sample_text, shorten, table
 
 Episode = Run | Trial
-"""A run with its samples; of one that an error has ended the trial."""
+"""A run with its samples, or the trial of a run that an error has ended."""
 
 
 def trial_of(episode: Episode) -> Trial:
-    """What an episode came to, without its samples."""
+    """Return the trial of an episode."""
     return episode if isinstance(episode, Trial) else episode.trial()
 
 
 def run_table(episodes: Sequence[Episode]) -> list[str]:
-    """Writes the outcomes as a table, with a row for every specification of every episode.
+    """Return a table with a row for every specification of every episode.
 
-    The table tells when the runs were stopped; if none was to be stopped, when the verdicts were
-    certain. One episode at least has not failed.
+    It shows when runs were stopped; if none was to be stopped, when verdicts were certain. At
+    least one episode must not have failed.
     """
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)
@@ -66,7 +66,7 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
 
 
 def saved_note(episodes: Sequence[Episode]) -> list[str]:
-    """Explains the column ``saved`` of the table; no lines if no run saved anything."""
+    """Return lines that explain the column ``saved``; empty if no run saved anything."""
     if not any(run.saved for run in _runs(episodes)):
         return []
     return [
@@ -76,12 +76,7 @@ def saved_note(episodes: Sequence[Episode]) -> list[str]:
 
 
 def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
-    """The episodes as a result of the kind ``"runs"``.
-
-    Args:
-        episodes: Those of one environment, of which one at least has not failed.
-        reading: What a certain violation does to an episode, and how episodes are read.
-    """
+    """Return episodes of one environment as a result of the kind ``"runs"``."""
     first = _runs(episodes)[0]
     texts = {name: course.formula for name, course in first.courses.items()}
     specs = {name: course.specification for name, course in first.courses.items()}
@@ -94,12 +89,12 @@ def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
 
 
 def _runs(episodes: Sequence[Episode]) -> list[Run]:
-    """The episodes that have not failed."""
+    """Return the episodes that have not failed."""
     return [each for each in episodes if isinstance(each, Run)]
 
 
 def _of_run(episode: Episode) -> dict[str, Any]:
-    """What JSON has of a run beside its trial."""
+    """Return the entries of a run in JSON that its trial lacks."""
     if isinstance(episode, Trial):
         return {}
     return {
@@ -118,13 +113,13 @@ def _saved(run: Run) -> str:
 
 
 _ERROR: Final = 200
-"""The most letters of an error that are shown."""
+"""The maximum length of an error that is shown."""
 
 
 def record_table(record: Record) -> list[str]:
-    """A table with a row for every requirement: its robustness over the record, and its verdicts.
+    """Return a table of the requirements of a record: robustness and verdicts.
 
-    Below it stand what was simulated and how many failed.
+    The simulated time and the failures follow.
     """
     results = list(record.results().values())
     columns = columns_of(results, rates=False)
@@ -137,13 +132,9 @@ def record_table(record: Record) -> list[str]:
 
 
 def failures(record: Record, *, rated: bool = True) -> list[str]:
-    """How many simulations failed, and the error of the first; no lines if none did.
+    """Return lines of 80 columns: how many simulations failed, and the first case and error.
 
-    They are lines of 80 columns. What the first was given stands before its error.
-
-    Args:
-        record: The simulations.
-        rated: Whether rates of episodes stand above, in which those that failed count.
+    ``rated`` is whether rates of episodes, in which failures count, are shown above.
     """
     failed = record.failed()
     if not len(failed):
@@ -167,28 +158,23 @@ def failures(record: Record, *, rated: bool = True) -> list[str]:
 
 
 def record_json(record: Record, options: Mapping[str, Any]) -> str:
-    """The record as a result of the kind ``"record"``.
-
-    Args:
-        record: The simulations.
-        options: How they were chosen and run.
-    """
+    """Return the record as a result of the kind ``"record"``."""
     return document("record", {**options, **plain_results(record, rates=not record.chosen)})
 
 
 def case_lines(case: Case) -> list[str]:
-    """A case for the terminal: a line for each entry, and more for one of many control points."""
+    """Return a case for the terminal: a line for each entry, more for many control points."""
     return [line for each in case.items() for line in _entry(*each)]
 
 
 def _entry(name: str, entry: float | Waveform) -> list[str]:
-    """An entry of a case: a number, or the values of a waveform at its times."""
+    """Return the lines of an entry: a number, or the values of a waveform at its times."""
     if not isinstance(entry, Waveform):
         return [f"  {name} = {number(entry)}"]
     if len(set(entry.values)) == 1:
         return [f"  {name} = {number(entry.values[0])} throughout"]
     points = zip(entry.times, entry.values, strict=True)
-    # Lines break behind a control point, not within: a blank that does not break is none to `wrap`.
+    # Lines break after a control point: `wrap` does not break at a no-break space.
     values = [f"{number(value)}\xa0at\xa0{number(time)}\xa0s" for time, value in points]
     how = {"hold": "steps"}.get(entry.interpolation, entry.interpolation)
     text = f"{name}, {how}: {', '.join(values)}"

@@ -53,17 +53,6 @@ class VectorEpisodes(Runner):
         evaluated: The policy.
         unasked: Whether ``at_termination`` was not given.
         monitor: The monitor of the environment, or None.
-
-    Args:
-        env: The vector environment, or a function that makes one.
-        requirements: The requirements.
-        policy: The policy, as for `Episodes`.
-        deterministic: As for `Episodes`.
-        made: The result of the function, if it was called already.
-        **options: As for `Runner`.
-
-    Raises:
-        InputError: If the environment does not take a seed for each episode, or as `Runner` does.
     """
 
     def __init__(
@@ -287,17 +276,6 @@ class VectorBatch(PlayBatch):
     """The environments of a vector environment, which step together.
 
     A place without a task repeats the action of another one.
-
-    Args:
-        env: The vector environment.
-        make: Makes the policy of an episode.
-        columns: Reads the signals of all environments.
-        places: Each environment as a system.
-        begin: Starts the simulation of a place.
-        times: Compares the period with the environments.
-        tap: Holds the samples that a monitor of the environment, or a wrapper that rescales them,
-            sees; None: the environment itself shows them.
-        taps: What undoes the tap.
     """
 
     def __init__(

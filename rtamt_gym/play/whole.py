@@ -1,4 +1,4 @@
-"""`Whole`: runs cases to their end and judges them then, where monitors would take longer."""
+"""`Whole`: runs cases to their end and judges them afterwards, if monitors would be slower."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
 
 
 def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
-    """Whether runs are better judged once they are over.
+    """Return whether runs are better judged after they are over.
 
-    They are where a window is over a combination of windows, as in ``always[0:30](p implies
-    eventually[0:5] q)``. What a monitor says of it after every sample takes ten times what a
-    simulation of a scenario takes, and the robustness of the whole trace a tenth. Unless it is
-    violated, such a requirement is hardly ever certain long before the end.
+    They are if a window is over a combination of windows, as in ``always[0:30](p implies
+    eventually[0:5] q)``. Updates of its monitor take ten times as long as the simulation of a
+    scenario, and the robustness of the whole trace a tenth. Unless it is violated, such a
+    requirement is hardly ever certain long before the end.
     """
     return (
         runner.duration is not None
@@ -41,13 +41,9 @@ def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
 class Whole:
     """Runs cases to the end, and judges them by their samples.
 
-    `Runner` gives the same rows, except that a run without a violation is never stopped, and that
-    its end is the time at which its verdicts were certain. A run that violates, that fails, or that
-    ends before every verdict is certain, is run again under monitors, which stop it.
-
-    Args:
-        make: Makes a runner of requirements.
-        specs: The requirements.
+    `Runner` returns the same rows, except that a run without a violation is never stopped, and that
+    its verdicts are certain at its end. A run with a violation, with an error or with an open
+    verdict runs again under monitors, which stop it.
     """
 
     def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
@@ -68,11 +64,11 @@ class Whole:
         return self._runner.takes_seeds
 
     def close(self) -> None:
-        """Closes what has been made."""
+        """Close the runner."""
         self._runner.close()
 
     def judge(self, name: str, trace: SimulatedTrace) -> float:
-        """The robustness of a requirement on samples that were kept."""
+        """As `Runner.judge`."""
         return self._runner.judge(name, trace)
 
     def run(
@@ -82,13 +78,13 @@ class Whole:
         *,
         above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Trial]]:
-        """Runs cases, as `Runner.run` does."""
+        """Run cases, as `Runner.run` does."""
         listed = list(cases)
         satisfied: dict[int, Trial] = {}
         for index, row, trace in self._runner.whole(listed, seeds):
             if row.simulated < self._horizon:
                 continue
-            with suppress(RtamtError):  # of samples that cannot be judged
+            with suppress(RtamtError):  # these samples cannot be judged
                 heights = {name: self.judge(name, trace) for name in self._names}
                 if not np.signbit(list(heights.values())).any():
                     satisfied[index] = self._satisfied(row, heights, trace)
@@ -100,7 +96,7 @@ class Whole:
                     yield index, row
 
     def _satisfied(self, row: Trial, heights: Mapping[str, float], trace: SimulatedTrace) -> Trial:
-        """The row of a run that satisfies all requirements, by their robustness."""
+        """Return the row of a run that satisfies all requirements."""
         period, reading = trace.period, self._runner.reading
         if period not in self._questions:
             specs = self._runner.requirements
@@ -125,12 +121,12 @@ class Whole:
 
 
 def _nests(formula: Formula) -> bool:
-    """Whether a window is over a combination of windows."""
+    """Return whether a window is over a combination of windows."""
     return any(_timed(node) and any(map(_combines, node.args)) for node in formula.nodes())
 
 
 def _combines(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
-    """Whether a node combines formulas, one of which has a window."""
+    """Return whether a node combines formulas, one of which has a window."""
     if len(node.args) > 1 and any(_timed(each) for arg in node.args for each in arg.nodes()):
         return True
     return any(map(_combines, node.args))

@@ -48,11 +48,7 @@ _SIDE_BY_SIDE = ("batch", "n_envs")
 def check_workers(
     n_jobs: int | None, backend: ClusterBackend | None, timeout: float | None
 ) -> float | None:
-    """Check the options of `run_campaign` that select workers; return the timeout.
-
-    Raises:
-        InputError: If one of them is wrong.
-    """
+    """Check the options of `run_campaign` that select workers; return the timeout."""
     check_choice("backend", backend, (None, "dask", "ray"))
     if timeout is not None:
         timeout = check_number("timeout", timeout)
@@ -107,12 +103,6 @@ class Recipe:
     """What makes an equal runner in another process, and tells campaigns apart.
 
     An environment is made again from its spec; everything else is pickled.
-
-    Args:
-        runner: The runner.
-        whole: Whether runs are judged after they are over, by a `Whole`.
-        fingerprint: The fingerprint of the runner, which the other process compares; None: it does
-            not compare.
     """
 
     def __init__(
@@ -130,12 +120,7 @@ class Recipe:
             self._system = spec
 
     def runner(self) -> Runner | Whole:
-        """Make the runner.
-
-        Raises:
-            InputError: If a file or a package differs from the process that made the recipe, as
-                after an edit or on another machine.
-        """
+        """Make the runner."""
         system = self._system
         if isinstance(system, EnvSpec):
             system = gym.make(system)
@@ -148,11 +133,7 @@ class Recipe:
         return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
 
     def pickled(self, name: str) -> bytes:
-        """Return the recipe as bytes, with functions of the main program and nested functions.
-
-        Raises:
-            InputTypeError: If something cannot be pickled.
-        """
+        """Return the recipe as bytes, with functions of the main program and nested functions."""
         import cloudpickle
 
         try:
@@ -170,9 +151,6 @@ class Recipe:
 
         A function, and an object that JSON cannot store, is represented by its name: the
         fingerprint of the runner covers its source and its values.
-
-        Args:
-            requirements: The text of each requirement, by name.
         """
         system = self._system
         return {
@@ -204,11 +182,6 @@ class Elsewhere:
     """Runs cases on several processes or machines; the rows equal the runner's own rows.
 
     The options are the options of `run_campaign`, and `whole`, which judges runs by a `Whole`.
-
-    Raises:
-        InputError: If a worker imports a module that makes an `Elsewhere`: each worker would start
-            workers again.
-        InputTypeError: If the system cannot be sent to another process.
     """
 
     def __init__(
@@ -293,9 +266,6 @@ def chosen_workers(backend: ClusterBackend | None, n_jobs: int | None) -> Iterat
     """Select a backend of joblib; yield its workers and how many threads each may start.
 
     Without a backend the workers are threads, each of which watches a process.
-
-    Raises:
-        InputError: If there is no such backend, or it has no workers.
     """
     import joblib
 
@@ -325,11 +295,7 @@ def _parallel(setup: Setup, chunks: Chunks, count: int) -> Generator[NumberedTri
 
 
 def _register_ray() -> None:
-    """Make Ray a backend of joblib, and start or join a cluster as its own variables set it.
-
-    Raises:
-        InputError: If Ray is not installed.
-    """
+    """Make Ray a backend of joblib, and start or join a cluster as its own variables set it."""
     import joblib
 
     try:

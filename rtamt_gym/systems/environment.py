@@ -1,4 +1,4 @@
-"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
+"""Gymnasium environments as systems, and their monitors."""
 
 from __future__ import annotations
 
@@ -33,17 +33,16 @@ from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 class Environment(System):
     """A Gymnasium environment and the policy that acts in it.
 
-    In an environment that has a monitor the policy sees what the wrappers show, and the samples and
-    the rewards are those that the monitor reads; it ends no episode meanwhile.
+    If the environment has a monitor, the policy sees the outputs of the wrappers; samples and
+    rewards are those that the monitor reads, and the monitor ends no episode.
 
     Attributes:
-        observation: What it has shown last, on which the policy acts next.
-        reward: The sum of its rewards since the start; None if they are no numbers.
+        observation: The last observation, on which the policy acts next.
+        reward: The sum of its rewards since the start; None if they are not numbers.
         reported: Its own ``is_success`` in the info that ended the episode; None without one.
-        refuses_nan: Whether it refuses signals that are nan, as the monitors do not.
-        timed: Whether bounds of specifications hang on its period.
-        below: As for `rtamt_gym.options.evaluation.Reading`.
-        rescaled: As for `rtamt_gym.options.evaluation.Reading`.
+        refuses_nan: Whether it refuses signals that are nan, if the monitors do not.
+        timed: Whether bounds of specifications depend on its period.
+        below: As for the evaluation options, like ``rescaled``.
     """
 
     observation: Any = None
@@ -54,9 +53,9 @@ class Environment(System):
     below: bool = False
     rescaled: bool = False
     _tap: Tap | None = None
-    """Below the monitor."""
+    """What the monitor sees."""
     _seen: Any = None
-    """What has shown the samples that are read; None: the environment."""
+    """What shows the samples that are read; None: the environment."""
     _watch: StepTime | None = None
 
     def __init__(
@@ -87,12 +86,12 @@ class Environment(System):
         self._policy = policy
         self._seed = seed
         self._case = case
-        self._ends: ExitStack | None = None  # from a start on that changes something
+        self._ends: ExitStack | None = None  # set by a start that changes something
 
     def driven(self, case: Case) -> Environment:
-        """The environment with a case: options, attributes, and waveforms for its actions."""
+        """Return the environment with the options, attributes and action waveforms of a case."""
         bound = EnvironmentCase(self._env, case, self.name)
-        with bound.attributes():  # one of them may be the period
+        with bound.attributes():  # the case may change the period, so apply it first
             made = Environment(
                 self._env, self._policy, self._seed, substeps=self._substeps, case=bound
             )
@@ -101,12 +100,12 @@ class Environment(System):
         return made
 
     def known(self, signals: Signals) -> Mapping[str, SignalLike]:
-        """The signals that are given, that the monitor has, and that the environment names."""
+        """Return the given signals, those of the monitor, and those of the environment."""
         of_monitor = {} if self._monitor is None else self._monitor.judging.signals or {}
         return {**own_signals(self._env), **of_monitor, **(signals or {})}
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Binds the selectors and finds who acts."""
+        """Bind the selectors."""
         self._step_period = period or Fraction(1)
         if period is not None:
             was_read = self.period is not None and math.isclose(self.period, period)
@@ -130,7 +129,7 @@ class Environment(System):
             own=self.known(None),
             refuse_nan=self.refuses_nan,
         )
-        seen = () if self._substeps else parsed  # where no observation is read
+        seen = () if self._substeps else parsed  # substeps read no observation
         rescaler = rescaling(shown, seen, below=self.below, rescaled=self.rescaled)
         self._rescaler = rescaler
         if rescaler is not None:
@@ -142,24 +141,18 @@ class Environment(System):
             self.reads = [signal.bind(shown) for signal in parsed]
 
     def again(self, policy: Policy | None, seed: int | None) -> Environment:
-        """The environment for another run, with the signals that are bound."""
-        made = object.__new__(Environment)  # copy.copy() would take ten times as long
+        """Return the environment for another run, with its bound signals."""
+        made = object.__new__(Environment)  # ten times as fast as copy.copy()
         made.__dict__.update(self.__dict__, _policy=policy, _seed=seed)
         return made
 
     @property
     def plain(self) -> bool:
-        """Whether a step of the environment is one sample, which it shows itself."""
+        """Whether a step is one sample, which the environment itself returns."""
         return not self._substeps and self._monitor is None and self._rescaler is None
 
     def play(self, panel: Panel, feed: Feed, most: float) -> None:
-        """Makes steps, each of which feeds a sample, until the system ends or a verdict is decided.
-
-        Args:
-            panel: The monitors.
-            feed: Feeds them with a step.
-            most: The greatest number of steps.
-        """
+        """Make steps and feed their samples until the system ends or a verdict is decided."""
         act, step, obs, watch = self._act, self._env.step, self.observation, self._watch
         settled, steps = panel.settled, 0
         while steps < most:
@@ -203,7 +196,7 @@ class Environment(System):
         return [read(*seen) for read in self._reads_at_reset]
 
     def _start(self, ends: ExitStack) -> dict[str, Any]:
-        """Resets an environment with a monitor, a case or what rescales; undone by ``ends``."""
+        """Reset an environment with a monitor, a case or rescaling; ``ends`` undoes it."""
         if self._monitor is not None:
             self._tap = Tap(self._monitor.env)
             ends.enter_context(self._monitor.tapped(self._tap))
@@ -230,7 +223,7 @@ class Environment(System):
         return values
 
     def _step(self) -> None:
-        """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
+        """Step the environment, and queue its samples: one, or several with ``substeps``."""
         try:
             action = self._act(self.observation)
         except SystemExit as end:
@@ -261,11 +254,11 @@ class Environment(System):
         self._rest.append([read(*step) for read in self._inside.reads])
 
     def _find_policy(self) -> Policy:
-        """Who acts in an episode that begins now: the case, the policy or the baseline."""
+        """Return who acts in an episode: the case, the policy or the baseline."""
         if self._case is not None and self._case.drives:
             return self._case.policy(self._policy, baseline_of(self._env), self._step_period)
         policy = self._policy
-        if policy is None:  # one that is a collection may be empty
+        if policy is None:  # a policy that is a collection may be empty
             policy = baseline_of(self._env)
         if policy is None:
             raise InputError(
@@ -277,19 +270,19 @@ class Environment(System):
         return policy
 
     def close(self) -> None:
-        """Leaves the environment open, for it belongs to the caller, with its own attributes."""
+        """Restore the attributes; the environment stays open, because it belongs to the caller."""
         if self._ends is not None:
             self._ends.close()
 
 
 def _reported(info: Mapping[str, Any]) -> bool | None:
-    """The environment's own ``is_success`` in a last info; None if it has none."""
+    """Return the environment's own ``is_success`` in the last info; None if it has none."""
     own = info.get("is_success")
     return None if own is None else bool(own)
 
 
 def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
-    """The monitor of an environment, which may have wrappers around it; None if there is none."""
+    """Return the monitor of an environment below its wrappers; None if there is none."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, StlMonitor):
             return env
@@ -303,17 +296,7 @@ def with_own_monitor(
     signals: Mapping[str, SignalLike] | None,
     reading: Reading,
 ) -> tuple[Any, Mapping[str, SignalLike] | None, Reading]:
-    """What `rtamt_gym.simulate` judges and how; without specifications what the monitor does.
-
-    Args:
-        monitor: The monitor of the environment, or None.
-        specs: The specifications that are given, or None.
-        signals: The signals that are given, or None.
-        reading: The options that are given.
-
-    Raises:
-        InputError: If something else is given than the monitor has.
-    """
+    """Return specifications, signals and options; without specifications, those of the monitor."""
     if monitor is None or specs is not None:
         return specs, signals, reading
     own: Judging = monitor.judging

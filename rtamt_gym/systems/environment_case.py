@@ -1,4 +1,4 @@
-"""What a case does to an environment: options of its reset, attributes, parts of its actions."""
+"""A case of an environment: options of its reset, attributes, parts of its actions."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from rtamt_gym.systems.system import as_number, as_waveform, like, refuse_unknow
 _Policy = Callable[..., Any]
 
 _ATTRIBUTE = "env."
-"""What the name of an attribute begins with."""
+"""The prefix of the name of an attribute."""
 
 
 class _Attribute(NamedTuple):
-    """What an attribute holds during a run: a number, or a model of MuJoCo with other constants."""
+    """The value of an attribute during a run: a number, or a MuJoCo model with other constants."""
 
     name: str
     owner: Any
@@ -38,20 +38,7 @@ class _Attribute(NamedTuple):
 
 
 class EnvironmentCase:
-    """A case, bound to an environment; its entries are found when it is made.
-
-    Attributes:
-        options: Parameters of a scenario, as options of its reset; None if there are none.
-
-    Args:
-        env: The environment.
-        case: The case.
-        name: The name of the environment, for messages.
-
-    Raises:
-        InputError: If the environment has nothing of a name, an attribute takes no such number, or
-            a waveform leaves the bounds of the actions.
-    """
+    """A case, bound to an environment."""
 
     def __init__(self, env: gym.Env[Any, Any], case: Case, name: str) -> None:
         self._name = name
@@ -90,11 +77,7 @@ class EnvironmentCase:
 
     @contextmanager
     def attributes(self) -> Iterator[None]:
-        """A context in which the attributes hold their numbers; afterwards they are as before.
-
-        Raises:
-            InputError: If an attribute cannot be set.
-        """
+        """Set the attributes inside a context, and restore them afterwards."""
         before: list[tuple[_Attribute, bool, Any]] = []
         try:
             for each in self._attributes:
@@ -114,11 +97,7 @@ class EnvironmentCase:
                     delattr(each.owner, each.field)
 
     def check(self) -> None:
-        """Refuses a reset that has set an attribute or a parameter to another number.
-
-        Raises:
-            InputError: If one has.
-        """
+        """Raise InputError if the reset has changed an attribute or a parameter."""
         for each in self._attributes:
             now = getattr(each.owner, each.field)
             if now != each.value:
@@ -135,16 +114,7 @@ class EnvironmentCase:
                 )
 
     def policy(self, policy: _Policy | None, baseline: _Policy | None, period: Fraction) -> _Policy:
-        """The policy with which the case drives its actions, from the first step on.
-
-        Args:
-            policy: The caller's policy, which gives the actions that the case does not drive.
-            baseline: The environment's own, where there is none.
-            period: Seconds of a step.
-
-        Raises:
-            InputError: If the policy has nothing left to do, or an action is driven by nothing.
-        """
+        """Return the policy that drives the actions of the case and calls another for the rest."""
         drives = [(at, wave.stepper(period)) for at, wave in self._drives.values()]
         driven = {at for at, _ in drives}
         left = [name for name, at in self._actions.items() if at not in driven]
@@ -185,9 +155,9 @@ class EnvironmentCase:
 
 
 def baseline_of(env: gym.Env[Any, Any]) -> _Policy | None:
-    """The environment's own policy, its attribute ``baseline``, where its actions are those taken.
+    """Return the environment's own policy, its attribute ``baseline``.
 
-    None if there is none, or a wrapper takes other actions.
+    None if there is none, or a wrapper changes the actions.
     """
     simulation: Any = env.unwrapped
     baseline = getattr(simulation, "baseline", None)
@@ -198,7 +168,7 @@ def baseline_of(env: gym.Env[Any, Any]) -> _Policy | None:
 
 
 def _parameters(simulation: Any) -> Mapping[str, Any]:  # noqa: ANN401
-    """The parameters of a scenario by name; none of another environment."""
+    """Return the parameters of a scenario by name; other environments have none."""
     parameters = getattr(simulation, "parameters", None)
     if isinstance(parameters, Mapping) and hasattr(simulation, "action_names"):
         return parameters
@@ -206,7 +176,7 @@ def _parameters(simulation: Any) -> Mapping[str, Any]:  # noqa: ANN401
 
 
 def _action_names(env: gym.Env[Any, Any]) -> dict[str, tuple[int, ...]]:
-    """The places in an action by name; none where actions are no arrays of numbers."""
+    """Return the indices of action components by name; empty if actions are not numeric arrays."""
     space = env.action_space
     if not isinstance(
         space, spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary
@@ -223,10 +193,10 @@ def _action_names(env: gym.Env[Any, Any]) -> dict[str, tuple[int, ...]]:
 def _check_fits(
     name: str, waveform: Waveform, space: spaces.Space[Any], at: tuple[int, ...]
 ) -> None:
-    """Refuses a waveform whose values are no part of an action."""
+    """Raise InputError if a waveform leaves the range of its action component."""
     low, high = min(waveform.values), max(waveform.values)
     if isinstance(space, spaces.Box):
-        # As the action holds them: a bound of 0.1 in float32 is not 0.1.
+        # In the type of the action: a bound of 0.1 in float32 is not 0.1.
         least, most = space.dtype.type(low), space.dtype.type(high)
         bounds = space.low[at], space.high[at]
     else:
@@ -257,7 +227,7 @@ def _whole_bounds(space: Any, at: tuple[int, ...]) -> tuple[int, int]:  # noqa: 
 
 
 def _has_model(simulation: Any) -> bool:  # noqa: ANN401
-    """Whether an environment steps a model of MuJoCo, which it has loaded then."""
+    """Return whether an environment steps a MuJoCo model, without importing MuJoCo."""
     mujoco = sys.modules.get("mujoco")
     return mujoco is not None and isinstance(getattr(simulation, "model", None), mujoco.MjModel)
 
@@ -275,7 +245,7 @@ def _changed_model(simulation: Any, case: Case, name: str) -> _Attribute:  # noq
 
 
 def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) -> _Attribute:
-    """Finds the attribute of a name in the simulation."""
+    """Return the attribute of the simulation with a dotted name."""
     owner: Any = None
     value: Any = env.unwrapped
     reached, field = "env", ""
@@ -295,10 +265,10 @@ def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) ->
 
 
 def _numbers_of(owner: Any, reached: str) -> str:  # noqa: ANN401
-    """The numbers that an object has as attributes, for a message."""
+    """Return the numeric attributes of an object, for a message."""
     named = []
     for field in dir(owner):
-        value = inspect.getattr_static(owner, field, None)  # a property is not asked
+        value = inspect.getattr_static(owner, field, None)  # without calling properties
         if (
             isinstance(value, int | float)
             and not isinstance(value, bool)

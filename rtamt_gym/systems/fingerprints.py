@@ -31,7 +31,7 @@ from rtamt_gym.systems.models import Model
 from rtamt_gym.systems.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files
 
 _SIMULATORS: Final = frozenset({"fmpy", "mujoco"})
-"""Packages that simulate wherever they are imported."""
+"""Packages that are simulators wherever they are imported."""
 
 _INTERFACE: Final = frozenset({"gymnasium.core", "gymnasium.vector.vector_env"})
 """The modules of base classes that every environment has."""
@@ -48,18 +48,18 @@ _SHOWN: Final = 60
 """The length of a value that is stored as it is; a longer one is hashed."""
 
 _DEPTH: Final = 50
-"""The number of objects within each other that are looked at."""
+"""The maximum depth of nested objects."""
 
 _ELEMENTS: Final = 1000
-"""The number of elements of a list that are looked at, where JSON cannot hold it."""
+"""The maximum number of elements of a list that JSON cannot represent."""
 
 
 _MAKERS: Final[dict[int, tuple[object, object]]] = {}
-"""Objects that a function of the user's has made, with the function, by their ids."""
+"""Objects that a user's function has made, with the function, by id."""
 
 
 def made_by(thing: object, maker: object) -> None:
-    """Remember the function that has made an object: its source belongs to the fingerprint."""
+    """Store the function that made an object: its source belongs to the fingerprint."""
     _MAKERS[id(thing)] = thing, maker
 
 
@@ -69,10 +69,6 @@ def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> F
     Files are hashed as they are now. Functions are known by the modules that define them, by the
     values that they hold (arguments of a ``partial``, defaults, variables around them), and by
     their names.
-
-    Args:
-        system: What is simulated: environments, functions, FMUs, models.
-        policy: What acts in it.
     """
     found = _Collector()
     found.add_all(system)
@@ -84,7 +80,7 @@ def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> F
 
 
 class _Collector:
-    """Collects the parts of a fingerprint from objects, and from what they hold."""
+    """Collects the parts of a fingerprint from objects and their contents."""
 
     def __init__(self) -> None:
         self._seen: dict[int, object] = {}  # by id; holding them keeps ids unique
@@ -98,7 +94,7 @@ class _Collector:
         self._unseen: dict[str, None] = {}
 
     def fingerprint(self) -> Fingerprint:
-        """Return the fingerprint of all that was added."""
+        """Return the fingerprint of everything that was added."""
         for name in sorted(self._modules.packages):
             self._add_package(name, simulates=name in _SIMULATORS)
         contents = dict(self._hashes)
@@ -126,13 +122,7 @@ class _Collector:
             self.add(thing)
 
     def add(self, thing: object, name: str = "", *, values: bool = True) -> None:
-        """Add an object.
-
-        Args:
-            thing: The object.
-            name: What it is to its holder; without a name, a plain value is left out.
-            values: Whether plain values are added: what our own classes hold is known otherwise.
-        """
+        """Add an object."""
         if thing is None or isinstance(thing, bool | int | float | complex | str | bytes | Path):
             self._add_plain(thing, name, values=values)
             return
@@ -270,7 +260,7 @@ class _Collector:
                 self.add(each)
 
     def _add_object(self, thing: object, *, values: bool) -> None:
-        """Add an object by its class and, as far as that is the user's or ours, its attributes."""
+        """Add an object by its class and, for the user's classes and ours, its attributes."""
         kind = type(thing)
         self._add_class(kind)
         for name in ("__wrapped__", "py_func"):  # of a cache, of JAX, of Numba
@@ -299,7 +289,7 @@ class _Collector:
                 self._add_held(each, f"{key} of {kind.__name__}")
 
     def _add_held(self, thing: object, name: str) -> None:
-        """Add what a function or an object holds; a run may change its lists."""
+        """Add a value of a function or an object; a run may change its lists."""
         if isinstance(thing, list | dict | set | deque | bytearray):
             self._unseen[f"{name}, a {type(thing).__name__}"] = None
             self.add(thing)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _Path = str | os.PathLike[str]
 
 _Source = str | float | Callable[[float], float]
-"""What an input receives: the value of the variable named, a number, or a function of time."""
+"""The value of an input: another variable by name, a number, or a function of time."""
 
 _InputSource = int | Callable[[float], float]
 """The source of an input during a run: the index of a connected output, or a function of time."""
@@ -130,7 +130,7 @@ class Fmus(System):
         self._interrupts = Interrupts()
 
     def driven(self, case: Case) -> Fmus:
-        """The FMUs with what a case says of their inputs and parameters, in place of their own."""
+        """Return the FMUs with the inputs and parameters of a case, which replace their own."""
         self._unpack()  # once for all runs
         given: dict[Variable, str] = {}
         for name in case:
@@ -155,12 +155,12 @@ class Fmus(System):
                 starts.append((variable, fit(variable, entry)))
         made = copy.copy(self)
         made.__dict__ |= {"_wires": wires, "_start_values": starts, "_interrupts": Interrupts()}
-        # This one removes the folders when it is not used any more.
+        # This object removes the folders when it is collected.
         made.__dict__ |= {"_folders": self._folders, "_unpacked_by": self}
         return made
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Finds the variables and counts the communication steps in a period."""
+        """Find the variables and count the communication steps in a period."""
         self._reads = [self._variables.find(name) for name in named_signals(variables, signals)]
         period = period or Fraction(1)
         self._h = period if self._step is None else exact(self._step)
@@ -171,7 +171,7 @@ class Fmus(System):
                 whole_steps(self._h, inner, "communication step", f"fixed step of {name!r},")
 
     def start(self) -> Sequence[float]:
-        """Loads and initializes the FMUs; returns the sample at time 0."""
+        """Load and initialize the FMUs; return the sample at time 0."""
         self.ended = ""
         self._count = 0
         self._now = 0.0
@@ -195,7 +195,7 @@ class Fmus(System):
         return self._read()
 
     def advance(self) -> Sequence[float] | None:
-        """Makes the communication steps of a period; None if an FMU ends before the last."""
+        """Make the communication steps of a period; return None if an FMU ends before the last."""
         numerator, denominator = self._h.as_integer_ratio()
         step = float(self._h)
         for left in range(self._substeps - 1, -1, -1):
@@ -214,7 +214,7 @@ class Fmus(System):
         return self._read()
 
     def close(self) -> None:
-        """Frees the FMUs; their unpacked files stay for the next run."""
+        """Free the FMUs; their unpacked files stay for the next run."""
         with ExitStack() as stack:  # frees the others if one fails
             stack.callback(self._interrupts.end)
             while self._instances:
@@ -223,7 +223,7 @@ class Fmus(System):
             self.__dict__.pop(bound, None)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_folders": []}  # a copy unpacks for itself
+        return {**self.__dict__, "_folders": []}  # a copy unpacks its own files
 
     def _unpack(self) -> None:
         if self._folders:
@@ -236,7 +236,7 @@ class Fmus(System):
         self._folders = folders
 
     def _reader(self, variables: Sequence[Variable]) -> Reader:
-        """The function that reads variables, which may belong to several FMUs."""
+        """Return the function that reads variables of one or several FMUs."""
         parts = []
         for i, instance in enumerate(self._instances):
             at = [k for k, variable in enumerate(variables) if variable.fmu == i]
@@ -255,7 +255,7 @@ class Fmus(System):
         return read
 
     def _connected(self, outputs: Sequence[Variable]) -> list[tuple[Writer, list[_InputSource]]]:
-        """For each FMU with connected inputs: the function that writes them, and their sources."""
+        """Return the function that writes the connected inputs of each FMU, and their sources."""
         connections = []
         for i, instance in enumerate(self._instances):
             mine = [(target, source) for target, source in self._wires if target.fmu == i]
@@ -273,12 +273,12 @@ class Fmus(System):
         return connections
 
     def _stepped(self, target: Variable, waveform: Waveform) -> Callable[[float], float]:
-        """The function that gives an input its value for the communication step that begins now."""
+        """Return the function that computes the value of an input for the present step."""
         value, whole = waveform.stepper(self._h), kind_of(target.entry) is int
         return lambda _: int(value(self._count)) if whole else value(self._count)
 
     def _exchange(self) -> None:
-        """Copies outputs to the inputs that they are connected to."""
+        """Copy outputs to their connected inputs."""
         outputs, now = self._outputs(), self._now
         for write, sources in self._connections:
             write([outputs[of] if isinstance(of, int) else of(now) for of in sources])
@@ -304,7 +304,7 @@ class Fmus(System):
 
 
 def _check_driven(target: Variable, waveform: Waveform) -> None:
-    """Refuses a waveform with values that an input does not take."""
+    """Raise InputError if an input does not take the values of a waveform."""
     for value in waveform.values:
         fit(target, value)
     if kind_of(target.entry) is int and waveform.interpolation != "hold":
@@ -315,7 +315,7 @@ def _check_driven(target: Variable, waveform: Waveform) -> None:
 
 
 def _named(fmus: object) -> dict[str, Path]:
-    """The paths of the FMUs by name."""
+    """Return the paths of the FMUs by name."""
     if isinstance(fmus, str | os.PathLike):
         fmus = [fmus]
     if not isinstance(fmus, Mapping):
@@ -336,11 +336,7 @@ def _named(fmus: object) -> dict[str, Path]:
 
 
 def _unpack(path: Path, folder: Path) -> None:
-    """Unpacks an FMU into a folder.
-
-    Raises:
-        InputError: If it is damaged, or a file in it would lie outside the folder.
-    """
+    """Unpack an FMU into a folder."""
     try:
         _fmpy().extract(path, folder)
     except OSError:
@@ -350,7 +346,7 @@ def _unpack(path: Path, folder: Path) -> None:
 
 
 def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is not typed
-    """Reads the model description of an FMU."""
+    """Read the model description of an FMU."""
     fmpy = _fmpy()
     try:
         # FMPy leaves an entry of the archive open. If it then raises, the traceback keeps the file
@@ -383,28 +379,27 @@ def _fmpy() -> Any:  # noqa: ANN401 - FMPy is not typed
 class Interrupts:
     """Keeps a ``KeyboardInterrupt`` that comes while an FMU hands over a message.
 
-    Python raises it in the function that takes the message, from where ctypes cannot pass it on
-    through the FMU: it would tell `sys.unraisablehook` and forget it, and the simulation would go
-    on.
+    Python raises it in the callback, and ctypes cannot pass it through the FMU: it would go to
+    `sys.unraisablehook`, and the simulation would continue.
     """
 
     def __init__(self) -> None:
         self._came = self._hears = False
 
     def begin(self) -> None:
-        """Begins to listen."""
+        """Start to listen."""
         self._came, self._hears = False, True
         self._before = sys.unraisablehook
         sys.unraisablehook = self._hear
 
     def end(self) -> None:
-        """Listens no more, if it did."""
+        """Stop listening."""
         if self._hears:
             self._hears = False
             sys.unraisablehook = self._before
 
     def check(self) -> None:
-        """Raises the ``KeyboardInterrupt`` that came since the last check, if one did."""
+        """Raise the ``KeyboardInterrupt`` that came since the last check, if any."""
         if self._came:
             self._came = False
             raise KeyboardInterrupt

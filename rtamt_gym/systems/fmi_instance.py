@@ -1,4 +1,4 @@
-"""An FMU that runs, with the same methods for FMI 2.0 and 3.0."""
+"""A running FMU, with the same methods for FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
@@ -31,19 +31,11 @@ Reader = Callable[[], Sequence[float]]
 Writer = Callable[[Sequence[float]], None]
 
 _MESSAGES: Final = 3
-"""The number of an FMU's latest messages that an error repeats."""
+"""The number of messages of an FMU that an error repeats."""
 
 
 class _Group(NamedTuple):
-    """A call that reads or writes all variables of one type.
-
-    Attributes:
-        call: The function of the FMU.
-        arguments: Its arguments, the values among them.
-        values: The numbers of all variables, arrays whole.
-        at: The indices of the variables that are wanted.
-        places: Where each of them is in the values.
-    """
+    """A call that reads or writes all variables of one type."""
 
     call: Callable[..., object]
     arguments: tuple[Any, ...]
@@ -53,20 +45,7 @@ class _Group(NamedTuple):
 
 
 class Instance:
-    """An instance of an FMU for co-simulation.
-
-    Attributes:
-        ended: Whether it asks for the simulation to end.
-
-    Args:
-        name: Its name, for messages.
-        described: Its model description.
-        folder: The folder that it was unpacked to.
-
-    Raises:
-        InputError: If its library cannot be loaded, for example because it has none for this
-            platform.
-    """
+    """An instance of an FMU for co-simulation."""
 
     def __init__(self, name: str, described: Any, folder: Path) -> None:  # noqa: ANN401
         self._name = name
@@ -86,7 +65,7 @@ class Instance:
             ) from error
 
     def _made(self, described: Any, folder: str) -> Any:  # noqa: ANN401 - FMPy has no types
-        """The FMU behind FMPy, with debug logging: many say why they fail only then."""
+        """Return the FMU of FMPy with debug logging, which many need to report why they fail."""
         if self._version == 3:
             return fmpy.instantiate_fmu(
                 folder,
@@ -115,7 +94,7 @@ class Instance:
         return fmu
 
     def enter(self, starts: Sequence[tuple[Variable, float]]) -> None:
-        """Sets start values and begins the initialization."""
+        """Set start values and start the initialization."""
         for variable, value in starts:
             if variable.entry.shape:
                 self._array(variable)[variable.element] = value
@@ -125,16 +104,12 @@ class Instance:
         self._call(self._fmu.enterInitializationMode)
 
     def exit(self) -> None:
-        """Ends the initialization."""
+        """End the initialization."""
         self._call(self._fmu.exitInitializationMode)
         self._steps = True
 
     def step(self, now: float, size: float) -> bool:
-        """Makes a communication step; returns False if the FMU ended before the end of the step.
-
-        Raises:
-            StateError: If it fails.
-        """
+        """Make a communication step; return False if the FMU ended before its end."""
         self._now = now
         try:
             answer = self._fmu.doStep(now, size)
@@ -150,14 +125,14 @@ class Instance:
         return not self.ended or bool(reached >= now + 0.5 * size)
 
     def _reached(self, time: float) -> bool:
-        """Whether an FMU of FMI 2.0 that ended its last step was successful up to a time."""
+        """Return whether an FMU of FMI 2.0 that has ended was successful up to a time."""
         try:
             return bool(self._fmu.getRealStatus(fmi2LastSuccessfulTime) >= time)
         except FMICallException:  # it does not say
             return False
 
     def reader(self, variables: Sequence[Variable]) -> Reader:
-        """The function that reads variables, one call into the FMU for each type."""
+        """Return the function that reads variables, with one call of the FMU for each type."""
         groups = self._groups("Get", variables)
         if len(groups) == 1 and groups[0].places == list(range(len(groups[0].values))):
             (call, arguments, values, _, _) = groups[0]  # by far the most frequent case
@@ -183,9 +158,9 @@ class Instance:
         return read
 
     def writer(self, variables: Sequence[Variable]) -> Writer:
-        """The function that writes variables, one call into the FMU for each type.
+        """Return the function that writes variables, with one call of the FMU for each type.
 
-        An array is written whole: its other numbers are those that it starts with.
+        An array is written completely: its other numbers keep their start values.
         """
         groups = self._groups("Set", variables)
 
@@ -198,11 +173,7 @@ class Instance:
         return write
 
     def close(self) -> None:
-        """Terminates the instance if its state allows it, and frees it.
-
-        Raises:
-            StateError: If it fails to terminate; it is freed nevertheless.
-        """
+        """Terminate the instance if its state allows it, and free it."""
         try:
             if self._steps:
                 self._call(self._fmu.terminate)
@@ -234,7 +205,7 @@ class Instance:
         return groups
 
     def _array(self, variable: Variable) -> list[float]:
-        """The numbers of an array before the first step: its start values, and those given."""
+        """Return the numbers of an array before the first step: start values and given ones."""
         reference = variable.entry.valueReference
         return self._arrays.setdefault(reference, start_values(variable.entry))
 
@@ -252,28 +223,27 @@ class Instance:
         ) from error
 
     def listen(self, *message: Any) -> None:  # noqa: ANN401 - not the same in FMI 2.0 and 3.0
-        """Takes a message of the FMU."""
+        """Keep a message of the FMU."""
         *_, status, _, text = message
         (self._warnings if status else self._messages).append(text or b"")
 
     def _last_messages(self) -> str:
-        """The last warnings and errors of the FMU; its last messages if there are none."""
+        """Return the last warnings and errors of the FMU; without any, its last messages."""
         said = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
         return f" It said: {'; '.join(said)}" if said else ""
 
 
 _numbers = count(1)
 _instances: WeakValueDictionary[int, Instance] = WeakValueDictionary()
-"""Instances of FMI 2.0, by the number that their FMU has as its environment."""
+"""Instances of FMI 2.0, by the number that their FMU gets as its environment."""
 
 
 def _hear(environment: int | None, *message: Any) -> None:  # noqa: ANN401 - as of `Instance`
-    """Takes the message of an FMU of FMI 2.0; one that does not say of whom goes to the last."""
+    """Keep a message of an FMU of FMI 2.0; without an environment it belongs to the last one."""
     instance = _instances.get(environment or 0) or next(reversed([*_instances.values()]), None)
     if instance is not None:
         instance.listen(*message)
 
 
 _LOGGER: Final = fmi2CallbackLoggerTYPE(_hear)
-"""FMPy calls the logger of the last FMU for all of them, and whether or not it was freed: so it is
-always this one."""
+"""The logger of all FMUs: FMPy calls that of the last FMU for all of them, even if it was freed."""

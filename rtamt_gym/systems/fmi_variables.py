@@ -19,7 +19,7 @@ _TYPES: Final[Mapping[str, tuple[str, type[Any]]]] = {
     "Enumeration": ("Integer", ctypes.c_int),
     "Boolean": ("Boolean", ctypes.c_int),
 }
-"""FMI 2.0: for each type, the word in the names of its functions, and the type in C."""
+"""FMI 2.0: the word in the names of functions, and the C type, by type."""
 
 _TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
     "Float32": ("Float32", ctypes.c_float),
@@ -29,7 +29,7 @@ _TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
     **{f"Int{n}": (f"Int{n}", getattr(ctypes, f"c_int{n}")) for n in (8, 16, 32, 64)},
     **{f"UInt{n}": (f"UInt{n}", getattr(ctypes, f"c_uint{n}")) for n in (8, 16, 32, 64)},
 }
-"""FMI 3.0: for each type, the word in the names of its functions, and the type in C."""
+"""FMI 3.0: the word in the names of functions, and the C type, by type."""
 
 TYPES: Final = {2: _TYPES, 3: _TYPES_3}
 """The types by the version of FMI."""
@@ -41,14 +41,7 @@ _WORDS: Final = {"true": 1, "false": 0}
 
 
 class Variable(NamedTuple):
-    """A number of one of the FMUs: a variable, or an element of one that is an array.
-
-    Attributes:
-        name: The name of its FMU, a dot, its own name.
-        fmu: The index of its FMU.
-        entry: The entry of the variable in the model description.
-        element: The place of the number in the array, row by row; 0 if there is no array.
-    """
+    """A number of an FMU: a variable, or an element of an array variable."""
 
     name: str
     fmu: int
@@ -57,11 +50,7 @@ class Variable(NamedTuple):
 
 
 class Variables:
-    """The variables of FMUs, found by name.
-
-    Args:
-        described: The model descriptions of the FMUs by name.
-    """
+    """The variables of FMUs by name."""
 
     def __init__(self, described: Mapping[str, Any]) -> None:
         self._of = ", ".join(described)
@@ -74,11 +63,7 @@ class Variables:
                     self._known[entry.name] = variable
 
     def find(self, name: str) -> Variable:
-        """The number of a name.
-
-        Raises:
-            InputError: If there is none.
-        """
+        """Return the variable of a name."""
         variable = self._known.get(name) or self._element(name)
         if variable is None:
             array = name.partition("[")[0]
@@ -94,11 +79,7 @@ class Variables:
         return variable
 
     def input(self, name: str) -> Variable:
-        """The number of a name, which can be connected.
-
-        Raises:
-            InputError: If it cannot.
-        """
+        """Return the input of a name."""
         variable = self.find(name)
         if variable.entry.causality != "input":
             raise InputError(
@@ -108,11 +89,7 @@ class Variables:
         return variable
 
     def parameter(self, name: str) -> Variable:
-        """The number of a name, which can be set before the simulation.
-
-        Raises:
-            InputError: If it cannot.
-        """
+        """Return the variable of a name whose start value can be set."""
         variable = self.find(name)
         entry = variable.entry
         if entry.causality == "input":
@@ -129,7 +106,7 @@ class Variables:
         return variable
 
     def _element(self, name: str) -> Variable | None:
-        """The element of an array that a name is of, if it is of one."""
+        """Return the array element of a name; None if there is no such array."""
         of_element = _ELEMENT.fullmatch(name)
         array = self._known.get(of_element[1]) if of_element else None
         if of_element is None or array is None:
@@ -149,13 +126,13 @@ class Variables:
         return Variable(f"{array.name}{brackets}", array.fmu, array.entry, element)
 
     def _all(self, causality: str) -> str:
-        """Lists the names of all inputs or outputs."""
+        """List the names of all inputs or outputs."""
         known = dict.fromkeys(self._known.values())
         return listing([each.name for each in known if each.entry.causality == causality])
 
 
 def _array(name: str, entry: Any) -> str:  # noqa: ANN401 - FMPy is not typed
-    """Says what an array holds."""
+    """Describe an array variable."""
     if not size_of(entry):
         return f"{name!r} is an array without numbers"
     first, last = "[0]" * len(entry.shape), "".join(f"[{size - 1}]" for size in entry.shape)
@@ -166,23 +143,19 @@ def _array(name: str, entry: Any) -> str:  # noqa: ANN401 - FMPy is not typed
 
 
 def kind_of(variable: Any) -> type[float | int] | None:  # noqa: ANN401 - FMPy is not typed
-    """The type of a variable's value: float, int, or None if it is not a number."""
+    """Return the type of a variable's value: float, int, or None if it is not a number."""
     if variable.type in {"Real", "Float32", "Float64"}:
         return float
     return int if variable.type in _TYPES or variable.type in _TYPES_3 else None
 
 
 def size_of(variable: Any) -> int:  # noqa: ANN401
-    """How many numbers a variable holds: one, unless it is an array."""
+    """Return how many numbers a variable holds."""
     return math.prod(variable.shape)
 
 
 def start_values(array: Any) -> list[float]:  # noqa: ANN401
-    """The numbers that an array starts with; FMI 3.0 writes one for all, or each.
-
-    Raises:
-        InputError: If there are neither one nor as many as the array holds.
-    """
+    """Return the start values of an array; FMI 3.0 writes one for all, or each."""
     size, read = size_of(array), float if kind_of(array) is float else int
     words = (array.start or "0").split()
     numbers = [_WORDS[word] if word in _WORDS else read(word) for word in words]
@@ -194,7 +167,7 @@ def start_values(array: Any) -> list[float]:  # noqa: ANN401
 
 
 def fit(variable: Variable, value: object) -> float:
-    """The value as a number of the variable's type."""
+    """Return the value as a number of the variable's type."""
     if not isinstance(value, Real):
         raise InputTypeError(f"expected a number for {variable.name!r}, got {value!r}")
     number = float(value)

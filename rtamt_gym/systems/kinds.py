@@ -1,4 +1,4 @@
-"""The kinds of simulations that `simulate` takes, each as a `System`."""
+"""Finds the `System` for each kind of simulation that `simulate` takes."""
 
 from __future__ import annotations
 
@@ -31,17 +31,13 @@ def as_system(
     *,
     substeps: bool,
 ) -> System:
-    """The caller's simulation as a `System`, with what a case gives it."""
+    """Return the caller's simulation as a `System`, driven by a case."""
     ran = _as_kind(system, policy, seed, start, substeps=substeps)
     return ran if case is None else driven(ran, case)
 
 
 def driven(ran: System, case: Case) -> System:
-    """A system with what a case gives it.
-
-    Raises:
-        InputError: If it takes no case, or as `Drivable.driven` does.
-    """
+    """Return a system driven by a case."""
     if not isinstance(ran, Drivable):
         raise InputError(
             f"{ran.name} takes no case, got {case!r}; environments, pairs (model, data) of MuJoCo, "
@@ -100,7 +96,7 @@ def _of_mujoco(
     seed: int | None,
     start: Snapshot | None,
 ) -> System | None:
-    """The caller's simulation, if it is one of MuJoCo, which is imported then only."""
+    """Return a simulation of MuJoCo as a `System`; None for other systems, without importing it."""
     if type(system).__name__ == "Snapshot":
         raise InputTypeError(
             "expected a system to run, got a Snapshot, which holds no model; "
@@ -126,7 +122,7 @@ _MUJOCO = {"MjModel", "MjData"}
 
 
 def refuse_seed(seed: int | None, system: object) -> None:
-    """Refuses a seed of a system that has none."""
+    """Raise InputError if a system without seeds is given one."""
     if seed is not None:
         raise InputError(
             Argument("seed"),

@@ -1,4 +1,4 @@
-"""`Model`: the policies of a trained model, for one episode or for many that run side by side."""
+"""`Model`: the policies of a trained model, for one episode or a batch; loading saved models."""
 
 from __future__ import annotations
 
@@ -31,31 +31,22 @@ WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
     "replay_buffer_class": None,
     "replay_buffer_kwargs": {},
 }
-"""What stands in a model that is loaded to act in place of what training alone needs: memory for as
-many steps, and the goals of another environment."""
+"""Replacements for what only training needs when a model is loaded: its replay memory."""
 
 
 class Model:
-    """Makes the policy of an episode, by its seed, from a model of Stable-Baselines3.
+    """Makes the policy of an episode from its seed and a model of Stable-Baselines3.
 
-    The model may be anything with the method ``predict(observation, state, episode_start,
-    deterministic=...)`` that gives an action and the next state, of one observation or of a batch.
-    The state of a recurrent model starts anew with every episode. Observations are normalised where
-    the model was trained under a ``VecNormalize``.
-
-    A model that draws its actions draws from generators of the episode; the global generators of
-    Torch and NumPy are left as they were.
+    The model may be any object with ``predict(observation, state, episode_start,
+    deterministic=...)`` that returns an action and the next state, for one observation or a batch.
+    A recurrent state starts again with every episode. Observations are normalized if the model was
+    trained with a ``VecNormalize``. Random actions come from generators of the episode; the global
+    generators of Torch and NumPy do not change.
 
     Attributes:
-        name: What it says that it is called, else the name of its class.
-        deterministic: Whether it gives the action that it holds for best.
-        files: The files that it was loaded from; empty if the program holds it.
-
-    Args:
-        model: The model.
-        deterministic: As the attribute.
-        statistics: A ``VecNormalize`` that was saved apart from the model; None: its own.
-        files: As the attribute.
+        name: Its attribute ``name``, or the name of its class.
+        deterministic: Whether it returns the best action, and not a random one.
+        files: The files that it was loaded from; empty for a model in memory.
     """
 
     def __init__(
@@ -75,7 +66,7 @@ class Model:
         self._statistics = _numbers(getattr(normalizer, "obs_rms", None))
 
     def __call__(self, seed: int) -> Policy:
-        """The policy of an episode."""
+        """Return the policy of an episode."""
         dice = None if self.deterministic else _Dice(seed, self._model)
         memory: Any = None
         begins = np.ones(1, np.bool_)
@@ -93,7 +84,7 @@ class Model:
         return act
 
     def batch(self, space: spaces.Space[Any], count: int) -> PolicyBatch:
-        """The policy of so many episodes that run side by side; of a deterministic model alone."""
+        """Return the policy of ``count`` simultaneous episodes; only for a deterministic model."""
         return PolicyBatch(self._predict, space, count)
 
     @property
@@ -103,7 +94,7 @@ class Model:
 
     @property
     def fingerprint(self) -> str:
-        """A text that only models with the same weights and statistics have; else their name."""
+        """A text that identifies weights and statistics; the name of a model without them."""
         network = getattr(self._model, "policy", None)
         state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
         found = hashlib.sha256()
@@ -121,7 +112,7 @@ class Model:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """The model as the file that it saves, without what training needs; else as it is."""
+        """Replace the model by the file that it saves, without the memory for training."""
         state = {**self.__dict__}
         if hasattr(self._model, "save") and hasattr(type(self._model), "load"):
             file = BytesIO()
@@ -136,13 +127,7 @@ class Model:
 
 
 class PolicyBatch:
-    """The policy of episodes that run side by side.
-
-    Args:
-        predict: Gives actions and the next memory for observations, memory and which begin.
-        space: The space of an observation.
-        count: How many there are.
-    """
+    """The policy of simultaneous episodes."""
 
     def __init__(self, predict: Any, space: spaces.Space[Any], count: int) -> None:  # noqa: ANN401
         self._predict = predict
@@ -151,28 +136,24 @@ class PolicyBatch:
         self._begins = np.ones(count, np.bool_)
 
     def begin(self, place: int) -> None:
-        """Forgets the episode at a place: another one begins there."""
+        """Forget the episode of a place: another one starts there."""
         self._begins[place] = True
 
     def act(self, observations: Sequence[Any]) -> Any:  # noqa: ANN401
-        """The actions for observations, one of every episode."""
+        """Return the actions for a list of observations, one of each episode."""
         space, count = self._space, len(self._begins)
         room: Any = create_empty_array(space, count)
         return self.of(concatenate(space, observations, room))
 
     def of(self, observations: Any) -> Any:  # noqa: ANN401
-        """The actions for a batch of observations."""
+        """Return the actions for a batch of observations."""
         actions, self._memory = self._predict(observations, self._memory, self._begins)
         self._begins = np.zeros_like(self._begins)
         return actions
 
 
 class Statistics:
-    """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again.
-
-    Args:
-        held: The bytes.
-    """
+    """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again."""
 
     def __init__(self, held: bytes) -> None:
         self._held = held
@@ -181,7 +162,7 @@ class Statistics:
         self.obs_rms: Any = getattr(loaded, "obs_rms", None)
 
     def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
-        """An observation, or a batch of them, normalised."""
+        """Normalize an observation or a batch."""
         return self._normalize(obs)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -189,7 +170,7 @@ class Statistics:
 
 
 def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
-    """Mean and variance of what a ``VecNormalize`` has seen, as bytes; none without it."""
+    """Return mean and variance of a ``VecNormalize`` as bytes; empty without one."""
     if statistics is None:
         return b""
     if isinstance(statistics, Mapping):
@@ -210,11 +191,11 @@ class _File:
 
 
 class _Dice:
-    """The generators of random numbers that a model draws from, as one episode has them."""
+    """The state of one episode's generators of random numbers."""
 
     def __init__(self, seed: int, model: Any) -> None:  # noqa: ANN401
         self._torch = sys.modules.get("torch")
-        # An exploring model draws from its space of actions too.
+        # An exploring model also draws from its space of actions.
         self._space = model.action_space if hasattr(model, "exploration_rate") else None
         outside = self._read()
         np.random.seed(seed % 2**32)  # noqa: NPY002 - the generator that models draw from
@@ -225,7 +206,7 @@ class _Dice:
 
     @contextmanager
     def thrown(self) -> Iterator[None]:
-        """A context in which random numbers come from the generators of the episode."""
+        """Draw random numbers from the generators of the episode inside a context."""
         outside = self._read()
         self._set(self._own)
         try:
@@ -247,11 +228,7 @@ class _Dice:
 
 
 def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa: ANN401
-    """Refuses a model that was trained in other spaces than an environment has.
-
-    Raises:
-        InputError: If it was.
-    """
+    """Raise InputError if a model was trained in other spaces than those of an environment."""
     for which in ("observation", "action"):
         trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
         if trained is not None and not _alike(trained, has):
@@ -262,7 +239,7 @@ def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa
 
 
 def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
-    """Whether two spaces have values of one form; models of pictures move the channels."""
+    """Return whether two spaces have the same size; models of images move the channels."""
     return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)
 
 
@@ -284,9 +261,9 @@ ALGORITHMS: dict[str, tuple[str, str, frozenset[str]]] = {
         ("A2C", "stable_baselines3", "", ["gae_lambda"]),
     )
 }
-"""The package of each algorithm, where its policies are defined if that must be known to tell it,
-and the attributes that tell it from those below. A file of DDPG is read as one of TD3, of which it
-is a case: both act alike."""
+"""The package of each algorithm, the module of its policies if that identifies it, and the
+attributes that distinguish it from the algorithms below. A file of DDPG is read as TD3, which acts
+the same."""
 
 
 def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
@@ -308,11 +285,11 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
             cannot be loaded, or it was trained in other spaces.
         OSError: If the file cannot be opened.
     """
-    # A path may begin with the letter of a drive.
+    # A path may start with the letter of a drive.
     given, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text
     path = Path(file)
     if not path.exists() and path.suffix != ".zip":
-        path = path.with_name(f"{path.name}.zip")  # as Stable-Baselines3 does
+        path = path.with_name(f"{path.name}.zip")  # as Stable-Baselines3 adds it
     attributes, policy_module = _read(path)
     name = given or algorithm_of(attributes, policy_module)
     if name is None:
@@ -334,7 +311,7 @@ def _statistics(path: Path, beside: Path) -> Statistics | None:
     held = beside.read_bytes()
     try:
         return Statistics(held)
-    except Exception as error:  # whatever the pickled objects raise
+    except Exception as error:  # pickled objects can raise anything
         raise InputError(
             f"cannot load {beside} as the VecNormalize of {path.name}: {type(error).__name__}: "
             f"{error}; expected the file that its save() writes, or none of this name"
@@ -342,12 +319,7 @@ def _statistics(path: Path, beside: Path) -> Statistics | None:
 
 
 def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
-    """The name of the algorithm that has some attributes; None if it is not known.
-
-    Args:
-        attributes: The names of the attributes that were saved.
-        policy_module: The name of the module that defines the class of the policy.
-    """
+    """Return the algorithm with these attributes; None if it is not known."""
     for name, (_, policies, telling) in ALGORITHMS.items():
         if telling.issubset(attributes) and policy_module.startswith(policies):
             return name
@@ -355,7 +327,7 @@ def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
 
 
 def _read(path: Path) -> tuple[Collection[str], str]:
-    """The names of the attributes that a file holds, and the module of the policy's class."""
+    """Return the names of the attributes in a file, and the module of the policy's class."""
     try:
         with ZipFile(path) as archive:
             held = json.loads(archive.read("data"))

@@ -1,4 +1,4 @@
-"""A MuJoCo model with its controller, as a system that `simulate` runs."""
+"""MuJoCo models and `StepMonitor`s as systems."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rtamt_gym.systems.mujoco_case import Driven, copy_data, drive
 from rtamt_gym.systems.system import Policy, Signals, System, exited, whole_steps
 
 _STATE = frozenset({"time", "qpos", "qvel", "act", "ctrl"})
-"""What `mj_step` updates last; it derives everything else from the state before the step."""
+"""The fields that `mj_step` updates last; it derives all others from the previous state."""
 
 
 class MujocoModel(System):
@@ -49,12 +49,12 @@ class MujocoModel(System):
         self._set_inputs: Callable[[], None] | None = None
 
     def driven(self, case: Case) -> MujocoModel:
-        """A copy of model and data with what a case says of them."""
+        """Return a copy of model and data with the entries of a case."""
         driven = drive(self._model, self._data, case, self.name)
         return MujocoModel(driven.model, driven.data, self._policy, driven)
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Binds the selectors and counts the steps in a period."""
+        """Bind the selectors and count the steps in a period."""
         parsed = parse_signals(signals or {}, variables, MUJOCO, extra=True)
         self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
         self._derives = not all(signal.source in _STATE for signal in parsed)
@@ -62,14 +62,14 @@ class MujocoModel(System):
         self._steps = whole_steps(period or timestep, timestep, "period", of)
 
     def start(self) -> list[float]:
-        """Derives everything that depends on the state; gives the values of the first sample."""
+        """Derive everything that depends on the state; return the first sample."""
         if self._driven is not None and self._driven.inputs:
             self._set_inputs = self._driven.setter()
         derive(self._model, self._data)
         return [read() for read in self._reads]
 
     def advance(self) -> list[float]:
-        """Makes the steps of a period; then derives what the signals need from the new state."""
+        """Make the steps of a period; then derive what the signals need from the new state."""
         model, data = self._model, self._data
         for _ in range(self._steps):
             if self._policy is not None:
@@ -87,17 +87,17 @@ class MujocoModel(System):
         return [read() for read in self._reads]
 
     def close(self) -> None:
-        """Leaves model and data as they are: they belong to the caller."""
+        """Do nothing: model and data belong to the caller."""
 
 
 def model_name(model: Any) -> str:  # noqa: ANN401
-    """The name of a model."""
+    """Return the name of a model."""
     name: str = model.names.partition(b"\0")[0].decode()
     return name
 
 
 def check_policy(policy: object) -> None:
-    """Raises an `InputTypeError` unless a policy is None or can be called."""
+    """Raise InputTypeError unless a policy is None or callable."""
     if policy is not None and not callable(policy):
         raise InputTypeError(
             f"expected a policy, a function of model and data that sets data.ctrl, got {policy!r}"
@@ -105,7 +105,7 @@ def check_policy(policy: object) -> None:
 
 
 def check_time(data: Any, due: float, name: str) -> None:  # noqa: ANN401
-    """Raises a `StateError` unless a step of a simulation has ended at the time that is due."""
+    """Raise StateError if a step has ended at another time: MuJoCo has reset the simulation."""
     if data.time != due:
         raise StateError(
             f"expected the time {due:g} s of {name} after a step, got {data.time:g} s: MuJoCo "
@@ -114,18 +114,12 @@ def check_time(data: Any, due: float, name: str) -> None:  # noqa: ANN401
 
 
 _SPARES: WeakKeyDictionary[StepMonitor, list[Any]] = WeakKeyDictionary()
-"""Simulations that a branch may set the monitor's aside in: making one takes longer than a branch
-of a hundred steps of a small model."""
+"""Spare data in which a branch saves the monitor's simulation: making data takes longer than a
+branch of a hundred steps of a small model."""
 
 
 class Monitored(System):
-    """A monitor, its simulation, and the policy that sets ``data.ctrl`` before every ``mj_step``.
-
-    Args:
-        monitor: The monitor, which feeds itself.
-        policy: A function of model and data, or None.
-        start: Where to branch off. None: the monitor runs on.
-    """
+    """A `StepMonitor`, its simulation, and the policy that sets ``data.ctrl``."""
 
     endless = True
 
@@ -142,25 +136,25 @@ class Monitored(System):
         self._ends = ExitStack()
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Has nothing to do: the monitor has bound its signals."""
+        """Do nothing: the monitor has bound its signals."""
 
     def start(self) -> list[float]:
-        """Goes to where the run starts; returns the values there, fed as sample 0 if none was."""
+        """Go to the start of the run; return its values, fed as sample 0 if there was none."""
         monitor, self._taken = self._monitor, []
         known: Mapping[str, float] = {}
         if self._start is not None:
             self._set_aside()
             self._start.restore(monitor)
             if not monitor.forward:
-                derive(monitor.model, monitor.data)  # they still come from another branch
-            # As they were: `derive` makes those new that `mj_step` leaves a step behind.
+                derive(monitor.model, monitor.data)  # they are those of another branch
+            # As they were: `derive` updates values that `mj_step` leaves one step behind.
             known = self._start.values
         self._ends.enter_context(monitor.recorded(self._keep))
         monitor.begin()
         return self._taken or [known.get(name, now) for name, now in monitor.values.items()]
 
     def advance(self) -> list[float]:
-        """Makes a step, which feeds the monitor; returns the values that it was fed."""
+        """Make a step, which feeds the monitor; return these values."""
         monitor = self._monitor
         if self._policy is not None:
             try:
@@ -173,14 +167,14 @@ class Monitored(System):
         return self._taken
 
     def close(self) -> None:
-        """Leaves the monitor at the last sample; after a branch, as it was before."""
+        """Leave the monitor at the last sample, or restore it after a branch."""
         self._ends.close()
 
     def _keep(self, values: list[float]) -> None:
         self._taken = values
 
     def _set_aside(self) -> None:
-        """Keeps monitor and simulation as they are, to the last number, until `close`."""
+        """Save the exact state of monitor and simulation until `close`."""
         monitor = self._monitor
         model, data = monitor.model, monitor.data
         spares = _SPARES.setdefault(monitor, [])

@@ -1,4 +1,4 @@
-"""What a case does to a MuJoCo model: initial states, numbers of the model, and what drives it."""
+"""A case of a MuJoCo model: initial states, constants, options and driven inputs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rtamt_gym.systems.system import as_number, as_waveform, like
 _DRIVABLE: Final = (
     "ctrl[0], actuator:NAME, qfrc_applied[0], joint:NAME.qfrc_applied and body:NAME.xfrc_applied[0]"
 )
-"""What waveforms drive."""
+"""The entries that waveforms can drive."""
 
 
 def _of_object(example: str) -> Syntax:
@@ -45,30 +45,24 @@ _WRITES: Final = {
     "camera": _of_object("camera:eye.pos[2]"),
     "light": _of_object("light:sun.pos[2]"),
 }
-"""The words that the names of a case may begin with."""
+"""The first words of the names of entries."""
 
 _STATE: Final = {("joint", "qpos"), ("joint", "qvel"), ("actuator", "act")}
-"""The fields of objects that hold the state, of which a case gives the initial value."""
+"""The fields of objects with an initial state."""
 
 _DRIVES: Final = {("joint", "qfrc_applied"), ("body", "xfrc_applied"), ("actuator", "ctrl")}
-"""The fields of objects that are held while a step is made, and that a case may drive."""
+"""The fields of objects that are inputs of a step."""
 
 
 class Driven(NamedTuple):
-    """A model and its data as a case makes them; copies, so that the caller's stay as they are.
-
-    Attributes:
-        model: The model.
-        data: The data.
-        inputs: What is driven: the array, the index in it, and the waveform.
-    """
+    """Copies of a model and its data with the entries of a case."""
 
     model: Any
     data: Any
     inputs: list[tuple[Any, int, Waveform]]
 
     def setter(self) -> Callable[[], None]:
-        """A function that sets the inputs of a step: the first call those for the first step."""
+        """Return a function that sets the inputs of the next step, starting with the first."""
         period = self.model.opt.timestep
         drives = [(array, at, waveform.stepper(period)) for array, at, waveform in self.inputs]
         step = 0
@@ -83,11 +77,7 @@ class Driven(NamedTuple):
 
 
 def copy_data(target: Any, model: Any, source: Any) -> None:  # noqa: ANN401 - MuJoCo is not typed
-    """Copy all data of a simulation into data of the same model.
-
-    Raises:
-        InputError: If this version of MuJoCo cannot copy data.
-    """
+    """Copy all data of a simulation into data of the same model."""
     if not hasattr(mujoco, "mj_copyData"):
         raise InputError(
             "cases and branches of a MuJoCo model need MuJoCo 3.5 or newer, got "
@@ -97,18 +87,7 @@ def copy_data(target: Any, model: Any, source: Any) -> None:  # noqa: ANN401 - M
 
 
 def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN401
-    """Copies a model and its data, and sets what a case says.
-
-    Args:
-        model: The model.
-        data: Its data; the copy takes its present state, except for what the case says.
-        case: The case.
-        name: The name of the model, for messages.
-
-    Raises:
-        InputError: If the model has nothing of a name, with the nearest; if a number does not fit,
-            or MuJoCo derives it from others; or if two names mean one number.
-    """
+    """Copy a model and its data, and set the entries of a case."""
     model, present = copy.copy(model), data
     data = mujoco.MjData(model)
     copy_data(data, model, present)
@@ -124,16 +103,7 @@ def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN4
 
 
 def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
-    """A copy of a model with the constants of a case, for an environment that steps it.
-
-    Args:
-        model: The model.
-        case: Constants and options of the model by name.
-        name: The name of the environment, for messages.
-
-    Raises:
-        InputError: As `drive` does; and if an entry is no constant and no option.
-    """
+    """Return a copy of an environment's model with the constants of a case."""
     model = copy.copy(model)
     places = _find(model, mujoco.MjData(model), case)
     for key, place in places.items():
@@ -149,19 +119,12 @@ def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
 
 
 def is_of_model(name: str) -> bool:
-    """Whether the name of an entry begins as names in a model do."""
+    """Return whether the name of an entry starts like a name in a model."""
     return re.match(r"\w*", name)[0] in _WRITES  # type: ignore[index]  # an empty match is one
 
 
 class _Place(NamedTuple):
-    """Where the number of an entry is held.
-
-    Attributes:
-        kind: ``"input"``, held while a step is made; ``"state"``, of which there is an initial
-            value; ``"constant"``, of the model; ``"option"``, an attribute of ``model.opt``.
-        array: The array, of one dimension; the options for an option that is no array.
-        at: The index in it, or the name of the option.
-    """
+    """The location of the number of an entry: an array and an index, or an option."""
 
     kind: Literal["input", "state", "constant", "option"]
     array: Any
@@ -169,7 +132,7 @@ class _Place(NamedTuple):
 
 
 def _find(model: Any, data: Any, case: Case) -> dict[str, _Place]:  # noqa: ANN401
-    """The place of every entry of a case."""
+    """Return the location of every entry of a case."""
     places: dict[str, _Place] = {}
     taken: dict[object, str] = {}
     for key in case:
@@ -200,13 +163,13 @@ def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
         kind, array = "input", field_of(what, whole, data)
     else:
         array = field_of(what, whole, model)
-    if array.dtype.kind != "f":  # others are places in arrays, and kinds
+    if array.dtype.kind != "f":  # whole numbers are indices and kinds
         raise InputError(f"{what}: {selector} holds whole numbers, which no case sets")
     return _Place(kind, array.reshape(-1), index_in(what, whole, array.size))
 
 
 def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN401
-    """The place of a number of ``model.opt``."""
+    """Return the location of a number of ``model.opt``."""
     options = [name for name in dir(model.opt) if not name.startswith("_")]
     if selector.field not in options:
         raise InputError(
@@ -221,7 +184,7 @@ def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN40
 
 
 def _set_constants(model: Any, case: Case, places: Mapping[str, _Place], name: str) -> None:  # noqa: ANN401
-    """Sets options and constants; MuJoCo derives others from them, as when it compiles a model."""
+    """Set options and constants; MuJoCo derives others from them, as when it compiles a model."""
     constants: list[tuple[str, _Place, float]] = []
     for key, place in places.items():
         if place.kind == "constant":

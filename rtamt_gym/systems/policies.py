@@ -1,4 +1,4 @@
-"""Policies by name."""
+"""Policies: by name, and as `evaluate_policy` takes them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
     | text | policy |
     |---|---|
     | ``random`` | actions drawn from the space of actions, from the seed of the episode |
-    | ``zero`` | the action zero, or the one nearest to it that the space has |
-    | ``baseline`` | the policy that a scenario has of its own |
-    | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.systems.models` |
+    | ``zero`` | the action of the space that is nearest to zero |
+    | ``baseline`` | the scenario's own policy |
+    | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `load_policy` |
     | ``module:function`` | a function from observation to action |
     | ``module:Class`` | a class of such functions, made anew for each episode |
 
@@ -77,23 +77,14 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
 
 @dataclass(frozen=True)
 class PolicyClass:
-    """A class whose instances are policies, one for each episode: what they remember begins anew.
-
-    Attributes:
-        kind: The class.
-        seeded: Whether it is made with the seed of the episode, its argument ``seed``.
-    """
+    """A class whose instances are policies, a new one for each episode."""
 
     kind: type
     seeded: bool
 
     @classmethod
     def of(cls, kind: type, what: str) -> PolicyClass:
-        """Checks a class; ``what`` names it.
-
-        Raises:
-            InputError: If its instances are no functions, or it needs other arguments.
-        """
+        """Check a class, which ``what`` names in errors."""
         if not any("__call__" in vars(base) for base in kind.__mro__):
             way_out = ""
             if hasattr(kind, "predict"):
@@ -104,7 +95,7 @@ class PolicyClass:
             )
         try:
             parameters = inspect.signature(kind).parameters
-        except ValueError:  # as of some classes that are not written in Python
+        except ValueError:  # some classes in C have no signature
             return cls(kind, seeded=False)
         needed = [
             each.name
@@ -122,7 +113,7 @@ class PolicyClass:
         return cls(kind, seeded="seed" in parameters)
 
     def __call__(self, seed: int) -> Policy:
-        """The policy of an episode."""
+        """Return the policy of an episode."""
         policy: Policy = self.kind(seed=seed) if self.seeded else self.kind()
         return policy
 
@@ -152,7 +143,7 @@ def _function(text: str, found: Any, what: str) -> Callable[[Any], Any]:  # noqa
 
 
 def _checked(text: str, function: Callable[[Any], Any], space: spaces.Space[Any]) -> Policy:
-    """The function; its errors, and what is no action, become messages that name it."""
+    """Wrap a policy: its errors and invalid actions raise errors that name it."""
 
     def act(obs: Any) -> Any:  # noqa: ANN401
         try:
@@ -178,7 +169,7 @@ def _checked(text: str, function: Callable[[Any], Any], space: spaces.Space[Any]
 
 
 def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
-    """Whether a value is an action; numbers of another precision, or out of bounds, are left."""
+    """Return whether a value is an action; other precisions and bounds are not checked."""
     if not isinstance(space, spaces.Box):
         return space.contains(action)
     try:
@@ -189,7 +180,7 @@ def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
 
 def _random(space: spaces.Space[Any], _what: str) -> SeededPolicy:
     def make_policy(seed: int) -> Policy:
-        own = deepcopy(space)  # episodes that run side by side would draw from each other's
+        own = deepcopy(space)  # simultaneous episodes must not share a generator
         own.seed(seed)
         return lambda _obs: own.sample()
 
@@ -213,24 +204,19 @@ _UNTRAINED: Mapping[str, Callable[[spaces.Space[Any], str], SeededPolicy]] = {
     "random": _random,
     "zero": _zero,
 }
-"""Policies that need no training, by name: what makes them for a space of actions."""
+"""Functions that make untrained policies for a space of actions, by name."""
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A policy that is evaluated.
-
-    Attributes:
-        name: What it is called.
-        make: Makes the policy of an episode from its seed; None: the environment has its own.
-    """
+    """A policy to evaluate: its name, and what makes the policy of an episode from a seed."""
 
     name: str
     make: SeededPolicy | None
 
     @property
     def identity(self) -> str:
-        """What tells it from others, as far as that is known: of a function its name."""
+        """What distinguishes the policy from others: weights of a model, name of a function."""
         if isinstance(self.make, Model):
             draws = "" if self.make.deterministic else ", actions drawn"
             return f"{self.name} {self.make.fingerprint}{draws}"
@@ -238,12 +224,7 @@ class Evaluated:
 
 
 def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Evaluated:  # noqa: ANN401
-    """What a caller gives as a policy, for an environment.
-
-    Raises:
-        InputError: If a text names no policy, or the policy does not fit the environment.
-        InputTypeError: If it is no policy.
-    """
+    """Return the policy that a caller gives for an environment."""
     if isinstance(policy, Evaluated):
         return policy
     if isinstance(policy, str):
@@ -267,7 +248,7 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
 
 
 def check_name_of_policy(name: object) -> None:
-    """Refuses what is neither None nor a text that can stand in a table."""
+    """Raise InputError unless a name is None or one line of printable text."""
     if name is not None and not (isinstance(name, str) and name.strip() and name.isprintable()):
         raise InputError(
             "expected ", Argument("name"), f" as a text in one line, such as 'before', got {name!r}"
@@ -281,7 +262,7 @@ class _Same:
     function: Callable[..., Any]
 
     def __call__(self, _seed: int) -> Callable[..., Any]:
-        """The function."""
+        """Return the function."""
         return self.function
 
 

@@ -1,4 +1,4 @@
-"""Systems by names that a file can hold: ids of environments, paths of FMUs, objects of modules."""
+"""References to systems in files: ids of environments, paths of FMUs, objects of modules."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rtamt_gym.systems.registry import PACKAGES, find_object, make, package_of
 from rtamt_gym.systems.system import no_exit
 
 _KNOWN: Final = ("gymnasium", *PACKAGES.values())
-"""Packages whose environments `make` finds by their ids alone."""
+"""Packages whose environments `make` finds by id."""
 
 _WAY_OUT: Final = (
     'write save(path, system="module:name"), which names an object of a module, or a function '
@@ -30,15 +30,7 @@ _WAY_OUT: Final = (
 
 
 def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
-    """What a file holds in place of a system; `named_system` gives the system back.
-
-    Args:
-        system: The system.
-        folder: The folder of the file; paths of FMUs are relative to it.
-
-    Raises:
-        InputError: If a file can hold no name of the system, with the way out.
-    """
+    """Return the reference to a system that a file stores; `named_system` is the inverse."""
     if isinstance(system, gym.Env):
         return _environment_name(system)
     if isinstance(system, Fmus):
@@ -46,7 +38,7 @@ def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
     path = import_path(system)
     if path is None:
         what = getattr(system, "__qualname__", None) or f"a {type(system).__name__}"
-        if isinstance(system, tuple | list):  # all others would not have run
+        if isinstance(system, tuple | list):  # no other pair can run
             what = "a pair (model, data)"
         raise InputError(
             f"cannot save a case of {what}, which no other program can import; {_WAY_OUT}"
@@ -55,13 +47,10 @@ def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
 
 
 def named_system(name: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN401
-    """The system that a file names.
+    """Return the system of a reference.
 
-    Modules are found where Python looks for them, in the working directory, and from now on in the
-    folder of the file.
-
-    Raises:
-        InputError: If it is no name of a system, or there is no such system.
+    Modules are found on Python's path, in the working directory and, from now on, in the folder of
+    the file.
     """
     beside = str(folder.resolve())
     if beside not in sys.path:
@@ -80,12 +69,9 @@ def named_system(name: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN401
 
 
 def named_object(path: str) -> Any:  # noqa: ANN401
-    """The object ``module:name``; what it makes, if it is a function without arguments.
+    """Return the object ``module:name``, or the result of a function without arguments.
 
-    A generator function is a system itself.
-
-    Raises:
-        InputError: If there is no such object.
+    A generator function is itself a system.
     """
     module, _, name = path.partition(":")
     if not (module and name):
@@ -100,7 +86,7 @@ def named_object(path: str) -> Any:  # noqa: ANN401
 
 
 def system_texts(name: Mapping[str, Any]) -> list[str]:
-    """What `named_system` imports or loads for the system that a file names.
+    """Return what `named_system` imports or loads for a reference.
 
     Example:
         >>> system_texts({"object": "os:abort"}), system_texts({"environment": "CartPole-v1"})
@@ -117,7 +103,7 @@ def system_texts(name: Mapping[str, Any]) -> list[str]:
 
 
 def policy_text(policy: str) -> str:
-    """What is imported or unpickled for a policy; nothing for one that is no code of a file's.
+    """Return what is imported or unpickled for a policy; empty for built-in policies.
 
     Example:
         >>> policy_text("pilot:steer"), policy_text("zero"), policy_text("sb3:PPO:model.zip")
@@ -130,7 +116,7 @@ def policy_text(policy: str) -> str:
 
 
 def import_path(thing: object) -> str | None:
-    """The name ``module:name`` under which another program can import an object, or None."""
+    """Return the name ``module:name`` that imports an object; None if there is none."""
     module, name = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
     if not (isinstance(module, str) and isinstance(name, str)):
         return None
@@ -145,7 +131,7 @@ def import_path(thing: object) -> str | None:
 
 
 def _script(found: Any) -> str:  # noqa: ANN401
-    """The module that the program itself is; empty if it has no file, as in a console."""
+    """Return the module name of the main program; empty if it has no file, as in a console."""
     spec = getattr(found, "__spec__", None)
     if spec is not None:  # python -m
         return str(spec.name)
@@ -154,7 +140,7 @@ def _script(found: Any) -> str:  # noqa: ANN401
 
 
 def _takes_arguments(function: Callable[..., object]) -> bool:
-    with suppress(ValueError):  # as of some functions that are not written in Python
+    with suppress(ValueError):  # some functions in C have no signature
         return bool(inspect.signature(function).parameters)
     return True
 
@@ -202,7 +188,7 @@ def _fmus_name(system: Fmus, folder: Path) -> dict[str, Any]:
 
 
 def _check_json(name: str, arguments: Mapping[str, Any]) -> None:
-    """Refuses arguments that JSON cannot hold."""
+    """Raise InputError for arguments that JSON cannot store."""
     for key, value in arguments.items():
         try:
             json.dumps(value, allow_nan=False)

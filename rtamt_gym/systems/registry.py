@@ -1,4 +1,4 @@
-"""Environments by their registered id, for the command line."""
+"""Environments by id, and objects of modules by name."""
 
 from __future__ import annotations
 
@@ -20,25 +20,13 @@ from rtamt_gym.checks.extras import EXTRAS
 from rtamt_gym.systems.system import exited
 
 PACKAGES: Final[Mapping[str, str]] = {"rtamt": "rtamt_envs", "": "highway_env"}
-"""The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, when it is
-imported; Gymnasium's own are there without it."""
+"""The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, on import."""
 
 
 def make(
     env_id: str, max_steps: int | None = None, options: Mapping[str, Any] | None = None
 ) -> gym.Env[Any, Any]:
-    """Makes the environment of an id; the user need not import one of `PACKAGES` first.
-
-    Args:
-        env_id: The id that `gymnasium.make` takes; the module of ``module:Name-v0`` may lie in the
-            working directory.
-        max_steps: Time limit in steps; None: the environment's own.
-        options: Further keyword arguments of the environment.
-
-    Raises:
-        InputError: If there is no such environment (names the nearest), it cannot be made, or its
-            module cannot be imported.
-    """
+    """Make the environment of an id; `PACKAGES` are imported if they are needed."""
     name = env_id.rpartition(":")[2].partition("-v")[0]
     package = PACKAGES.get(name.rpartition("/")[0])
     if package and ":" not in env_id and not _known(name) and find_spec(package):
@@ -69,7 +57,7 @@ def make(
     except Exception as error:
         if not options:
             raise
-        # An environment may refuse its arguments with any error.
+        # An environment may raise any error for its arguments.
         given = ", ".join(f"{key}={value!r}" for key, value in options.items())
         # Gymnasium adds the id and the arguments to a TypeError.
         what = str(error).partition(" was raised from the environment creator")[0]
@@ -79,7 +67,7 @@ def make(
 
 
 def families() -> dict[str, list[str]]:
-    """The ids of all registered environments, the newest of each name, by where they come from."""
+    """Return the newest ids of all registered environments, by their source."""
     _register_all()
     newest: dict[tuple[str | None, str], gym.envs.registration.EnvSpec] = {}
     for spec in gym.registry.values():
@@ -112,14 +100,14 @@ def package_of(env_id: str) -> str:
 
 
 def register(package: str) -> None:
-    """Registers the environments of a package, one of `PACKAGES`."""
+    """Register the environments of one of `PACKAGES`."""
     # Without this, pygame, which highway-env imports, prints a greeting on stdout.
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import_module(package)
 
 
 def _register_all() -> list[str]:
-    """Registers the environments of all packages; returns those that are not installed."""
+    """Register the environments of all packages; return the packages that are not installed."""
     missing = [package for package in PACKAGES.values() if not find_spec(package)]
     for package in PACKAGES.values():
         if package not in missing:
@@ -132,16 +120,7 @@ def _known(name: str) -> bool:
 
 
 def find_object(module: str, path: str) -> Any:  # noqa: ANN401
-    """Imports a module, also from the working directory, and finds an object in it.
-
-    Args:
-        module: The dotted name of the module.
-        path: The name of the object in it, with dots for attributes of objects.
-
-    Raises:
-        InputError: If there is no such module or object, with the nearest name, or the import
-            raises.
-    """
+    """Import a module, also from the working directory, and return an object in it."""
     found: Any = imported(module)
     for name in path.split("."):
         if not hasattr(found, name):
@@ -152,7 +131,7 @@ def find_object(module: str, path: str) -> Any:  # noqa: ANN401
 
 
 def line_in(module: str, error: BaseException) -> str:
-    """Where in the file of a module an error was raised, " (drive.py, line 3)"; else empty."""
+    """Return where in a module an error was raised, " (drive.py, line 3)", or an empty text."""
     own = module.replace(".", os.sep)
     files = f"{os.sep}{own}.py", f"{os.sep}{own}{os.sep}__init__.py"
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.endswith(files)]
@@ -160,11 +139,7 @@ def line_in(module: str, error: BaseException) -> str:
 
 
 def imported(module: str) -> ModuleType:
-    """Imports a module, also from the working directory.
-
-    Raises:
-        InputError: If there is no such module, or the import raises.
-    """
+    """Import a module, also from the working directory."""
     here = str(Path.cwd())
     if here not in sys.path and "" not in sys.path:
         sys.path.insert(0, here)  # as `python -m` does

@@ -1,4 +1,4 @@
-"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
+"""Functions of time, generator functions and iterables of samples as systems."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SampleSource(System):
         self._count = 0
 
     def driven(self, case: Case) -> System:
-        """The function with the entries of a case as keyword arguments."""
+        """Return the function with the entries of a case as keyword arguments."""
         if not callable(self._source):
             raise InputError(
                 "samples that are there already take no case; give a generator function, whose "
@@ -87,21 +87,16 @@ class SampleSource(System):
         return values
 
     def close(self) -> None:
-        """Closes a generator, which may hold open files."""
+        """Close a generator, which may hold open files."""
         if isinstance(self._samples, Generator):
             self._samples.close()
 
 
 def _keywords(function: Callable[..., object], skip: int) -> tuple[list[str], bool]:
-    """The keyword arguments that a function takes, and whether it takes any name.
-
-    Args:
-        function: The function.
-        skip: How many arguments it is given by their place.
-    """
+    """Return the keyword arguments of a function, and whether it takes any name."""
     try:
         parameters = [*inspect.signature(function).parameters.values()]
-    except ValueError:  # as of some functions that are not written in Python
+    except ValueError:  # some functions in C have no signature
         return [], True
     named = [
         each.name

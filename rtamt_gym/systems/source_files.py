@@ -40,7 +40,7 @@ READ: Final = frozenset(
 """The endings of models, policies and options, which a module reads and does not write."""
 
 _PLAIN: Final = frozenset({bool, int, float, str, type(None)})
-"""The types of constants that are compared with what a module holds."""
+"""The types of module constants that are compared."""
 
 _TREE: Final = frozenset({".xml", ".mjcf", ".urdf"})
 """The endings of model files that refer to other files."""
@@ -62,14 +62,7 @@ def is_installed(path: Path) -> bool:
 
 @dataclass
 class ModuleFiles:
-    """The files of modules, of the modules that they import, and of the models that they read.
-
-    Attributes:
-        paths: Each file, with the folder that Python imports it from.
-        packages: The names of installed packages that the modules import.
-        unseen: What the modules use without a trace in their text, each a noun phrase.
-        trees: The syntax tree of each module in Python, by path.
-    """
+    """The files of modules, of their imports, and of the models that they read."""
 
     paths: dict[Path, Path] = field(default_factory=dict)
     packages: set[str] = field(default_factory=set)
@@ -77,15 +70,10 @@ class ModuleFiles:
     trees: dict[Path, ast.Module] = field(default_factory=dict)
 
     def add(self, path: Path, name: str) -> None:
-        """Add a module and all that it imports.
-
-        Args:
-            path: Its file.
-            name: Its dotted name, from which its folder follows.
-        """
+        """Add a module and everything that it imports."""
         path = path.resolve()
         depth = name.count(".") + (path.stem == "__init__")
-        if depth >= len(path.parents):  # as of a name that a program has made up
+        if depth >= len(path.parents):  # the name is invented
             depth = 0
         self._add_file(path, path.parents[depth], name)
 
@@ -137,7 +125,7 @@ class ModuleFiles:
                     yield f"{name} of {path.name}", now
 
     def _imports(self, node: ast.AST, package: str, path: Path) -> Iterator[str]:
-        """Yield the absolute names that a statement or call imports, of what may be modules."""
+        """Yield the absolute module names that a statement or call may import."""
         match node:
             case ast.Import(names=names):
                 yield from (each.name for each in names)
@@ -160,13 +148,13 @@ class ModuleFiles:
             self.unseen.append(f"the modules that {path.name} imports by a computed name")
 
     def _follow(self, name: str, root: Path) -> None:
-        """Add a module that one below ``root`` imports."""
+        """Add a module that a module below ``root`` imports."""
         top, *rest = name.split(".")
         if top in HOUSE:
             self.packages.add("rtamt")
             return
         spec = _found(root, top)
-        if spec is None or spec.loader is None:  # a package goes before a folder of its name
+        if spec is None or spec.loader is None:  # a package precedes a folder of the same name
             if top in sys.stdlib_module_names:
                 return
             outside = _root_of(top)
@@ -200,7 +188,7 @@ class ModuleFiles:
 
 def _differs(module: ModuleType, path: Path, tree: ast.Module) -> bool:
     """Return if a function or a constant of a loaded module differs from the text of its file."""
-    if type(module.__loader__) is not machinery.SourceFileLoader:  # others change the code
+    if type(module.__loader__) is not machinery.SourceFileLoader:  # other loaders change the code
         return False
     codes: set[CodeType] = set()
     waiting = [compile(tree, str(path), "exec", dont_inherit=True)]

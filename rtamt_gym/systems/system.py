@@ -1,4 +1,4 @@
-"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
+"""The protocol of systems, and what their implementations share."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.signals.signals import SignalLike
 
 Policy = Callable[..., Any]
-"""Gives the action for an observation of an environment; for a MuJoCo model, a function of model
-and data that sets ``data.ctrl``, as ``mjcb_control`` does."""
+"""Returns the action for an observation of an environment; for a MuJoCo model, a function of model
+and data that sets ``data.ctrl``, like ``mjcb_control``."""
 
 Sample = Mapping[str, Any]
 """Numbers by name."""
 
 Signals = Mapping[str, SignalLike] | None
-"""What variables read, and what else is recorded, by name."""
+"""What variables read, and further recorded signals, by name."""
 
 SystemEnd = Literal["", "terminated", "truncated"]
-"""How a system has ended by itself: not yet, for good, or by a time limit of its own."""
+"""How a system has ended by itself: not yet, finally, or by its own time limit."""
 
 
 @runtime_checkable
 class System(Protocol):
-    """A simulation that gives samples, one period apart.
+    """A simulation that returns samples, one period apart.
 
     Attributes:
         name: Its name in tables and pictures.
         period: Its own time between samples in seconds, or None.
-        needs_period: Whether it cannot run without a period; a text says why it has none itself,
-            "suggest steps of 0.1 and 0.2 s".
+        needs_period: Whether it cannot run without a given period; a text states why it has none,
+            such as "suggest steps of 0.1 and 0.2 s".
         limit: The number of steps after which it ends by itself; None if that is not known.
-        endless: Whether it may go on for ever.
+        endless: Whether it may never end.
         ended: How it has ended by itself; an empty string while it has not.
     """
 
@@ -51,20 +51,20 @@ class System(Protocol):
     ended: SystemEnd = ""
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Prepares to read the variables, and then the signals that are not variables.
+        """Prepare to read the variables, then the signals that are not variables.
 
         Raises:
             RtamtError: If a variable cannot be read, or the system cannot run with this period.
         """
 
     def start(self) -> Sequence[float]:
-        """Starts the simulation; returns sample 0, the values before the first step."""
+        """Start the simulation; return sample 0, the values before the first step."""
 
     def advance(self) -> Sequence[float] | None:
-        """Makes one step; returns the sample after it, or None if the system ended before."""
+        """Make one step; return its sample, or None if the system has ended."""
 
     def close(self) -> None:
-        """Releases what `start` has taken; called after an error too."""
+        """Release what `start` has taken; also called after an error."""
 
 
 @runtime_checkable
@@ -72,28 +72,15 @@ class Drivable(Protocol):
     """A system that takes a case."""
 
     def driven(self, case: Case) -> System:
-        """The system with what a case gives it, for one run; this one stays as it is.
+        """Return the system driven by a case, for one run; this one does not change.
 
         Raises:
-            RtamtError: If it has nothing of a name, or an entry does not fit.
+            RtamtError: If an entry is unknown or does not fit.
         """
 
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:
-    """The names to read from a system whose values have names.
-
-    Args:
-        variables: The variables of the specifications; each reads the value of its own name unless
-            ``signals`` gives another.
-        signals: Names that variables read, and names of further values to record.
-
-    Returns:
-        A name for every variable, then for every signal that is not a variable.
-
-    Raises:
-        InputError: If a signal has nearly the name of a variable that has no signal.
-        InputTypeError: If ``signals`` is not a mapping from names to names.
-    """
+    """Return the names to read for the variables, then for further signals."""
     given = {} if signals is None else signals
     if not isinstance(given, Mapping):
         raise InputTypeError(
@@ -112,16 +99,11 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
 
 
 _ROUNDING = Fraction(1, 10**11)
-"""How far, of its own size, a period is rounded at most where it becomes a fraction."""
+"""The maximum relative error of a period as a fraction."""
 
 
 def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
-    """The number of steps in a whole, both in seconds, one of them rounded perhaps.
-
-    Raises:
-        InputError: If the whole is not a multiple of the step. The message calls the whole
-            ``what`` and the step ``of``, and names the nearest multiples.
-    """
+    """Return how many steps a duration has; one of the two may be rounded."""
     count = whole / step
     near = round(count)
     if abs(count - near) > near * _ROUNDING:
@@ -135,13 +117,7 @@ def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
 
 
 def exited(what: str, end: SystemExit, where: str = "") -> InputError:
-    """The error of what calls ``sys.exit``: it would end the program without a verdict.
-
-    Args:
-        what: What calls it, in words.
-        end: What it has raised.
-        where: Its place in a file, as `line_in` writes it.
-    """
+    """Return the error for a call of ``sys.exit``, which would end the whole program."""
     code = "" if end.code is None else repr(end.code)
     return InputError(
         f"{what} called sys.exit({code}){where}, which is no end of a simulation; let it return, "
@@ -150,22 +126,13 @@ def exited(what: str, end: SystemExit, where: str = "") -> InputError:
 
 
 class no_exit:  # noqa: N801 - a context, used as a word
-    """Raises the error of `exited` where what runs inside calls ``sys.exit``.
-
-    Other errors are not touched, not even their tracebacks, as some take no attributes.
-
-    Args:
-        what: What runs.
-
-    Raises:
-        InputError: If it does.
-    """
+    """A context in which ``sys.exit`` raises the error of `exited`; other errors do not change."""
 
     def __init__(self, what: str) -> None:
         self._what = what
 
     def __enter__(self) -> None:
-        """Nothing is to be done before."""
+        """Do nothing."""
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, SystemExit):
@@ -173,16 +140,7 @@ class no_exit:  # noqa: N801 - a context, used as a word
 
 
 def as_number(name: str, entry: float | Waveform, drivable: str = "") -> float:
-    """The number of an entry.
-
-    Args:
-        name: The name of the entry.
-        entry: The entry.
-        drivable: What waveforms drive, for the message.
-
-    Raises:
-        InputError: If it is a waveform.
-    """
+    """Return an entry as a number; ``drivable`` names what waveforms drive."""
     if isinstance(entry, Waveform):
         raise InputError(
             f"expected {name!r} of the case as a number, which does not change during a run, got a "
@@ -192,11 +150,7 @@ def as_number(name: str, entry: float | Waveform, drivable: str = "") -> float:
 
 
 def as_waveform(name: str, entry: float | Waveform) -> Waveform:
-    """The waveform of an entry; a number is one that stays.
-
-    Raises:
-        InputError: If it is an infinite number.
-    """
+    """Return an entry as a waveform; a number is a constant one."""
     if isinstance(entry, Waveform):
         return entry
     if not math.isfinite(entry):
@@ -209,15 +163,7 @@ def as_waveform(name: str, entry: float | Waveform) -> Waveform:
 def refuse_unknown(
     system: str, name: str, known: Iterable[str], more: str = "", meant: Iterable[str] = ()
 ) -> NoReturn:
-    """Refuses an entry that a system has nothing of, and names the nearest.
-
-    Args:
-        system: The name of the system.
-        name: The name of the entry.
-        known: The names that it takes.
-        more: What else it takes, for the message.
-        meant: What the name stands for most likely, if that is known.
-    """
+    """Raise InputError for an unknown entry, with the nearest name."""
     names = list(known)
     takes = " and ".join(filter(None, [listing(names) if names else "", more])) or "none"
     meaning = "".join(f"; did you mean {each!r}?" for each in meant) or nearest(name, names)
@@ -225,11 +171,7 @@ def refuse_unknown(
 
 
 def like(present: object, name: str, number: float) -> float:
-    """A number in the type of the present value: a whole number or a truth value where that is one.
-
-    Raises:
-        InputError: If it is no such number.
-    """
+    """Return a number in the type of the present value: float, int or bool."""
     if not isinstance(present, bool | Integral):
         return number
     if not number.is_integer():
