@@ -9,11 +9,7 @@ if TYPE_CHECKING:
     from rtamt.monitors.triggers import Asked as TriggerCount
     from rtamt.monitors.triggers import Evidence
 
-__all__ = [
-    "Evidence",
-    "Implications",
-    "TriggerCount",
-]
+__all__ = ["Evidence", "Implications", "TriggerCount"]
 
 if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(

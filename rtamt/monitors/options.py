@@ -237,10 +237,7 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
     keyword = inspect.Parameter.KEYWORD_ONLY
     listed = [
         inspect.Parameter(
-            name,
-            keyword,
-            default=OPTIONS[name].default,
-            annotation=kind.__forward_arg__,
+            name, keyword, default=OPTIONS[name].default, annotation=kind.__forward_arg__
         )
         for name, kind in options.__annotations__.items()
     ]

@@ -16,13 +16,7 @@ from rtamt.inputs.lanes import Floats, LaneReader
 from rtamt.inputs.samples import listed
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
-from rtamt.monitors.online import (
-    EpisodeValues,
-    Late,
-    MachineValue,
-    Sampled,
-    machine_value,
-)
+from rtamt.monitors.online import EpisodeValues, Late, MachineValue, Sampled, machine_value
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
@@ -143,10 +137,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
     __slots__ = ()
 
     def update(
-        self,
-        values: ArrayLike = _ABSENT,
-        mask: ArrayLike | None = None,
-        **named: ArrayLike,
+        self, values: ArrayLike = _ABSENT, mask: ArrayLike | None = None, **named: ArrayLike
     ) -> NDArray[np.float64]:
         """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
 

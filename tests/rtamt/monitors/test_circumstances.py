@@ -147,7 +147,7 @@ def test_a_window_is_cut_to_the_trace() -> None:
     trace = {"req": [0, 0, 0, 4, 0], "gnt": [5, 0, 0, 1, 2]}
     why = explain("always(req >= 3 implies eventually[0:4](gnt >= 3))", trace)
     assert [(e.role, e.text, e.window, e.sample) for e in why.circumstances] == [
-        ("missing", "gnt >= 3", (3, 4), 4),
+        ("missing", "gnt >= 3", (3, 4), 4)
     ]
 
 

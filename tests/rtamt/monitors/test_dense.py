@@ -205,10 +205,7 @@ def test_one_event_is_a_trace_of_one_instant(backend: Backend) -> None:
 def test_the_end_is_an_instant_with_a_robustness_of_its_own(backend: Backend) -> None:
     signal = {"x": [(0, 5), (2, 1)]}
     assert evaluate_dense("x > 0", signal, backend=backend) == [(0, 5), (2, 1)]
-    assert evaluate_dense("eventually[0:1](x < 2)", signal, backend=backend) == [
-        (0, -3),
-        (1, 1),
-    ]
+    assert evaluate_dense("eventually[0:1](x < 2)", signal, backend=backend) == [(0, -3), (1, 1)]
 
 
 @pytest.mark.parametrize(

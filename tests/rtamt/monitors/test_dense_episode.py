@@ -53,9 +53,7 @@ def seen(monitor: DenseEpisodeMonitor) -> tuple[float, float, float]:
 
 @settings(max_examples=examples(60))
 @given(
-    formula=formulas(depth=2, endless=True, dense=True),
-    whole=signals(INTEGERS),
-    shares=chunks(3),
+    formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS), shares=chunks(3)
 )
 def test_after_every_chunk_it_is_what_the_definition_says(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend

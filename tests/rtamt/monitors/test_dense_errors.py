@@ -75,21 +75,9 @@ FORMS = (
 
 
 WRONG: list[tuple[Any, Error, str]] = [
-    (
-        {"rq": [(3, 1)]},
-        InputError,
-        "unknown variable 'rq'; did you mean 'req'?",
-    ),
-    (
-        {"zzz": []},
-        InputError,
-        "unknown variable 'zzz'; the variables are req, gnt",
-    ),
-    (
-        {1: [(3, 1)]},
-        InputError,
-        "unknown variable '1'; the variables are req, gnt",
-    ),
+    ({"rq": [(3, 1)]}, InputError, "unknown variable 'rq'; did you mean 'req'?"),
+    ({"zzz": []}, InputError, "unknown variable 'zzz'; the variables are req, gnt"),
+    ({1: [(3, 1)]}, InputError, "unknown variable '1'; the variables are req, gnt"),
     (
         [(3, 1)],
         InputTypeError,
@@ -109,11 +97,7 @@ WRONG: list[tuple[Any, Error, str]] = [
         InputTypeError,
         "expected a number as the value of event 0 of 'req', got list [1, 2]",
     ),
-    (
-        {"req": (3, 1)},
-        InputError,
-        "expected (time, value) as event 0 of 'req', got int 3",
-    ),
+    ({"req": (3, 1)}, InputError, "expected (time, value) as event 0 of 'req', got int 3"),
     (
         {"req": [(3, 1), (4, 1, 2)]},
         InputError,
@@ -167,11 +151,7 @@ WRONG: list[tuple[Any, Error, str]] = [
         InputError,
         "expected a time after 3.0 at event 1 of 'req', got 3.0",
     ),
-    (
-        {"req": [(1, 4)]},
-        InputError,
-        "expected a time after 1.0 at event 0 of 'req', got 1.0",
-    ),
+    ({"req": [(1, 4)]}, InputError, "expected a time after 1.0 at event 0 of 'req', got 1.0"),
     (
         {"req": [(3, 1)], "gnt": [(0, 4)]},
         InputError,
@@ -182,11 +162,7 @@ WRONG: list[tuple[Any, Error, str]] = [
         InputError,
         "expected a finite time at event 1 of 'req', got inf",
     ),
-    (
-        {"req": [(math.nan, 1)]},
-        InputError,
-        "expected a finite time at event 0 of 'req', got nan",
-    ),
+    ({"req": [(math.nan, 1)]}, InputError, "expected a finite time at event 0 of 'req', got nan"),
     (
         {"req": [(3, 1), (4, math.nan)]},
         InputError,
@@ -446,11 +422,7 @@ APART = "subtract the time of the first event from all, or leave one out"
         (1.5, 5e9, FAR.format(5e9, "resolution='10ns' would do")),
         (1.5, LAST, KIND.format("a number", f"datetime64 {LAST}")),
         (LAST, 1.5, KIND.format("datetime64", 1.5)),
-        (
-            1e9,
-            Fraction(10**19 + 1, 10**10),
-            ON_ONE.format(1e9, 1e9, APART),
-        ),
+        (1e9, Fraction(10**19 + 1, 10**10), ON_ONE.format(1e9, 1e9, APART)),
         (LAST, np.datetime64("NaT", "s"), NO_TIME),
         (LAST, NO_UNIT, NO_TIME),
     ],
@@ -497,11 +469,7 @@ def test_dates_and_numbers_are_not_mixed(events: Any, words: str, backend: Backe
     ],
 )
 def test_a_resolution_that_no_date_has_is_refused_and_the_named_one_would_do(
-    dates: list[str],
-    resolution: str | Fraction,
-    words: str,
-    would_do: str,
-    backend: Backend,
+    dates: list[str], resolution: str | Fraction, words: str, would_do: str, backend: Backend
 ) -> None:
     signals = {"x": Events(np.array(dates, "datetime64[h]"), [1, -1])}
     said = f"expected {words}; resolution={would_do!r} would do"
@@ -539,11 +507,7 @@ def test_a_trace_that_is_too_long_with_its_bounds_is_refused(
     [
         (None, InputTypeError, 'in seconds or as text such as "1ns", got None'),
         (0, SpecificationError, 'from 1e-300 to 1e300 s, or text such as "100ms", got 0'),
-        (
-            "1x",
-            SpecificationError,
-            "from 1e-300 to 1e300 s, or text such as \"100ms\", got '1x'",
-        ),
+        ("1x", SpecificationError, "from 1e-300 to 1e300 s, or text such as \"100ms\", got '1x'"),
     ],
 )
 def test_a_resolution_is_a_duration(resolution: Any, error: type[Exception], words: str) -> None:  # noqa: ANN401

@@ -248,11 +248,7 @@ def with_holes(events: list[tuple[float, float]], most: float) -> list[tuple[flo
     most=st.sampled_from((STEP / 2, STEP, 2 * STEP)),
 )
 def test_a_hole_is_unknown_from_a_tick_after_the_event_before_it(
-    formula: Formula,
-    whole: Signals,
-    shares: list[list[float]],
-    most: float,
-    backend: Backend,
+    formula: Formula, whole: Signals, shares: list[list[float]], most: float, backend: Backend
 ) -> None:
     assume(formula.variables)
     its = of(whole, formula)

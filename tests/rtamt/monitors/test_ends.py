@@ -181,11 +181,7 @@ def test_an_end_keeps_the_verdict_and_stays_inside_the_bounds(
             assert identical(offered(monitor), offered(before))
 
 
-@given(
-    formula=formulas(depth=2, endless=True),
-    trace=traces(most=6),
-    later=traces(least=6, most=6),
-)
+@given(formula=formulas(depth=2, endless=True), trace=traces(most=6), later=traces(least=6, most=6))
 def test_a_cut_trace_is_decided_only_if_each_way_to_go_on_agrees(
     formula: Formula, trace: Trace, later: Trace, backend: Backend
 ) -> None:

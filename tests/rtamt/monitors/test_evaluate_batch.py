@@ -100,13 +100,7 @@ X = "always(sqrt(x) > 1)"
 @pytest.mark.parametrize(
     ("spec", "data", "named", "error", "message"),
     [
-        (
-            X,
-            {"y": [[1]], "z": [[2]]},
-            {},
-            InputError,
-            "No column 'x'. The columns are 'y', 'z'.",
-        ),
+        (X, {"y": [[1]], "z": [[2]]}, {}, InputError, "No column 'x'. The columns are 'y', 'z'."),
         (
             X,
             {"x": [1, 2]},

@@ -342,11 +342,7 @@ def test_a_sample_that_the_trace_has_not_is_refused(
             InputTypeError,
             "expected the time of the first sample in seconds as start, got str '10'",
         ),
-        (
-            math.nan,
-            InputError,
-            "expected a finite time of the first sample as start, got nan",
-        ),
+        (math.nan, InputError, "expected a finite time of the first sample as start, got nan"),
     ],
 )
 def test_a_start_that_is_no_time_is_refused(

@@ -284,10 +284,7 @@ def test_times_may_be_late_or_dates(case: Case) -> None:
         return begin + np.timedelta64(int(seconds * 1e9), "ns")
 
     dated = {name: [(date(t), v) for t, v in events] for name, events in whole.items()}
-    ways: list[tuple[Any, Callable[[float], Any]]] = [
-        (shifted, lambda t: t + late),
-        (dated, date),
-    ]
+    ways: list[tuple[Any, Callable[[float], Any]]] = [(shifted, lambda t: t + late), (dated, date)]
     for whole_there, there in ways:
         other = explain_dense(formula, whole_there, there(time))
         assert [(s.formula, s.time, s.value, s.witness) for s in other.steps] == [

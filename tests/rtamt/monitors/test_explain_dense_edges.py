@@ -268,12 +268,7 @@ FIRST, LAST = "2026-01-01T00:00:00.000000000", "2026-01-02T00:00:00.000000000"
         (NUMBERS, 0, InputError, "expected a time from 1.0 to 3.0, got 0"),
         (NUMBERS, math.nan, InputError, "expected a time from 1.0 to 3.0, got nan"),
         (NUMBERS, 1e300, InputError, "expected a time from 1.0 to 3.0, got 1e+300"),
-        (
-            NUMBERS,
-            10**400,
-            InputError,
-            f"expected a time from 1.0 to 3.0, got 1{'0' * 56}...",
-        ),
+        (NUMBERS, 10**400, InputError, f"expected a time from 1.0 to 3.0, got 1{'0' * 56}..."),
         (NUMBERS, "2", InputTypeError, "expected a time from 1.0 to 3.0, got str '2'"),
         (NUMBERS, [2], InputTypeError, "expected a time from 1.0 to 3.0, got list [2]"),
         (

@@ -670,11 +670,7 @@ def test_lanes_that_are_not_there_are_refused(lanes: list[int], backend: Backend
 
 @pytest.mark.parametrize(
     ("values", "there"),
-    [
-        (np.ones(3), None),
-        (np.ones((2, 2)), None),
-        (np.ones(2), np.ones(3, np.bool_)),
-    ],
+    [(np.ones(3), None), (np.ones((2, 2)), None), (np.ones(2), np.ones(3, np.bool_))],
 )
 def test_values_that_do_not_fit_the_lanes_are_refused(
     values: NDArray[Any], there: NDArray[np.bool_] | None, backend: Backend

@@ -161,10 +161,7 @@ OUT_OF_ORDER = (
             lambda _: OperatorClocks([ONE._replace(event="until")], 1, 2),
             "expected 2 operands for 'until', got 1",
         ),
-        (
-            lambda _: OperatorClocks([ONE._replace(operands=((0, 1),))], 1, 2),
-            OUT_OF_ORDER,
-        ),
+        (lambda _: OperatorClocks([ONE._replace(operands=((0, 1),))], 1, 2), OUT_OF_ORDER),
     ],
 )
 def test_mistakes_are_told(backend: Any, ask: Any, message: str) -> None:  # noqa: ANN401

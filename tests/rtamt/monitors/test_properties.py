@@ -20,17 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 from oracle import episode, horizon, order, robustness
 from profiles import examples
-from strategies import (
-    INFINITIES,
-    TERMS,
-    Trace,
-    chunkings,
-    formulas,
-    length,
-    rooted,
-    sample,
-    traces,
-)
+from strategies import INFINITIES, TERMS, Trace, chunkings, formulas, length, rooted, sample, traces
 
 import rtamt
 from rtamt import EpisodeMonitor, Formula, Monitor, SpecificationError, evaluate
@@ -375,14 +365,7 @@ def test_one_below_a_window_of_one_sample_is_refused(name: str, text: str, symbo
     assert hint == f"  hint: write an end, as in {symbol}[0:10], or use {instead}"
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "always(x > 0)",
-        "always[0:inf](x > 0)",
-        "p = always(x > 0)\np",
-    ],
-)
+@pytest.mark.parametrize("text", ["always(x > 0)", "always[0:inf](x > 0)", "p = always(x > 0)\np"])
 def test_one_at_the_root_is_folded(text: str) -> None:
     fold = max if "eventually" in text else min
     monitor = rtamt.Monitor(text)

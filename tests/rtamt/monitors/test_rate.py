@@ -158,9 +158,7 @@ def test_rates_of_unknown_values_are_unknown() -> None:
 
 @settings(max_examples=30)
 @given(
-    low=st.tuples(VALUES, VALUES),
-    high=st.tuples(VALUES, VALUES),
-    part=st.tuples(VALUES, VALUES),
+    low=st.tuples(VALUES, VALUES), high=st.tuples(VALUES, VALUES), part=st.tuples(VALUES, VALUES)
 )
 def test_rates_of_bounded_values_have_bounds(
     low: tuple[float, float], high: tuple[float, float], part: tuple[float, float]

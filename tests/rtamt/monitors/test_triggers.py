@@ -72,10 +72,7 @@ def test_it_is_as_defined(formula: Formula, trace: Trace, backend: Backend) -> N
 
 
 @settings(max_examples=examples(60))
-@given(
-    formula=requirements(total=False),
-    trace=traces(most=6, values=INFINITIES),
-)
+@given(formula=requirements(total=False), trace=traces(most=6, values=INFINITIES))
 def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> None:
     agrees(formula, trace, backend)
 

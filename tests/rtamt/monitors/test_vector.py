@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 from profiles import examples
 from strategies import INFINITIES, QUARTERS, formulas
 
-from rtamt import (
-    EpisodeMonitor,
-    Formula,
-    Monitor,
-    VectorEpisodeMonitor,
-    VectorMonitor,
-)
+from rtamt import EpisodeMonitor, Formula, Monitor, VectorEpisodeMonitor, VectorMonitor
 from rtamt.inputs.lanes import LaneReader
 from rtamt.machines.backend import BACKENDS
 
