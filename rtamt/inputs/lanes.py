@@ -12,7 +12,8 @@ from rtamt.errors import InputError, InputTypeError, StateError, name_text
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
 from rtamt.inputs.between import Between, out_of_order
 from rtamt.inputs.frames import named_columns
-from rtamt.inputs.samples import NanPolicy, SampleReader, wrong_shape
+from rtamt.inputs.samples import NanPolicy, SampleReader, listed, wrong_shape
+from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program
 
 __all__ = ["Floats", "LaneReader", "Lanes"]
@@ -34,7 +35,7 @@ class LaneReader:
         bounds: Whether what reads the samples gives bounds, so that they need not be known.
     """
 
-    __slots__ = ("_bounds", "_nan", "_num", "_program")
+    __slots__ = ("_bounds", "_nan", "_num", "_program", "intervals_fit")
 
     def __init__(self, program: Program, num: int, nan: NanPolicy, *, bounds: bool = False) -> None:
         SampleReader(program, nan, bounds=bounds)  # checks the policy
@@ -42,6 +43,51 @@ class LaneReader:
         self._num = num
         self._nan = nan
         self._bounds = bounds
+        self.intervals_fit = True
+
+    def update(self, bank: Any, /, values: ArrayLike = (), *args: Any, **named: Any) -> Floats:  # noqa: ANN401 - a machine, and what it takes
+        """Have a bank take in a sample by name, or refuse wrong arguments.
+
+        Raises:
+            InputError: On values in both forms, and as `named` does.
+            InputTypeError: As `named` does.
+            TypeError: On more arguments than ``update`` has.
+        """
+        arguments = ("mask", "upper") if self._bounds else ("mask",)
+        others = dict(zip(arguments, args, strict=False))
+        if len(args) > len(arguments) or others.keys() & named.keys():
+            raise TypeError(f"update() takes values, {' and '.join(arguments)}, each once")
+        others |= {name: named.pop(name) for name in arguments if name in named}
+        if others.get("upper") is not None:
+            raise InputError(
+                "expected upper= beside an array; by name, values that are not known are a "
+                "Between: update(x=Between(lower, upper))"
+            )
+        if not isinstance(values, tuple) or values:
+            raise InputError(
+                "expected values by position or by keyword, got both: an array and "
+                f"{', '.join(named)}{listed(self._program.inputs)}"
+            )
+
+        def held(column: int, default: float) -> Floats:
+            return self._held(bank, column, default)
+
+        least, greatest = self.named(named, ("values", *arguments), held)
+        mask = others.get("mask")
+        result: Floats
+        result = bank.update(least, mask, greatest) if self._bounds else bank.update(least, mask)
+        return result
+
+    def _held(self, bank: Any, column: int, default: float) -> Floats:  # noqa: ANN401 - a machine
+        """Return the value of an absent variable with a default: its last value in each lane."""
+        begun = bank.samples > 0
+        if self._bounds and (unknown := begun & bank.unknown[:, column]).any():
+            raise InputError(
+                f"expected a value for '{self._program.inputs[column]}', whose last value is not "
+                f"known in lane {unknown.argmax()}"
+            )
+        values: Floats = np.where(begun, bank.inputs[:, column], default)
+        return values
 
     def lane(self, lane: int) -> SampleReader:
         """The reader of one lane, whose errors name the lane."""
@@ -188,6 +234,8 @@ class LaneReader:
                 variable, the lane and its sample.
         """
         if upper is not None:
+            if not self.intervals_fit:
+                limit_episode(self._program, self._num, unknown=True)
             self._require_order(table, upper, chosen, samples)
             return table, upper
         if self._nan == "unknown":

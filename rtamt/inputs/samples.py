@@ -320,7 +320,7 @@ class SampleReader:
         ):
             return None
         columns = [data[name] for name in self.variables]
-        length = len(columns[0]) if columns and type(columns[0]) is np.ndarray else -1
+        length = columns[0].size if columns and type(columns[0]) is np.ndarray else -1
         for column in columns:
             if (
                 type(column) is not np.ndarray

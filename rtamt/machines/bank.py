@@ -64,6 +64,11 @@ def _rates(machine: _Machine, values: Sequence[float | Between]) -> list[Any]:
     return machine.reader.rates.of_sample(values, machine.inputs)
 
 
+def _absent(values: object) -> bool:
+    """Return whether values are left out, as they are given by name."""
+    return isinstance(values, tuple) and not values
+
+
 class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
     """Machines on samples in lockstep."""
 
@@ -77,7 +82,11 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
         width = len(self._variables)
         return np.array([_inputs(machine, width) for machine in self._machines])
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
+    def update(
+        self, values: ArrayLike = (), mask: ArrayLike | None = None, **named: object
+    ) -> Floats:
+        if named or _absent(values):
+            return self._reader.update(self, values, mask, **named)
         table, chosen = self._reader.values(values), self._reader.mask(mask)
         lanes = self._chosen(chosen)
         inputs = np.array([_inputs(m, table.shape[1]) for m in self._machines])
@@ -101,8 +110,14 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         self._variables = program.inputs
 
     def update(
-        self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
+        self,
+        values: ArrayLike = (),
+        mask: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        **named: object,
     ) -> Floats:
+        if named or _absent(values):
+            return self._reader.update(self, values, mask, upper, **named)
         table = self._reader.values(values)
         above = None if upper is None else self._reader.values(upper)
         chosen = self._reader.mask(mask)

@@ -250,6 +250,14 @@ class Bank(Stateful, Protocol):
     def inputs(self) -> Floats:
         """The last sample of every lane, the least values where they are not known."""
 
+    @property
+    def update(self) -> Callable[..., Floats]:
+        """Takes in a sample in every lane of a mask; returns every lane's result.
+
+        Its arguments are values, mask and, if it gives bounds, upper values: then a sample lies
+        between the two. Instead of values it takes columns by name.
+        """
+
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes that the mask chooses."""
 
@@ -280,9 +288,6 @@ class ClockBank(Protocol):
 class DiscreteBank(Bank, Protocol):
     """Discrete machines in lockstep."""
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        """Take in a sample in every lane that the mask chooses; return every lane's result."""
-
 
 class EpisodeBank(Bank, Protocol):
     """Episode machines in lockstep, with the attributes of `EpisodeMachine` for every lane.
@@ -292,14 +297,6 @@ class EpisodeBank(Bank, Protocol):
         unknown: Which values of the last samples are not known: a row for each lane, a column for
             each variable.
     """
-
-    def update(
-        self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
-    ) -> Floats:
-        """Take in a sample in every lane that the mask chooses; return every lane's result.
-
-        With upper values a sample lies between the two; without, it is known.
-        """
 
     @property
     def robustness(self) -> Floats: ...

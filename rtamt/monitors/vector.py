@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import Any, ClassVar, SupportsIndex, TypeVar, Unpack
 
 import numpy as np
@@ -11,33 +11,63 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import kind_of
-from rtamt.inputs.between import Between
-from rtamt.inputs.lanes import Floats, LaneReader
-from rtamt.inputs.samples import listed
+from rtamt.inputs.lanes import LaneReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
-from rtamt.monitors.online import EpisodeValues, Late, MachineValue, Sampled, machine_value
+from rtamt.monitors.online import (
+    DirectUpdate,
+    EpisodeValues,
+    Late,
+    MachineValue,
+    Sampled,
+    machine_value,
+)
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
-__all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
-
 _B = TypeVar("_B", bound=Bank)
 
-_ABSENT: Any = ()
-"""The default of values, which may be given by name."""
+_UPDATE = """Take in a sample in every lane of the mask, and return the robustness of all lanes.
+
+A call that raises an error leaves all lanes as they were.
+
+Args:
+    values: An array of shape (num, variables), a row for each lane, columns in the order of
+        ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
+    mask: num booleans: the lanes that take a sample. None: all.{upper}
+    **named: Instead of ``values`` an array of num numbers for each variable, as in
+        ``update(x=[1, 2, 3])``. A variable with a default may be absent, as for `Monitor`.
+
+Returns:
+    A fresh array of shape (num,): for a lane that took a sample, the robustness that the monitor of
+    one signal returns; for others, their last value; nan before the first sample.
+
+Raises:
+    InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan, or a
+        term that is not a number (``sqrt(-1)``), with the lane and its sample.
+    InputTypeError: On values that are not real numbers, or a mask that is not of booleans.{memory}
+    StateError: If a lane that is to take a sample is finished.
+"""
+_UPPER = """
+    upper: The greatest values, in an array of the same shape: then ``values`` are the least, and
+        each value is known only to lie between the two (`Between`); by name, pass a `Between` of
+        two arrays instead. None: the values are known."""
+_MEMORY = """
+    SpecificationError: If samples that are not known would take more memory than
+        `rtamt.limits.window_bytes`."""
 
 _MAX_LANES = 2**24
 """The lanes of more would take gigabytes before their first sample."""
 
 
-class _Lockstep(Sampled[_B]):
+class _Lockstep(DirectUpdate, Sampled[_B]):
     """A monitor of many signals: a row of an array is the sample of a lane."""
 
     __slots__ = ("num",)
 
     _bounds: ClassVar = False
+    update: Callable[..., NDArray[np.float64]]
 
     @listed_in_signature(SampleOptions)
     def __init__(
@@ -49,40 +79,12 @@ class _Lockstep(Sampled[_B]):
     ) -> None:
         self.num = _counted(num)
         self._compile(spec, period, options)
-        self._machine = self._made(
-            LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
-        )
+        reader = LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
+        self._machine = self._made(reader)
+        self.update = self._machine.update
 
     def _made(self, reader: LaneReader) -> _B:
         raise NotImplementedError
-
-    def _named(
-        self, values: object, named: Mapping[str, object], *arguments: str
-    ) -> tuple[Floats, Floats | None]:
-        """The tables of the least and the greatest values for ``update(values, **named)``.
-
-        Raises:
-            InputError: As `LaneReader.named` does, and if values are given in both ways.
-            InputTypeError: As `LaneReader.named` does.
-        """
-        if values is not _ABSENT:
-            raise InputError(
-                "expected values by position or by keyword, got both: an array and "
-                f"{', '.join(named)}{listed(self.variables)}"
-            )
-        reader = LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
-        return reader.named(named, arguments, self._held)
-
-    def _held(self, column: int, default: float) -> Floats:
-        """What a variable that has a default is where it is absent: its last value in each lane."""
-        machine: Any = self._machine
-        begun = machine.samples > 0
-        if self._bounds and (unknown := begun & machine.unknown[:, column]).any():
-            raise InputError(
-                f"expected a value for '{self.variables[column]}', whose last value is not known "
-                f"in lane {unknown.argmax()}"
-            )
-        return np.where(begun, machine.inputs[:, column], default)
 
     def _arguments(self) -> dict[str, Any]:
         return super()._arguments() | {"num": self.num}
@@ -134,35 +136,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         array([1., 2., 2.])
     """
 
-    __slots__ = ()
-
-    def update(
-        self, values: ArrayLike = _ABSENT, mask: ArrayLike | None = None, **named: ArrayLike
-    ) -> NDArray[np.float64]:
-        """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
-
-        A call that raises an error leaves all lanes as they were.
-
-        Args:
-            values: An array of shape (num, variables), a row for each lane, columns in the order
-                of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
-            mask: num booleans: the lanes that take a sample. None: all.
-            **named: In place of ``values`` an array of num numbers for each variable, as in
-                ``update(x=[1, 2, 3])``. A variable with a default may be absent, as for `Monitor`.
-
-        Returns:
-            A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
-            signal gives; for one that did not, the value that it had; nan before its first sample.
-
-        Raises:
-            InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan,
-                or a term that is not a number (``sqrt(-1)``), with the lane and its sample.
-            InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
-            StateError: If a lane that is to take a sample is finished.
-        """
-        if named or values is _ABSENT:
-            values, _ = self._named(values, named, "values", "mask")
-        return self._machine.update(values, mask)
+    __slots__ = {"update": _UPDATE.format(upper="", memory="")}
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
         limit_discrete(self.program, self.num)
@@ -203,66 +177,19 @@ class VectorEpisodeMonitor(
         array([ 4.,  1., -1.])
         >>> e.lower, e.verdict
         (array([  4., -inf, -inf]), array([ 1,  0, -1], dtype=int8))
+
+        >>> e = VectorEpisodeMonitor("always(x > 1)", 2)
+        >>> e.update([[3], [0]], upper=[[5], [4]]), e.finish(), e.upper, e.verdict
+        (array([ 2., -1.]), array([ 2., -1.]), array([4., 3.]), array([1, 0], dtype=int8))
     """
 
-    __slots__ = ("_intervals_fit",)
+    __slots__ = {"update": _UPDATE.format(upper=_UPPER, memory=_MEMORY)}
 
     _bounds: ClassVar = True
 
-    def update(
-        self,
-        values: ArrayLike = _ABSENT,
-        mask: ArrayLike | None = None,
-        *,
-        upper: ArrayLike | None = None,
-        **named: ArrayLike | Between,
-    ) -> NDArray[np.float64]:
-        """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
-
-        A call that raises an error leaves all lanes as they were.
-
-        Args:
-            values: An array of shape (num, variables), a row for each lane, columns in the order
-                of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
-            mask: num booleans: the lanes that take a sample. None: all.
-            upper: The greatest values, in an array of the same shape: then ``values`` are the
-                least, and each value is known only to lie between the two, ends included
-                (`Between`). None: the values are known.
-            **named: As for `VectorMonitor.update`; values that are not known are a `Between` of two
-                arrays, without ``upper``.
-
-        Returns:
-            A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
-            signal gives; for one that did not, the value that it had; nan before its first sample.
-
-        Raises:
-            InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan,
-                a value above its upper one, or a term that is not a number (``sqrt(-1)``), with the
-                lane and its sample.
-            InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
-            SpecificationError: If samples that are not known would take more memory than
-                `rtamt.limits.window_bytes`.
-            StateError: If a lane that is to take a sample is finished.
-
-        Example:
-            >>> e = VectorEpisodeMonitor("always(x > 1)", 2)
-            >>> e.update([[3], [0]], upper=[[5], [4]]), e.finish(), e.upper, e.verdict
-            (array([ 2., -1.]), array([ 2., -1.]), array([4., 3.]), array([1, 0], dtype=int8))
-        """
-        if named or values is _ABSENT:
-            if upper is not None:
-                raise InputError(
-                    "expected upper= beside an array; by name, values that are not known are a "
-                    "Between: update(x=Between(lower, upper))"
-                )
-            values, upper = self._named(values, named, "values", "mask", "upper")
-        if upper is not None and not self._intervals_fit:
-            limit_episode(self.program, self.num, unknown=True)
-        return self._machine.update(values, mask, upper)
-
     def _made(self, reader: LaneReader) -> EpisodeBank:
         limit_episode(self.program, self.num, unknown=self._nan == "unknown")
-        self._intervals_fit = intervals_fit(self.program, self.num)
+        reader.intervals_fit = intervals_fit(self.program, self.num)
         return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(

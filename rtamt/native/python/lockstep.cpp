@@ -134,6 +134,12 @@ nb::object update_discrete(Object<DiscreteBank>& object, nb::handle values, nb::
     return doubles(bank.results(), bank.num());
 }
 
+// The rare forms of an update, which the reader resolves or refuses: values by name.
+template <class O>
+nb::object update_by_name(O& object, const nb::args& args, const nb::kwargs& named) {
+    return object.reader.attr("update")(nb::find(object), *args, **named);
+}
+
 void require_open(const EpisodeObject& object, const std::uint8_t* mask) {
     require(
         object, mask, [&](std::size_t lane) { return !object.machine.finished()[lane]; },
@@ -237,7 +243,8 @@ void bind_banks(nb::module_& m) {
              nb::arg("reader"))
         .def("update", update_discrete, nb::arg("values").none(),
              nb::arg("mask").none() = nb::none(),
-             "Take in a sample in each lane that the mask chooses; return the results of all.");
+             "Take in a sample in each lane that the mask chooses; return the results of all.")
+        .def("update", update_by_name<Object<DiscreteBank>>, nb::arg("args"), nb::arg("named"));
 
     bank_class<BankVariants>(
         m, "EpisodeBank",
@@ -253,6 +260,7 @@ void bind_banks(nb::module_& m) {
              nb::arg("mask").none() = nb::none(), nb::arg("upper").none() = nb::none(),
              "Take in a sample in each lane that the mask chooses, known or between the values and\n"
              "the upper ones; return the results of all.")
+        .def("update", update_by_name<EpisodeObject>, nb::arg("args"), nb::arg("named"))
         .def_prop_ro("robustness", of_lanes<&BankVariants::results>,
                      "The robustness if the episodes ended now.")
         .def_prop_ro("lower", of_lanes<&BankVariants::lower>,

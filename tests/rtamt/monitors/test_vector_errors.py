@@ -74,7 +74,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         "expected an array of numbers for the lanes, got list [[1, 2], [3], [4, 5]]",
     ),
     (
-        lambda v: v.update(None),  # type: ignore[arg-type]
+        lambda v: v.update(None),
         InputTypeError,
         "expected an array of numbers for the lanes, got NoneType None",
     ),
@@ -89,7 +89,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         "expected a mask of 3 booleans, got list [[True], [True, False]]",
     ),
     (
-        lambda v: v.update({"x": 1}),  # type: ignore[arg-type]
+        lambda v: v.update({"x": 1}),
         InputTypeError,
         (
             "expected an array with a row for each lane, got dict {'x': 1}, whose columns have "
@@ -381,7 +381,7 @@ def test_uncertain_columns_are_between(backend: Backend) -> None:
     with pytest.raises(InputError, match="Between"):
         named.update(x=[1, 2], y=[1, 2], upper=[[1, 1], [2, 2]])
     with pytest.raises(InputError, match="known for 'x'"):
-        VectorMonitor("x > 0", 2, backend=backend).update(x=Between([3, 0], [5, 4]))  # type: ignore[arg-type]
+        VectorMonitor("x > 0", 2, backend=backend).update(x=Between([3, 0], [5, 4]))
 
 
 def test_a_default_whose_last_value_is_unknown_is_refused(backend: Backend) -> None:
@@ -419,3 +419,19 @@ def test_messages_are_one_for_each_lane_or_nested_columns(kind: Any, backend: Ba
     assert monitor.update(cmd={"linear": {"x": [3.0, 1.5]}}).tolist() == [2.0, 0.5]
     monitor.reset()
     assert monitor.update(**{"cmd.linear.x": [3.0, 1.5]}).tolist() == [2.0, 0.5]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_own_update_error(kind: Any) -> None:  # noqa: ANN401
+    with pytest.raises(TypeError, match=r"^Doubled\.update would never be called"):
+        type("Doubled", (kind,), {"update": lambda _, values: values})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_too_many_arguments_error(kind: Any, backend: Backend) -> None:  # noqa: ANN401
+    monitor, table = kind(TEXT, 1, backend=backend), [[1.0, 0.0]]
+    with pytest.raises(TypeError):
+        monitor.update(table, None, None, None)
+    with pytest.raises(TypeError):
+        monitor.update(None, None, x=[1.0], mask=None)
+    assert monitor.samples.tolist() == [0]
