@@ -9,14 +9,8 @@ from rtamt import Specification
 from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.online import OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_gym.judging.costs import (
-    Cost,
-    Demand,
-    keyed_costs,
-    measured_demands,
-    options_of_parts,
-    step_costs,
-)
+from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands, step_costs
+from rtamt_gym.judging.monitors import options_of_parts
 from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["ArrayCosts", "CostState"]

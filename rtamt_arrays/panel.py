@@ -16,8 +16,7 @@ from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.monitors import make_monitors
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.monitors import MonitorValues, make_monitors
 from rtamt_gym.options.evaluation import Reading
 
 __all__ = ["ArrayPanel", "PanelState", "Taken"]

@@ -16,11 +16,10 @@ from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.panel import ArrayPanel, PanelState, Taken
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.infos import end_info, spec_state, step_info
-from rtamt_gym.judging.specs import SpecsLike, load_specs
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.infos import end_info, optional_keys, spec_state, step_info
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike, load_specs
 from rtamt_gym.options.evaluation import AtTermination, Reading, View
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
 from rtamt_gym.wrappers.observing import StateFeatures
@@ -99,6 +98,16 @@ class JudgedStep(NamedTuple):
     features: Tensor
 
 
+class _Optional(NamedTuple):
+    """The attributes of a monitor set that optional keys of infos need; see `step_info`."""
+
+    of_instant: Any
+
+    @property
+    def optional_keys(self) -> tuple[tuple[str, str], ...]:
+        return optional_keys(self)
+
+
 class StepJudge:
     """The requirements of an environment.
 
@@ -157,11 +166,6 @@ class StepJudge:
         check_choice("observe", observe, (None, "state"))
         self.observes = observe is not None
         self._shapes = given.get("mode") is not None
-        self._optional = {
-            "stl": self._details,
-            "reward": self._shapes,
-            "stl_of_instant": self._of_instants,
-        }
         shown = given if self._shapes else {**given, "mode": "add"}
         self._shaping = Shaping.of(list(loaded), **shown)
         self.features = StateFeatures(
@@ -174,9 +178,11 @@ class StepJudge:
     @property
     def keys(self) -> frozenset[str]:
         """The keys of the infos."""
-        blank: dict[str, Any] = {**step_info({}, 0, 0, 0, 0), **end_info(0, 0, 0, 0)}
-        added = [name for name, is_there in self._optional.items() if is_there]
-        return frozenset([*blank, *added]) | self._panel.cost_keys
+        own = {"reward": 0} if self._shapes else {}
+        states: Any = {} if self._details else None
+        optional = _Optional(self._of_instants or None)
+        info = step_info(own, 0, 0, 0, 0, optional, states=states) | end_info(0, 0, 0, 0)
+        return frozenset(info) | self._panel.cost_keys
 
     @property
     def metric_keys(self) -> frozenset[str]:
@@ -364,7 +370,7 @@ class StepJudge:
             least(values.lower),
             least(values.upper),
             violated,
-            states if self._details else None,
-            costs,
-            of_instant,
+            _Optional(of_instant),
+            states=states if self._details else None,
+            costs=costs,
         ) | end_info(violated_at, success, undecided, success)

@@ -16,8 +16,7 @@ from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs
-from rtamt_gym.judging.unknown import with_unknown_start
+from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, with_unknown_start
 from rtamt_gym.options.evaluation import EvaluationKeywords, Reading, names_for
 from rtamt_gym.shaping import Mode, ShapingNumbers
 from rtamt_gym.signals.columns import Batch, Floats

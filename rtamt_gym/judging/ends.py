@@ -1,4 +1,4 @@
-"""How the end of an episode is read, and what is told where nobody has said it."""
+"""Warnings about the end of an episode."""
 
 from __future__ import annotations
 
@@ -7,17 +7,9 @@ from collections.abc import Collection, Sequence
 
 from rtamt_gym.checks.callers import caller_level
 
-__all__ = [
-    "CutWindowWarning",
-    "OpenEndWarning",
-    "UnseenEndWarning",
-    "assumed",
-    "warn_of_open_end",
-]
-
 
 class OpenEndWarning(UserWarning):
-    """An environment ended an episode, and so settled what was open.
+    """An environment ended an episode, and so decided an open specification.
 
     Attributes:
         name: The specification that counts as satisfied.
@@ -36,7 +28,7 @@ class OpenEndWarning(UserWarning):
 
 
 class CutWindowWarning(OpenEndWarning):
-    """An environment ended an episode inside a bounded window, and so settled what was open.
+    """An environment ended an episode inside a bounded window, and so decided a specification.
 
     ``eventually(always[0:0.5](done > 0))`` is satisfied by the first sample that is done, if the
     environment ends the episode there and the end counts as complete.
@@ -63,21 +55,21 @@ class UnseenEndWarning(UserWarning):
 
 
 def assumed(satisfied: Sequence[str], windows: Collection[str]) -> tuple[str, bool] | None:
-    """What is to be told of an end that nobody has said the meaning of.
+    """Return the specification to name in a warning about an end without `at_termination`.
 
     Args:
-        satisfied: The specifications that the end has satisfied.
-        windows: Those of which a bounded window reached past the end.
+        satisfied: The specifications that the end satisfied.
+        windows: The specifications with a bounded window that reached past the end.
 
     Returns:
-        The specification to name, and whether a window of it did; None: nothing is.
+        The name, and whether a window of it did; None if there is nothing to warn of.
     """
     cut = [name for name in satisfied if name in windows]
     return next(((name, bool(cut)) for name in cut or satisfied), None)
 
 
 def warn_of_open_end(name: str, *, window: bool = False) -> None:
-    """Warns that a specification counts as satisfied because the environment ended it.
+    """Warn that a specification counts as satisfied because the environment ended the episode.
 
     Args:
         name: The specification.

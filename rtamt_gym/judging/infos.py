@@ -1,33 +1,35 @@
-"""The keys that the wrappers add to ``info``, for one environment and for many.
+"""The keys that the wrappers add to ``info``, for one environment and for a batch.
 
-Every key is written here once; a key that not every environment has gets a `Where`.
+A key of every step is a line in `step_info` or in `_OPTIONAL`; a key of an entry of ``info["stl"]``
+is a line in `spec_state`; a key of the last info of an episode is a line in `last_info`. A key that
+not every environment has gets a `Where`.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from itertools import islice
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-
-__all__ = [
-    "VERDICTS",
-    "Lanewise",
-    "SpecRows",
-    "Where",
-    "end_info",
-    "last_info",
-    "outcome",
-    "present",
-    "spec_state",
-    "step_info",
-]
+from numpy.typing import NDArray
 
 VERDICTS = np.array(["UNDECIDED", "SATISFIED", "VIOLATED"], dtype=object)
 """The names of verdicts: of 0, 1 and -1."""
 
 Lanewise = Any
-"""A value of one environment, or an array with an element for each of many."""
+"""A value of one environment, or an array with an element for each of a batch."""
+
+_OPTIONAL = {"stl_of_instant": "of_instant", "stl_progress": "least_progress"}
+"""Keys of every info that depend on the options: the key, and the attribute of the monitor set."""
+
+
+class HasOptionalKeys(Protocol):
+    """A monitor set: ``optional_keys`` are its rows of `_OPTIONAL`, and do not change."""
+
+    @property
+    def optional_keys(self) -> tuple[tuple[str, str], ...]: ...
 
 
 class Where(NamedTuple):
@@ -38,12 +40,12 @@ class Where(NamedTuple):
 
 
 class SpecRows(NamedTuple):
-    """Values of several specifications in many environments.
+    """Values of several specifications in a batch of environments.
 
     Attributes:
         names: The specifications.
-        found: Arrays with a row for each of them.
-        more: What a specification has beside that, by name.
+        found: Arrays with a row for each specification.
+        more: Further values of a specification, by name.
     """
 
     names: Sequence[str]
@@ -51,7 +53,7 @@ class SpecRows(NamedTuple):
     more: Mapping[str, Mapping[str, Lanewise]]
 
     def by_name(self) -> dict[str, dict[str, Any]]:
-        """The values of each specification."""
+        """Return the values of each specification."""
         return {
             name: {key: _row(value, k) for key, value in self.found.items()}
             | dict(self.more.get(name, {}))
@@ -69,36 +71,46 @@ def step_info(
     lower: Lanewise,
     upper: Lanewise,
     violated: Lanewise,
+    monitors: HasOptionalKeys | None = None,
     states: Mapping[str, Any] | None = None,
     costs: Mapping[str, Lanewise] | None = None,
-    of_instant: Lanewise | None = None,
-    progress: Lanewise | None = None,
     period: Lanewise | None = None,
 ) -> dict[str, Any]:
-    """The info of an environment with the keys that every info has.
+    """Return the info of a step with the keys that every info has.
 
-    ``violated`` says whether a specification is violated; ``states`` has a `spec_state` for each
-    specification; ``of_instant`` is True where the robustness is that of an instant;
-    ``progress`` is that of requirements in stages; ``period`` is told at a reset. States, costs,
-    ``of_instant``, ``progress`` and ``period``, with their keys, are optional.
+    Args:
+        info: The info of the environment.
+        robustness: The robustness of the samples so far.
+        lower: Its lower bound.
+        upper: Its upper bound.
+        violated: Whether a specification is violated.
+        monitors: The monitor set, which has the values of optional keys; None: without them.
+        states: A `spec_state` for each specification, if the info has them.
+        costs: The costs with their keys, if they are measured.
+        period: The period, at a reset.
     """
-    # Key by key: a dictionary of its own, and then one of both, would take twice the time.
-    made = dict(info)
-    made["robustness"] = robustness
-    made["stl_lower"] = lower
-    made["stl_upper"] = upper
-    made["stl_violated"] = violated
-    if of_instant is not None:
-        made["stl_of_instant"] = of_instant
-    if progress is not None:
-        made["stl_progress"] = progress
+    # Key by key: a dictionary of its own, merged with the info, would take twice the time.
+    added = dict(info)
+    added["robustness"] = robustness
+    added["stl_lower"] = lower
+    added["stl_upper"] = upper
+    added["stl_violated"] = violated
+    if monitors is not None:
+        for key, attribute in monitors.optional_keys:
+            added[key] = getattr(monitors, attribute)
     if period is not None:
-        made["stl_period"] = period
+        added["stl_period"] = period
     if states is not None:
-        made["stl"] = states
+        added["stl"] = states
     if costs is not None:
-        made.update(costs)
-    return made
+        added.update(costs)
+    return added
+
+
+def optional_keys(monitors: object) -> tuple[tuple[str, str], ...]:
+    """Return the rows of `_OPTIONAL` whose attribute is not None."""
+    rows = _OPTIONAL.items()
+    return tuple(row for row in rows if getattr(monitors, row[1], None) is not None)
 
 
 def spec_state(
@@ -109,17 +121,16 @@ def spec_state(
     of_instant: Lanewise | None = None,
     progress: Lanewise | None = None,
 ) -> dict[str, Any]:
-    """The state of one specification, an entry of ``info["stl"]``.
+    """Return the state of one specification, an entry of ``info["stl"]``.
 
-    ``of_instant``, True where the robustness is that of an instant, and ``progress``, of a
-    requirement in stages, are optional.
+    ``of_instant`` is None with ``view="episode"``, ``progress`` without stages.
     """
-    made = {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
+    state = {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
     if of_instant is not None:
-        made["of_instant"] = of_instant
+        state["of_instant"] = of_instant
     if progress is not None:
-        made["progress"] = progress
-    return made
+        state["progress"] = progress
+    return state
 
 
 def outcome(
@@ -140,7 +151,7 @@ def outcome(
         settled_at: The sample that decided the verdict, or the last one if only the end did.
         decided: Whether a sample decided the verdict.
         ended: Whether only the end did.
-        by_end: Whether the verdict is -1 beside a robustness that holds.
+        by_end: Whether the verdict is -1 although the robustness holds.
     """
     return {
         "robustness": robustness,
@@ -161,7 +172,7 @@ def last_info(
     undecided: Lanewise,
     reported: Lanewise,
 ) -> dict[str, Any]:
-    """The keys that only the last info of an episode has.
+    """Return the keys that only the last info of an episode has.
 
     Args:
         outcomes: An `outcome` for each specification.
@@ -169,8 +180,8 @@ def last_info(
         violated_by: The specification that was violated first, if one is.
         violated_at: The sample that showed it, or the last one if only the end did.
         success: Whether all specifications are satisfied.
-        undecided: Whether the verdict on one is open.
-        reported: Whether the environment has its own ``is_success``, which is kept.
+        undecided: Whether a verdict is undecided.
+        reported: Whether the environment has its own ``is_success``, which stays.
     """
     return {
         "stl_episode": outcomes,
@@ -187,7 +198,7 @@ def last_info(
 def end_info(
     violated_at: Lanewise, success: Lanewise, undecided: Lanewise, is_success: Lanewise
 ) -> dict[str, Any]:
-    """The keys of the last info of an episode that are numbers or truth values."""
+    """Return the keys of the last info of an episode that are numbers or truth values."""
     return {
         "stl_violated_at": violated_at,
         "stl_success": success,
@@ -197,13 +208,78 @@ def end_info(
 
 
 def present(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Copies the info of one environment, without the keys that are not there."""
-    made = {}
+    """Return the info of one environment, without the keys that are not there."""
+    there = {}
     for key, value in info.items():
         if isinstance(value, dict):
-            made[key] = present(value)
+            there[key] = present(value)
         elif not isinstance(value, Where):
-            made[key] = value
+            there[key] = value
         elif value.there:
-            made[key] = value.value
-    return made
+            there[key] = value.value
+    return there
+
+
+def record(
+    outcomes: Mapping[str, Any] | SpecRows,
+    violated: Lanewise,
+    violated_by: Lanewise,
+    violated_at: Lanewise,
+    samples: Lanewise,
+    terminated: Lanewise,
+    truncated: Lanewise,
+) -> dict[str, Any]:
+    """Return an entry of ``stl_episodes``, or several; the arguments are those of `last_info`."""
+    return {
+        "samples": samples,
+        "terminated": terminated,
+        "truncated": truncated,
+        "specs": outcomes,
+        "violated_by": Where(violated, violated_by),
+        "violated_at": Where(violated, violated_at),
+    }
+
+
+class EpisodeRecords:
+    """The records of the last ``length`` episodes that ended in a vector environment.
+
+    It keeps the arrays of `record`, one set for each step that ended episodes: Python values of all
+    would take longer than the step.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._count = 0
+        self._steps: deque[tuple[NDArray[np.integer[Any]], dict[str, Any]]] = deque()
+
+    def append(self, envs: NDArray[np.integer[Any]], records: dict[str, Any]) -> None:
+        """Add the records of the environments with these numbers; drop the oldest records."""
+        self._steps.append((envs, records))
+        self._count += len(envs)
+        while self._steps and self._count - len(self._steps[0][0]) >= self._length:
+            self._count -= len(self._steps.popleft()[0])
+
+    def newest(self) -> deque[dict[str, Any]]:
+        """Return the records, the newest last, each with the number of the environment, ``env``."""
+        held = ((envs, records, i) for envs, records in self._steps for i in range(len(envs)))
+        surplus = max(self._count - self._length, 0)
+        return deque(
+            (
+                {"env": int(envs[i]), **present(_element(records, i))}
+                for envs, records, i in islice(held, surplus, None)
+            ),
+            self._length,
+        )
+
+
+def _element(value: Any, i: int) -> Any:  # noqa: ANN401
+    """Return element i of all arrays in a record."""
+    match value:
+        case Where():
+            return Where(value.there[i], value.value.item(i))
+        case SpecRows():
+            return _element(value.by_name(), i)
+        case dict():
+            return {key: _element(part, i) for key, part in value.items()}
+        case _:
+            return value[i] if value.dtype == np.float64 else value.item(i)

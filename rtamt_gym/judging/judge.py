@@ -1,18 +1,15 @@
-"""What is judged and how; and `Judge`, which has checked and compiled it once for many runs."""
+"""Specifications that are checked and compiled once for many runs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import rtamt
+from rtamt import Asked, End, Evidence, Implications, Specification, Verdict
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.questions import Questions
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.signals.signals import SignalLike
-
-__all__ = ["Judge", "Judging"]
 
 
 class Judging(NamedTuple):
@@ -20,32 +17,88 @@ class Judging(NamedTuple):
 
     Attributes:
         specs: The specifications by name.
-        signals: What their variables read, as far as it was given.
-        reading: How samples are judged.
+        signals: The signals of their variables that a call sets.
+        reading: The evaluation options.
     """
 
-    specs: Mapping[str, rtamt.Specification]
+    specs: Mapping[str, Specification]
     signals: Mapping[str, SignalLike] | None
     reading: Reading
 
 
-class Judge:
-    """Specifications and how samples are judged, checked and compiled once for many runs.
+class Questions:
+    """Counts how often runs trigger the implications of specifications.
 
-    Attributes:
-        specs: The specifications by name.
-        reading: How samples are judged.
-        variables: The names that the specifications read, each once.
-        period: Seconds between samples; None where bounds count samples.
-        questions: Counts how often runs put the specifications to the test.
+    It is false without an implication: then nothing needs to keep samples.
 
     Args:
         specs: The specifications by name.
-        reading: How samples are judged, with the period of the samples.
+        reading: The evaluation options, with the period.
 
-    Raises:
-        SpecificationError: As `Panel` does.
-        InputError: As `Panel` does.
+    Example:
+        >>> specs = {"answered": rtamt.parse("always(req > 3 implies gnt > 3)")}
+        >>> questions = Questions(specs, Reading())
+        >>> verdicts = {"answered": rtamt.Verdict.SATISFIED}
+        >>> samples = {"req": [0.0, 5.0], "gnt": [0.0, 4.0]}
+        >>> evidence = questions.answers(samples, 2, "cut", verdicts)
+        >>> evidence["answered"].asked[0].occasions
+        1
+    """
+
+    def __init__(self, specs: Mapping[str, Specification], reading: Reading) -> None:
+        step = reading.view == "step"  # the verdict is about every instant
+        self._implications = {
+            name: Implications(specs[name].always() if step else specs[name], **options)
+            for name, options in reading.of_monitors(specs).items()
+        }
+        self._any = any(map(bool, self._implications.values()))
+        self._without = {
+            name: implications.evidence({}, verdict=Verdict.UNDECIDED)
+            for name, implications in self._implications.items()
+            if not implications
+        }
+
+    def __bool__(self) -> bool:
+        return self._any
+
+    def answers(
+        self,
+        samples: Mapping[str, Any],
+        n: int | None,
+        end: AtTermination | End | None,
+        verdicts: Mapping[str, Verdict],
+    ) -> Mapping[str, Evidence[Asked]]:
+        """Return the evidence of the verdict on each specification.
+
+        Args:
+            samples: The values of every variable, by name; none without an implication.
+            n: The number of samples; None: the number of values.
+            end: The end mode; None if the run was stopped.
+            verdicts: The verdict on each specification.
+        """
+        if not self._any:
+            return self._without
+        # Nothing follows an end that is a failure.
+        mode: End = "complete" if end == "failure" else end or "open"
+        return {
+            name: self._implications[name].evidence(samples, mode, verdict, n=n)
+            for name, verdict in verdicts.items()
+        }
+
+
+class Judge:
+    """Specifications and evaluation options, checked and compiled once for many runs.
+
+    Attributes:
+        specs: The specifications by name.
+        reading: The evaluation options.
+        variables: The variables of the specifications, without repetition.
+        period: Seconds between samples; None if bounds count samples.
+        questions: Counts how often runs trigger the specifications.
+
+    Args:
+        specs: The specifications by name.
+        reading: The evaluation options, with the period of the samples.
 
     Example:
         >>> judge = Judge({"near": rtamt.parse("always(x < 1)")}, Reading())
@@ -57,7 +110,7 @@ class Judge:
         (True, 0)
     """
 
-    def __init__(self, specs: Mapping[str, rtamt.Specification], reading: Reading) -> None:
+    def __init__(self, specs: Mapping[str, Specification], reading: Reading) -> None:
         self.specs, self.reading = specs, reading
         self.variables = tuple(
             dict.fromkeys(name for spec in specs.values() for name in spec.variables)
@@ -67,7 +120,7 @@ class Judge:
         self.questions = Questions(specs, reading)
 
     def begin(self) -> Panel:
-        """The monitors for a run that begins: taken from a run that is over, or new ones."""
+        """Return the monitors for a run: those of a finished run, or new ones."""
         if not self._free:
             return Panel(self.specs, self.reading)
         panel = self._free.pop()
@@ -75,5 +128,5 @@ class Judge:
         return panel
 
     def end(self, panel: Panel) -> None:
-        """Takes back the monitors of a run that is over and of which nobody reads any more."""
+        """Take back the monitors of a finished run, for another run."""
         self._free.append(panel)

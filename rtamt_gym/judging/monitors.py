@@ -3,27 +3,74 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 
 import numpy as np
 
 import rtamt
-from rtamt import InputError, RtamtError
-from rtamt.errors import Argument
-from rtamt_gym.judging.first_sample import first_sample_error
+from rtamt import (
+    EpisodeMonitor,
+    Explanation,
+    Formula,
+    InputError,
+    Monitor,
+    RtamtError,
+    SemanticsName,
+    Specification,
+    SpecificationError,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+    Verdict,
+)
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.shaping import Numeric
+from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
+    from rtamt_gym.judging.infos import Lanewise
     from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = [
-    "InstantMonitor",
-    "VectorInstantMonitor",
-    "machine_state",
-    "make_monitors",
-    "require_known",
-]
+EXACT: tuple[SemanticsName, ...] = ("standard", "boolean")
+"""The semantics in which every predicate counts, so that the sign of a robustness decides."""
+
+
+class Owed(NamedTuple):
+    """The state of an operator: floats, or arrays of a batch.
+
+    Attributes:
+        clock: From 0 to 1.
+        margins: The robustness of its operands.
+    """
+
+    clock: Any
+    margins: tuple[Any, ...]
+
+
+class MonitorValues(NamedTuple, Generic[Numeric]):
+    """The values of monitors after a sample: per specification a float, or an array of a batch.
+
+    Attributes:
+        robustness: The robustness, of the newest instant with ``view="step"``.
+        judged: The robustness of the episode.
+        lower: The lower bounds of ``judged``.
+        upper: The upper bounds of ``judged``.
+        verdicts: The verdicts on the episode: 1 satisfied, -1 violated, 0 undecided.
+        samples: Samples since the reset.
+        owed: The pending obligations per specification; None if nothing tracks them.
+    """
+
+    robustness: list[Numeric]
+    judged: list[Numeric]
+    lower: list[Numeric]
+    upper: list[Numeric]
+    verdicts: list[Numeric]
+    samples: Lanewise
+    owed: list[list[Owed]] | None = None
 
 
 class InstantMonitor:
@@ -35,20 +82,14 @@ class InstantMonitor:
         judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
     """
 
-    def __init__(
-        self,
-        spec: rtamt.Specification,
-        *,
-        history: bool = False,
-        **options: Any,  # noqa: ANN401 - of `rtamt.EpisodeMonitor`
-    ) -> None:
-        self._instant = rtamt.Monitor(spec, **options)
-        self._sofar = rtamt.EpisodeMonitor(spec, **options)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), history=history, **options)
+    def __init__(self, spec: Specification, *, history: bool = False, **options: Any) -> None:  # noqa: ANN401 - of `EpisodeMonitor`
+        self._instant = Monitor(spec, **options)
+        self._sofar = EpisodeMonitor(spec, **options)
+        self.judge = EpisodeMonitor(spec.always(), history=history, **options)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
-        """Feeds one sample; returns the robustness."""
+        """Take one sample; return the robustness."""
         robustness = self._instant.update(*values)
         self.judge.update(*values)
         if math.isnan(robustness):
@@ -65,29 +106,24 @@ class InstantMonitor:
 
     def restore(self, state: tuple[Any, ...]) -> None:
         states, self.robustness = state
-        for monitor, held in zip(self._parts(), states, strict=True):
-            monitor.__setstate__(held)
+        for monitor, part in zip(self._parts(), states, strict=True):
+            monitor.__setstate__(part)
 
-    def _parts(self) -> list[rtamt.Monitor | rtamt.EpisodeMonitor]:
+    def _parts(self) -> list[Monitor | EpisodeMonitor]:
         return [self._instant, self._sofar, self.judge]
 
 
 class VectorInstantMonitor:
-    """The vector twin of `InstantMonitor`: its numbers are arrays, one element an environment."""
+    """`InstantMonitor` for a batch: its numbers are arrays with an element per environment."""
 
-    def __init__(
-        self,
-        spec: rtamt.Specification,
-        num: int,
-        **options: Any,  # noqa: ANN401 - of `rtamt.EpisodeMonitor`
-    ) -> None:
-        self._instant = rtamt.VectorMonitor(spec, num, **options)
-        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, **options)
-        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, **options)
+    def __init__(self, spec: Specification, num: int, **options: Any) -> None:  # noqa: ANN401
+        self._instant = VectorMonitor(spec, num, **options)
+        self._sofar = VectorEpisodeMonitor(spec, num, **options)
+        self.judge = VectorEpisodeMonitor(spec.always(), num, **options)
         self.robustness = np.full(num, np.nan)
 
     def update(self, values: Floats, mask: Lanes | None = None) -> Floats:
-        """Feeds one sample to the environments of the mask; returns the robustness."""
+        """Take one sample of the environments in the mask; return the robustness."""
         robustness = self._instant.update(values, mask)
         self.judge.update(values, mask)
         early = np.isnan(robustness)
@@ -98,62 +134,32 @@ class VectorInstantMonitor:
         return robustness
 
     def reset(self, mask: Lanes | None = None) -> None:
-        """Forgets every sample of the environments of the mask; None: of all."""
         for monitor in (self._instant, self._sofar, self.judge):
             monitor.reset(mask)
 
 
-def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
-    """The state of a monitor, for ``__setstate__`` of one of the same specification."""
-    return monitor.__reduce__()[2]
-
-
-def require_known(reading: Reading, asked: Argument) -> None:
-    """Refuses what needs robustness of instants where samples may be unknown.
-
-    Args:
-        reading: How samples are judged.
-        asked: What needs it.
-
-    Raises:
-        InputError: If samples may be unknown.
-    """
-    if reading.nan == "unknown":
-        raise InputError(
-            Argument("nan", "unknown"),
-            " leaves a robustness between two bounds, and ",
-            asked,
-            " needs that of every instant; expected ",
-            Argument("nan", "raise"),
-            " or ",
-            Argument("nan", "hold"),
-            " with it",
-        )
-
-
 def make_monitors(
-    specs: Mapping[str, rtamt.Specification],
+    specs: Mapping[str, Specification],
     reading: Reading,
     of_episode: Callable[..., Any],
     of_instants: Callable[..., Any],
 ) -> dict[str, tuple[Any, Any]]:
-    """Makes the monitors of each specification: ``(robustness source, judge)``.
+    """Return the monitors of each specification: ``(robustness source, judge)``.
 
-    The source is fed, and gives the robustness; the judge gives bounds and verdict of the episode,
-    and is the source itself or fed by it.
+    The source takes the samples and gives the robustness. The judge gives bounds and verdict of the
+    episode; it is the source itself, or the source updates it.
 
     Args:
         specs: Specifications by name.
-        reading: How samples are judged.
+        reading: The evaluation options.
         of_episode: Makes the monitor of a specification for ``view="episode"``.
         of_instants: Makes the monitor of a specification for ``view="step"``.
 
     Raises:
-        SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
-            the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
+        SpecificationError: If a bound is not a multiple of the period; if the formula is about the
+            first sample only and ``view`` is ``"episode"``; or if it has an unbounded future and
             ``view`` is ``"step"``.
-        InputError: If the inputs and outputs do not fit; a note names the specification if there
-            are several.
+        InputError: If inputs and outputs do not fit; a note names one of several specifications.
     """
     monitors: dict[str, tuple[Any, Any]] = {}
     view = reading.view
@@ -172,3 +178,141 @@ def make_monitors(
             raise
         monitors[name] = source, source.judge if view == "step" else source
     return monitors
+
+
+def options_of_parts(
+    specs: Mapping[str, Specification], parts: Sequence[Specification], reading: Reading
+) -> list[dict[str, Any]]:
+    """Return the keywords of the monitors of parts of specifications."""
+    # Together with the specifications, so that a part takes from their inputs and outputs its own.
+    numbered = {str(number): part for number, part in enumerate(parts)}
+    both = {f"specification {name}": spec for name, spec in specs.items()} | numbered
+    options = reading.of_monitors(both)
+    return [options[number] for number in numbered]
+
+
+def bare(spec: Specification, formula: Formula) -> Specification:
+    """Return a part of a specification, without named formulas that its monitor would keep."""
+    return replace(spec, formulas={}, uses={}).with_result(formula)
+
+
+def require_known(reading: Reading, asked: Argument) -> None:
+    """Raise InputError if samples may be unknown, for ``asked`` needs every robustness."""
+    if reading.nan == "unknown":
+        raise InputError(
+            Argument("nan", "unknown"),
+            " leaves a robustness between two bounds, and ",
+            asked,
+            " needs that of every instant; expected ",
+            Argument("nan", "raise"),
+            " or ",
+            Argument("nan", "hold"),
+            " with it",
+        )
+
+
+def first_sample_error(what: str, spec: Specification, way: object) -> SpecificationError:
+    """Return the error about a requirement that is about the first sample only.
+
+    Args:
+        what: Names the specification.
+        spec: The specification.
+        way: The argument that requires it at every sample, a text or an `Argument`.
+    """
+    way_out = f"write always({shorten(str(spec.formula), 60)}) or "
+    if spec.requirement is not None and spec.id is not None:
+        way_out = f"its id makes it a requirement by itself: remove the id, {way_out}"
+    elif spec.requirement is not None:
+        way_out = (
+            "no other formula uses it, so that it is a requirement by itself: use it in another, "
+            + way_out
+        )
+    return SpecificationError(f"{what} speaks of the first sample only; {way_out}", way)
+
+
+def machine_state(monitor: Monitor | EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
+    """Return the state of a monitor, for ``__setstate__`` of one of the same specification."""
+    return monitor.__reduce__()[2]
+
+
+def picked(
+    indices: Sequence[int],
+) -> tuple[int, Callable[[Sequence[float]], tuple[float, ...]] | None]:
+    """Return the only index; or -1 and a function that takes the elements at all indices."""
+    if len(indices) == 1:
+        return indices[0], None
+    return -1, itemgetter(*indices) if indices else lambda _: ()
+
+
+def pick(columns: list[int]) -> slice | list[int]:
+    """Return the index of columns in a table: a slice, which copies nothing, if they adjoin."""
+    if columns and columns == list(range(columns[0], columns[-1] + 1)):
+        return slice(columns[0], columns[-1] + 1)
+    return columns
+
+
+def robustness_text(
+    value: float, semantics: SemanticsName, verdict: Verdict, form: str = ".6g"
+) -> str:
+    """Return a robustness as text; for 0 with the meaning of its sign, if that is known.
+
+    Example:
+        >>> undecided = rtamt.Verdict.UNDECIDED
+        >>> [robustness_text(value, "standard", undecided) for value in (0.5, 0.0, -0.0)]
+        ['0.5', '0, holds', '0, violated']
+        >>> robustness_text(0.0, "input-vacuity", undecided)
+        '0'
+    """
+    if value != 0.0:
+        return format(value, form)
+    if verdict == 0 and semantics not in EXACT:
+        return "0"
+    return "0, holds" if rtamt.holds(value) else "0, violated"
+
+
+def described(spec: Specification, judge: EpisodeMonitor) -> str:
+    """Return the formula of a judge, with its semantics if it is not the standard one."""
+    interface = judge.interface
+    if interface.semantics == "standard":
+        return str(spec.formula)
+    words = [str(interface.semantics)]
+    words += [f"input {name}" for name in interface.inputs]
+    words += [f"output {name}" for name in interface.outputs]
+    return f"{spec.formula} under {', '.join(words)}"
+
+
+def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str | None) -> str:
+    """Return the name of the specification to explain.
+
+    Args:
+        name: The requested name; None for the specification that was violated first, otherwise the
+            first with the minimum robustness.
+        robustness: The robustness of each specification.
+        violated_by: The specification that was violated first, or None.
+
+    Raises:
+        InputError: If there is no such specification.
+
+    Example:
+        >>> chosen(None, {"near": 0.5, "slow": 0.0, "upright": -0.0}, None)
+        'upright'
+    """
+    if name is None:
+        if violated_by is not None:
+            return violated_by
+        return min(robustness, key=lambda n: (robustness[n], math.copysign(1.0, robustness[n])))
+    if name not in list(robustness):  # a list also compares what has no hash
+        raise InputError(
+            f"expected the name of a specification, got {name!r}; the specifications are "
+            f"{listing(robustness)}{nearest(name, robustness)}"
+        )
+    return name
+
+
+def titled(explanation: Explanation, name: str, formula: object) -> Explanation:
+    """Return the explanation with this name for a formula without one."""
+    steps: Iterable[Any] = (
+        replace(step, name=name) if step.formula is formula and step.name is None else step
+        for step in explanation.steps
+    )
+    return replace(explanation, steps=tuple(steps))

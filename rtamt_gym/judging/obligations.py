@@ -1,13 +1,13 @@
-"""What the temporal operators of a specification owe: found in its formula.
+"""Pending obligations: the temporal operators inside a specification, and their clocks.
 
-A robustness and its bounds are about the whole formula. They do not tell how old a request is that
-waits for its grant, or how long a goal has been held that must be held for five seconds. That is in
-the operators below the top, each of which is asked for its value at many instants. The instants at
-which an operator is asked follow from the formula around it:
+A robustness and its bounds are about the formula. They do not show how old an unanswered request
+is, or how long a goal has been held that must be held for five seconds. This is in the operators
+below the top, whose values count at many instants. The formula around an operator gives these
+instants:
 
-| where it stands | it is asked at |
+| position | instants |
 |---|---|
-| below no other temporal operator | the first instant |
+| below no other temporal operator | the first |
 | below ``always`` or another temporal operator | every instant |
 | ``p implies it``, ``not p or it`` below ``always`` | the instants at which p holds |
 | ``p and it`` below ``eventually`` | the instants at which p holds |
@@ -15,35 +15,51 @@ which an operator is asked follow from the formula around it:
 those at which it does not |
 | ``next it`` | one instant later |
 
-p is a formula without a future; one that looks ahead narrows nothing. Below ``always`` every
-instant counts that is asked, below ``eventually`` one is enough, and ``not`` exchanges the two.
-So an operator has one of three clocks, each a fraction of its window:
+p is a formula without a future; a p that looks ahead narrows nothing. Below ``always`` every such
+instant counts, below ``eventually`` one is enough, and ``not`` exchanges the two. So an operator
+has one of three clocks, each a fraction of its window:
 
 | clock | of | 0 | 1 |
 |---|---|---|---|
 | ``"oldest"`` | what must come to pass (``eventually``, ``until`` below ``always``), and what \
 must last (``always``, ``unless`` below ``eventually``) | nothing is pending | overdue; done |
 | ``"newest"`` | what must last (``always``, ``unless`` below ``always``), and what may come to \
-pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | just asked |
+pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | just triggered |
 | ``"last"`` | the past: ``once``, ``since``, ``historically``, ``prev``, ``rise``, ``fall`` | \
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
-`rtamt.OperatorClocks` says how each is counted.
+`rtamt.OperatorClocks` defines how each counts. The margin of an operand is its newest known
+robustness, 0 while there is none.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+import numpy as np
 
 import rtamt
-from rtamt import ClockKind, Formula
+from rtamt import (
+    ClockEvent,
+    ClockKind,
+    Formula,
+    Monitor,
+    OperatorClock,
+    OperatorClocks,
+    Specification,
+    VectorMonitor,
+)
+from rtamt_gym.judging.monitors import Owed, bare, options_of_parts, pick, picked
 from rtamt_gym.options.evaluation import Reading
 
-__all__ = ["Instants", "Obligation", "bare", "obligations_of"]
+if TYPE_CHECKING:
+    from rtamt_gym.signals.columns import Floats, Lanes
+
+_M = TypeVar("_M", Monitor, VectorMonitor)
 
 _PAST = {"once", "historically", "since", "prev", "s_prev", "rise", "fall"}
 _FUTURE = {"eventually", "always", "until", "unless", "next", "s_next"}
@@ -52,7 +68,7 @@ _NEIGHBOURS = {"next", "s_next", "prev", "s_prev", "rise", "fall"}
 
 
 class Instants(Enum):
-    """The instants at which an operator is asked, where no formula says it."""
+    """Instants that need no formula."""
 
     EVERY = "every"
     FIRST = "first"
@@ -64,11 +80,11 @@ class Obligation:
 
     Attributes:
         formula: The operator with its operands.
-        kind: What its clock counts from.
-        begin: The begin of its window, in samples.
-        end: The end of its window; None if it has none.
-        asked: The instants at which its value counts; a formula without a future, or one of
-            `Instants`.
+        kind: What its clock counts.
+        begin: The start of its window, in samples.
+        end: The end of its window; None if it is unbounded.
+        asked: The instants at which its value counts: where a formula without a future holds, or
+            one of `Instants`.
     """
 
     formula: Formula
@@ -79,24 +95,23 @@ class Obligation:
 
     @property
     def name(self) -> str:
-        """The name of the operator."""
         return _name(self.formula)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The formulas that it is about."""
         return _parts(self.formula)
 
     @property
     def parts(self) -> tuple[Formula, ...]:
-        """All formulas whose values its clock needs."""
+        """The formulas whose values its clock needs."""
         return self.operands if isinstance(self.asked, Instants) else (*self.operands, self.asked)
 
 
-def obligations_of(spec: rtamt.Specification, reading: Reading) -> list[Obligation]:
-    """The temporal operators below the outermost one, in the order of the text.
+def obligations_of(spec: Specification, reading: Reading) -> list[Obligation]:
+    """Return the temporal operators below the outermost one, in the order of the text.
 
-    An operator whose operand has a future without end is left out: the operand is never known.
+    An operator whose operand has an unbounded future is left out, because the operand is never
+    known.
     """
     top = spec.formula
     while _name(top) == "not":
@@ -116,12 +131,12 @@ def obligations_of(spec: rtamt.Specification, reading: Reading) -> list[Obligati
 
 
 _Found = tuple[Formula, bool, Formula | Instants]
-"""An operator, whether every instant that is asked counts, and the instants."""
+"""An operator, whether every one of its instants counts, and these instants."""
 
 
 def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
-    """The temporal operators of a formula."""
-    if not any(_name(each) in _PAST | _FUTURE for each in node.nodes()):
+    """Yield the temporal operators of a formula."""
+    if not any(_name(part) in _PAST | _FUTURE for part in node.nodes()):
         return
     name, parts = _name(node), _parts(node)
     match name:
@@ -129,33 +144,33 @@ def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> I
             yield from _asked_in(parts[0], universal=not universal, asked=asked)
         case "and" | "or":
             for part in parts:
-                beside = [each for each in parts if each is not part and not _looks_ahead(each)]
+                others = [other for other in parts if other is not part and not _looks_ahead(other)]
                 if universal is not (name == "or"):
-                    beside = []  # the part counts whatever they are
+                    others = []  # the part counts whatever they are
                 elif name == "or":
-                    beside = [_negated(each) for each in beside]
-                narrowed = _narrowed(asked, beside)
+                    others = [_negated(other) for other in others]
+                narrowed = _narrowed(asked, others)
                 yield from _asked_in(part, universal=universal, asked=narrowed)
         case "implies":
-            whole = rtamt.disjunction((~parts[0], parts[1]))
-            yield from _asked_in(whole, universal=universal, asked=asked)
+            equal = rtamt.disjunction((~parts[0], parts[1]))
+            yield from _asked_in(equal, universal=universal, asked=asked)
         case "iff" | "xor":
             left, right = parts
             right = right if name == "iff" else ~right
-            # Of what is equal to these, the one in whose parts the other side says when.
-            whole = (left & right) | (~left & ~right)
+            # Of the equal formulas, one whose parts name the instants of the other side.
+            equal = (left & right) | (~left & ~right)
             if universal:
-                whole = left.implies(right) & (~left).implies(~right)
-            yield from _asked_in(whole, universal=universal, asked=asked)
+                equal = left.implies(right) & (~left).implies(~right)
+            yield from _asked_in(equal, universal=universal, asked=asked)
         case _:
             yield node, universal, asked
             yield from _asked_below(node, universal=universal, asked=asked)
 
 
 def _asked_below(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
-    """The temporal operators in the operands of one."""
+    """Yield the temporal operators in the operands of one."""
     name, parts = _name(node), _parts(node)
-    # In both operands of until the first must last, the second must come to pass.
+    # The first operand of until must last, the second must come to pass.
     below = [name in {"always", "historically"}] if len(parts) == 1 else [True, False]
     if name in _NEIGHBOURS:
         below = [universal]
@@ -165,7 +180,7 @@ def _asked_below(node: Formula, *, universal: bool, asked: Formula | Instants) -
 
 
 def _narrowed(asked: Formula | Instants, conditions: Iterable[Formula]) -> Formula | Instants:
-    """The instants at which these hold too."""
+    """Return the instants at which these conditions hold too."""
     conditions = list(conditions)
     if asked is Instants.FIRST or not conditions:
         return asked
@@ -177,22 +192,20 @@ def _negated(formula: Formula) -> Formula:
 
 
 def _later(asked: Formula | Instants) -> Formula:
-    """The instants after those."""
+    """Return the instants one sample later."""
     if isinstance(asked, Instants):
         every = rtamt.parse("true").formula
         asked = every if asked is Instants.EVERY else ~every.prev(strong=True)
     return asked.prev(strong=True)
 
 
-def _window(
-    spec: rtamt.Specification, formula: Formula, reading: Reading
-) -> tuple[int, int | None]:
-    """The window of an operator as numbers of samples."""
+def _window(spec: Specification, formula: Formula, reading: Reading) -> tuple[int, int | None]:
+    """Return the window of an operator, in samples."""
     if _name(formula) in _NEIGHBOURS:
         return 1, 1
     if formula.interval is None:
         return 0, None
-    # As an operator that is its window, over a predicate that nothing simplifies.
+    # The same window over a predicate that nothing simplifies.
     text = f"eventually{formula.interval}({spec.variables[0]} > 0)"
     alike = rtamt.parse(text, unit=spec.unit).formula
     program = rtamt.EpisodeMonitor(bare(spec, alike), reading.period, align=reading.align).program
@@ -200,11 +213,6 @@ def _window(
         return 0, 0
     window = program.window(program.result)
     return window.lo or 0, window.hi
-
-
-def bare(spec: rtamt.Specification, formula: Formula) -> rtamt.Specification:
-    """A part of a specification, without the names that its monitor would keep beside it."""
-    return replace(spec, formulas={}, uses={}).with_result(formula)
 
 
 def _name(node: Any) -> str:  # noqa: ANN401 - a formula, or a term in one
@@ -217,4 +225,161 @@ def _parts(node: Formula) -> tuple[Formula, ...]:
 
 
 def _looks_ahead(node: Formula) -> bool:
-    return any(_name(each) in _FUTURE for each in node.nodes())
+    return any(_name(part) in _FUTURE for part in node.nodes())
+
+
+class _Obligations(Generic[_M]):
+    """The clocks of several specifications.
+
+    Attributes:
+        found: The operators of each specification.
+
+    Args:
+        judged: The specification of each judge, by name.
+        reading: The evaluation options.
+        make: Makes the monitor of a formula whose values clocks need.
+        num: The number of environments.
+    """
+
+    def __init__(
+        self,
+        judged: Mapping[str, Specification],
+        reading: Reading,
+        make: Callable[..., _M],
+        num: int,
+    ) -> None:
+        self.found = [obligations_of(spec, reading) for spec in judged.values()]
+        parts = {
+            (place, part): bare(spec, part)
+            for place, (spec, obligations) in enumerate(
+                zip(judged.values(), self.found, strict=True)
+            )
+            for obligation in obligations
+            for part in obligation.parts
+        }
+        options = options_of_parts(judged, list(parts.values()), reading)
+        self._monitors: list[_M] = [
+            make(spec, **option) for spec, option in zip(parts.values(), options, strict=True)
+        ]
+        places = {key: place for place, key in enumerate(parts)}
+        late = [monitor.latency for monitor in self._monitors]
+        clocks = [
+            _clock_of(obligation, [places[place, part] for part in obligation.parts], late)
+            for place, obligations in enumerate(self.found)
+            for obligation in obligations
+        ]
+        self._clocks = OperatorClocks(clocks, len(parts), num)
+
+    def _owed(self, clocks: Iterable[Any], margins: Iterable[Any]) -> list[list[Owed]]:
+        """Return the state of each operator, from rows of all clocks and all operands."""
+        rows, values = iter(clocks), iter(margins)
+        return [
+            [
+                Owed(next(rows), tuple([next(values) for _ in obligation.operands]))
+                for obligation in obligations
+            ]
+            for obligations in self.found
+        ]
+
+
+class Obligations(_Obligations[VectorMonitor]):
+    """The clocks of a batch of environments; `columns` names the columns of the tables."""
+
+    def __init__(
+        self,
+        judged: Mapping[str, Specification],
+        num: int,
+        reading: Reading,
+        columns: Sequence[str],
+    ) -> None:
+        def make(spec: Specification, **option: Any) -> VectorMonitor:  # noqa: ANN401
+            return VectorMonitor(spec, num, **option)
+
+        super().__init__(judged, reading, make, num)
+        self._picks = [
+            pick([columns.index(name) for name in monitor.variables]) for monitor in self._monitors
+        ]
+        self._values: Floats = np.empty((len(self._monitors), num))
+
+    def reset(self, lanes: Lanes | None = None) -> None:
+        for monitor in self._monitors:
+            monitor.reset(lanes)
+        self._clocks.reset(lanes)
+
+    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+        """Take a row of the table for each environment in the mask; None: for all."""
+        for place, monitor in enumerate(self._monitors):
+            self._values[place] = monitor.update(table[:, self._picks[place]], lanes)
+        self._clocks.feed(self._values, lanes)
+
+    def owed(self) -> list[list[Owed]]:
+        """Return the state of every operator of each specification, in new arrays."""
+        return self._owed(self._clocks.fractions, self._clocks.margins)
+
+
+class SingleObligations(_Obligations[Monitor]):
+    """The clocks of one environment."""
+
+    def __init__(self, judged: Mapping[str, Specification], reading: Reading) -> None:
+        super().__init__(judged, reading, Monitor, 1)
+
+    def reset(self) -> None:
+        for monitor in self._monitors:
+            monitor.reset()
+        self._clocks.reset()
+
+    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
+        """Return the function that takes a sample, whose values have these names."""
+        parts = [
+            (monitor.update, *picked([names.index(v) for v in monitor.variables]))
+            for monitor in self._monitors
+        ]
+        take = self._clocks.feed
+        if not parts:
+            return lambda _: None
+
+        def feed(values: Sequence[float]) -> None:
+            take(
+                [
+                    [update(values[alone]) if pick is None else update(*pick(values))]
+                    for update, alone, pick in parts
+                ]
+            )
+
+        return feed
+
+    def owed(self) -> list[list[Owed]]:
+        """Return the state of every operator of each specification."""
+        clocks = self._clocks
+        return self._owed(clocks.fractions[:, 0].tolist(), clocks.margins[:, 0].tolist())
+
+
+_FAIL = {"always", "next", "historically", "fall"}
+"""The operators whose clocks count from where their operand fails."""
+
+
+def _event_of(obligation: Obligation) -> ClockEvent:
+    match obligation.name:
+        case "until" | "unless" | "since" as two:
+            return two
+        case name:
+            return "fails" if name in _FAIL else "holds"
+
+
+def _clock_of(
+    obligation: Obligation, parts: Sequence[int], latencies: Sequence[int]
+) -> OperatorClock:
+    """Return the clock of an operator; ``parts`` are its formulas, the operands first."""
+    operands = parts[: len(obligation.operands)]
+    late = max(latencies[part] for part in operands)
+    asked = obligation.asked
+    return OperatorClock(
+        obligation.kind,
+        _event_of(obligation),
+        obligation.begin + late,
+        None if obligation.end is None else obligation.end + late,
+        late,
+        tuple((part, late - latencies[part]) for part in operands),
+        None if isinstance(asked, Instants) else parts[-1],
+        asked is Instants.FIRST,
+    )

@@ -11,61 +11,85 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import End, EpisodeMonitor, InputError, JointFeed, Verdict, holds
+from rtamt import (
+    End,
+    EpisodeMonitor,
+    InputError,
+    JointFeed,
+    JointRead,
+    Specification,
+    Verdict,
+    holds,
+)
 from rtamt.errors import Argument
-from rtamt_gym.judging.clocks import SingleObligations
 from rtamt_gym.judging.costs import Cost, CostMeter
-from rtamt_gym.judging.feeding import Assessment, Feed, Take, joint_read, one_by_one
-from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
-from rtamt_gym.judging.interface import described
-from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
-from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.picking import picked, together
-from rtamt_gym.judging.stage_progress import StageProgress
-from rtamt_gym.judging.values import MonitorValues, read_values
+from rtamt_gym.judging.infos import VERDICTS, optional_keys, outcome, present, spec_state
+from rtamt_gym.judging.monitors import (
+    InstantMonitor,
+    MonitorValues,
+    described,
+    machine_state,
+    make_monitors,
+    picked,
+    require_known,
+)
+from rtamt_gym.judging.obligations import Obligation, SingleObligations
+from rtamt_gym.judging.stages import StageProgress
 from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.signals import MovingRead, Read
+from rtamt_gym.signals.signals import ElementRead, MovingRead, Read, SlotRead
 
-__all__ = ["Monitors", "Panel", "PanelResult"]
+Assessment = tuple[float, float, float]
+"""Robustness of the samples so far, and its lower and upper bound."""
+
+Feed = Callable[..., Assessment]
+"""Gives one sample to the monitors of a panel; takes the arguments of a `Read`."""
+
+Take = Callable[..., object]
+"""A `Feed` without a result."""
 
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
 PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | None]
-"""What a specification has become: its name, its robustness with the lower and the upper bound, its
-verdict, the sample that decided the verdict, or None, and the last sample if only the end did."""
+"""The result of a specification: its name; its robustness with the lower and upper bound; its
+verdict; the sample that decided it, or None; the last sample if only the end decided it."""
+
+_See = Callable[[Sequence[float]], None]
+"""Takes the values of a sample."""
+
+_Pick = Callable[[Sequence[float]], tuple[float, ...]]
 
 
 class Panel:
-    """The monitors of several specifications, fed together, and the verdicts they have decided.
+    """The monitors of several specifications, updated together, and their decided verdicts.
 
-    Its vector twin is `rtamt_gym.judging.vector_panel.VectorPanel`.
+    `rtamt_gym.judging.vector_panel.VectorPanel` does the same for a batch.
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
-        variables: The names that each specification reads.
-        of_instant: True if the robustness is that of an instant, as with ``view="step"``; else
-            None.
-        settled: How many verdicts are decided, by a sample or by the end.
+        variables: The variables of each specification.
+        of_instant: True if the robustness is the robustness of an instant, with ``view="step"``;
+            otherwise None.
+        settled: The number of decided verdicts.
         number: The class of the numbers of an `Assessment`.
-        violated_by: The specification that was violated first; None while none is.
+        violated_by: The specification that was violated first, or None.
 
     Args:
         specs: Specifications by name.
-        reading: How samples are judged.
+        reading: The evaluation options.
         cost: What `take_costs` measures; None: nothing.
         history: Whether the judges keep their samples, for explanations.
         number: The class of the numbers of an `Assessment`: ``float`` or ``numpy.float64``.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judging.monitors.make_monitors` and `CostMeter` do.
-        InputError: As `rtamt_gym.judging.monitors.make_monitors` and `CostMeter` do.
+        SpecificationError: As `make_monitors` and `CostMeter` do.
+        InputError: As `make_monitors` and `CostMeter` do.
     """
 
     def __init__(
         self,
-        specs: Mapping[str, rtamt.Specification],
+        specs: Mapping[str, Specification],
         reading: Reading,
         cost: Cost | None = None,
         *,
@@ -97,12 +121,10 @@ class Panel:
         self.of_instant = True if reading.view == "step" else None
         self.settled = 0
         self.violated_by: str | None = None
+        self.optional_keys = optional_keys(self)
 
     def track_obligations(self) -> list[list[Obligation]]:
-        """Follows what temporal operators owe from now on; returns each specification's operators.
-
-        A `feeder` that was made before does not.
-        """
+        """Track pending obligations in each `feeder` from now on; return the operators."""
         if self._owing is None:
             require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
@@ -111,7 +133,7 @@ class Panel:
 
     @property
     def tracks_obligations(self) -> bool:
-        """Whether it follows what temporal operators owe."""
+        """Whether it tracks pending obligations."""
         return self._owing is not None
 
     @cached_property
@@ -123,38 +145,33 @@ class Panel:
 
     @property
     def period(self) -> Fraction | None:
-        """Seconds between samples; None where bounds count samples."""
+        """Seconds between samples; None if bounds count samples."""
         return self._judges[0].period
 
     @property
     def samples(self) -> int:
-        """Samples fed since the reset."""
+        """Samples since the reset."""
         return self._judges[0].samples
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None while there is none.
-
-        It is the last sample if only the end decided it.
-        """
+        """The sample that showed the first violation, the last one if only the end did; or None."""
         return None if self.violated_by is None else self._settled[self.violated_by]
 
     @property
     def progress(self) -> dict[str, float]:
-        """The progress of each requirement in stages, by its name; see `StageProgress`."""
-        if self._stages is None:
-            return {}
-        return self._stages.values
+        """The progress of each requirement in stages, by its name."""
+        return {} if self._stages is None else self._stages.values
 
     @property
     def least_progress(self) -> np.float64 | None:
-        """The least progress over the requirements in stages; None if none is."""
+        """The minimum progress over the requirements in stages; None without stages."""
         return None if self._stages is None else np.float64(self._stages.least)
 
     @property
     def tells_more(self) -> bool:
-        """Whether it has more to say of a sample than its `Assessment`."""
-        return bool(self.of_instant or self._stages is not None or self._meter is not None)
+        """Whether an info has keys of it other than those of an `Assessment`."""
+        return self._meter is not None or bool(self.optional_keys)
 
     @property
     def all_decided(self) -> bool:
@@ -168,7 +185,7 @@ class Panel:
 
     @property
     def violated(self) -> list[str]:
-        """The specifications that are certainly violated."""
+        """The specifications that are certainly violated, in the order of their decisions."""
         return [
             name
             for name in self._settled
@@ -176,11 +193,11 @@ class Panel:
         ]
 
     def satisfies(self, name: str) -> bool:
-        """Whether the verdict on a specification is that it is satisfied."""
+        """Whether a specification is certainly satisfied."""
         return self.monitors[name][1].verdict > 0
 
     def knows(self, above: Mapping[str, float]) -> bool:
-        """Whether every robustness can change no more, or is certain to stay above its number."""
+        """Whether every robustness is final, or certain to stay above its number in ``above``."""
         return all(
             judge.lower == judge.upper or judge.lower > above.get(name, math.inf)
             for name, (_, judge) in self.monitors.items()
@@ -188,22 +205,22 @@ class Panel:
 
     @property
     def undecided(self) -> list[str]:
-        """The specifications whose verdict is open."""
+        """The specifications without a decided verdict."""
         return [name for name in self.monitors if name not in self._settled]
 
     @property
     def robustness(self) -> float:
-        """The least robustness over the specifications; nan before the first sample."""
+        """The minimum robustness over the specifications; nan before the first sample."""
         return least([source.robustness for source in self._sources])
 
     @property
     def lower(self) -> float:
-        """The least that the robustness can still become."""
+        """The lower bound of the robustness."""
         return least([judge.lower for judge in self._judges])
 
     @property
     def upper(self) -> float:
-        """The greatest that the robustness can still become."""
+        """The upper bound of the robustness."""
         return least(self._uppers())
 
     def _uppers(self) -> list[float]:
@@ -213,14 +230,14 @@ class Panel:
         return -0.0 if name in self._failed else judge.upper
 
     def read(self, *_: object) -> Assessment:
-        """Reads robustness, lower and upper bound of the samples so far; whatever it is given."""
+        """Return the assessment of the samples so far; the arguments of a `Feed` have no effect."""
         if self._look is not None and not self._failed:
             return self._look()
         number = self.number
         return number(self.robustness), number(self.lower), number(self.upper)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_look": None}  # the next `feeder` makes it anew
+        return {**self.__dict__, "_look": None}  # the next `feeder` sets it
 
     def feeder(
         self,
@@ -228,50 +245,47 @@ class Panel:
         reads: Sequence[Read] | None = None,
         *,
         decide: Callable[[], None] | None = None,
-        keep: Callable[[Sequence[float]], None] | None = None,
+        keep: _See | None = None,
     ) -> Feed:
-        """Makes the function that feeds one sample to all monitors.
+        """Return the function that gives one sample to all monitors.
 
-        It takes the arguments of a `Read`, and returns the least robustness and the least lower and
+        It takes the arguments of a `Read`, and returns the minimum robustness, lower bound and
         upper bound over the specifications.
 
         Args:
-            names: Names of the signals, the variables of all specifications among them.
+            names: The signals, among them the variables of all specifications.
             reads: What reads each signal; None: the first argument is the sample itself, with a
                 value for each signal.
-            decide: Called after a sample that has decided a verdict, in place of `note`.
-            keep: Called with the values of every sample that all monitors have taken in, new ones.
+            decide: Called after a sample that decides a verdict, instead of `note`.
+            keep: Called with the values of every sample after all monitors took it, in a new list.
         """
         note, see = decide or self.note, together(self._measure(names), keep)
-        made = None if reads is None else self._joint(names, reads, note, see)
-        if reads is None or made is None:
+        joint = None if reads is None else self._joint(names, reads, note, see)
+        if reads is None or joint is None:
             return self._one_by_one(names, reads, note, keep)
         moving = next((read for read in reads if isinstance(read, MovingRead)), None)
         if moving is None:
-            return made.feed
-        home, feed = moving.home(), made.feed
+            return joint.feed
+        home, feed = moving.home(), joint.feed
 
         def feed_here(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
             nonlocal feed, home
             now = moving.home()
             if now is not home:
-                joint = self._joint(names, reads, note, see)
-                assert joint is not None  # noqa: S101 - the monitors are those from above
-                feed, home = joint.feed, now
+                there = self._joint(names, reads, note, see)
+                assert there is not None  # noqa: S101 - the monitors are the same
+                feed, home = there.feed, now
             return feed(*step)
 
         return feed_here
 
     def taker(self, names: Sequence[str], reads: Sequence[Read]) -> Take:
-        """Makes a `feeder` whose result nobody looks at: `read` tells it.
+        """Return a `feeder` without a result; make another after a `MovingRead` has moved."""
+        joint = self._joint(names, reads, self.note, self._measure(names))
+        return self._one_by_one(names, reads, self.note, None) if joint is None else joint.take
 
-        Make it anew where a `MovingRead` has moved.
-        """
-        made = self._joint(names, reads, self.note, self._measure(names))
-        return self._one_by_one(names, reads, self.note, None) if made is None else made.take
-
-    def _measure(self, names: Sequence[str]) -> Callable[[Sequence[float]], None] | None:
-        """What else takes in every sample; None: nothing does."""
+    def _measure(self, names: Sequence[str]) -> _See | None:
+        """Return what takes every sample in addition to the monitors, or None."""
         return together(
             None if self._owing is None else self._owing.feeder(names),
             together(
@@ -285,9 +299,9 @@ class Panel:
         names: Sequence[str],
         reads: Sequence[Read] | None,
         note: Callable[[], None],
-        keep: Callable[[Sequence[float]], None] | None,
+        keep: _See | None,
     ) -> Feed:
-        """The `feeder` that feeds one monitor after the other."""
+        """Return the `feeder` that updates one monitor after the other."""
         parts = [
             (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
             for name, (source, judge) in self.monitors.items()
@@ -302,9 +316,9 @@ class Panel:
         names: Sequence[str],
         reads: Sequence[Read],
         note: Callable[[], None],
-        see: Callable[[Sequence[float]], None] | None,
+        see: _See | None,
     ) -> JointFeed | None:
-        """What feeds in one call of C++; None where there is none for these monitors."""
+        """Return what updates all monitors in one call of C++, or None."""
         judges = self._judges
         if self.of_instant:
             return None
@@ -313,9 +327,13 @@ class Panel:
             if count > self.settled:
                 note()
 
-        found = [joint_read(read) for read in reads]
         joint = rtamt.joint_feed(
-            judges, names, found, decided=decided, seen=see, number=self.number
+            judges,
+            names,
+            [joint_read(read) for read in reads],
+            decided=decided,
+            seen=see,
+            number=self.number,
         )
         if joint is None:
             return None
@@ -337,7 +355,7 @@ class Panel:
         self.violated_by = None
 
     def note(self) -> None:
-        """Records the verdicts that the last sample, or the end of the trace, has decided."""
+        """Record the verdicts that the last sample, or the end of the trace, decided."""
         for name, (_, judge) in self.monitors.items():
             if judge.verdict != 0 and name not in self._settled:
                 self._settled[name] = judge.samples - 1
@@ -346,9 +364,9 @@ class Panel:
         self.settled = len(self._settled)
 
     def cut_windows(self) -> frozenset[str]:
-        """Open verdicts that a complete trace satisfies, and a cut one leaves open.
+        """Return undecided specifications that a complete trace satisfies, and a cut one does not.
 
-        A bounded window of these specifications reaches past the last sample.
+        A bounded window of them reaches past the last sample.
         """
         return frozenset(
             name
@@ -359,9 +377,9 @@ class Panel:
         )
 
     def finish(self, end: AtTermination | End = "complete") -> Assessment:
-        """Ends the trace, which settles robustness and bounds as the end is read; returns them.
+        """End the trace with an end mode; return the assessment.
 
-        ``"failure"``: what is not decided yet is violated at the last sample, whatever its
+        ``"failure"`` violates every undecided specification at the last sample, whatever its
         robustness is.
         """
         was_open = frozenset(self.undecided)
@@ -385,7 +403,7 @@ class Panel:
         self.settled = len(self._settled)
 
     def take_costs(self) -> dict[str, np.float64] | None:
-        """The costs of the step that ends; None if they are not measured."""
+        """Return the costs of the step, or None if nothing measures them."""
         if self._meter is None:
             return None
         return self._meter.take(
@@ -393,7 +411,7 @@ class Panel:
         )
 
     def begin(self) -> None:
-        """Begins a step: the sample of a reset costs nothing."""
+        """Start a step: the sample of a reset costs nothing."""
         if self._meter is not None:
             self._meter.begin()
 
@@ -401,14 +419,20 @@ class Panel:
         return Verdict.VIOLATED if name in self._failed else judge.verdict
 
     def values(self) -> MonitorValues[float]:
-        """Reads the values of all monitors."""
-        owed = None if self._owing is None else self._owing.owed()
-        verdicts = [float(self._verdict(name, judge)) for name, (_, judge) in self.monitors.items()]
-        return read_values(self.monitors.values(), self._uppers(), verdicts, self.samples, owed)
+        """Return the values of all monitors."""
+        return MonitorValues(
+            [source.robustness for source in self._sources],
+            [judge.robustness for judge in self._judges],
+            [judge.lower for judge in self._judges],
+            self._uppers(),
+            [float(self._verdict(name, judge)) for name, (_, judge) in self.monitors.items()],
+            self.samples,
+            None if self._owing is None else self._owing.owed(),
+        )
 
     def describe(self) -> dict[str, dict[str, Any]]:
-        """The state of every specification: ``info["stl"]``."""
-        progress = {name: np.float64(each) for name, each in self.progress.items()}
+        """Return the state of every specification: ``info["stl"]``."""
+        progress = {name: np.float64(value) for name, value in self.progress.items()}
         return {
             name: spec_state(
                 np.float64(source.robustness),
@@ -422,31 +446,32 @@ class Panel:
         }
 
     def outcomes(self) -> dict[str, dict[str, Any]]:
-        """The outcome of every specification so far: ``info["stl_episode"]``."""
-        made = {}
+        """Return the outcome of every specification so far: ``info["stl_episode"]``."""
+        outcomes = {}
         for name, (_, judge) in self.monitors.items():
             robustness, verdict = np.float64(judge.robustness), self._verdict(name, judge)
             at, ended = self._settled.get(name), name in self._ended
             decided = at is not None and not ended
             by_end = verdict < 0 and not np.signbit(robustness)
-            found = outcome(robustness, verdict, verdict > 0, at, decided, ended, bool(by_end))
-            made[name] = present(found)
+            outcomes[name] = present(
+                outcome(robustness, verdict, verdict > 0, at, decided, ended, bool(by_end))
+            )
         for name, progress in self.progress.items():
-            made[name]["progress"] = np.float64(progress)
-        return made
+            outcomes[name]["progress"] = np.float64(progress)
+        return outcomes
 
     def results(self) -> list[PanelResult]:
-        """What every specification has become so far."""
-        found: list[PanelResult] = []
+        """Return the result of every specification so far."""
+        results: list[PanelResult] = []
         for name, (_, judge) in self.monitors.items():
             bounds = judge.robustness, judge.lower, self._upper(name, judge)
             at = self._settled.get(name)
             moments = (None, at) if name in self._ended else (at, None)
-            found.append((name, bounds, self._verdict(name, judge), *moments))
-        return found
+            results.append((name, bounds, self._verdict(name, judge), *moments))
+        return results
 
     def state(self) -> tuple[Any, ...]:
-        """The state of the monitors, small and fit for pickle."""
+        """Return the state of the monitors, small and fit for pickle."""
         sources = [
             source.state() if isinstance(source, InstantMonitor) else machine_state(source)
             for source in self._sources
@@ -456,7 +481,7 @@ class Panel:
         return self._described, sources, settled, self.violated_by, stages
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state`; raises an `InputError` if it is one of other specifications."""
+        """Restore a `state`; raise InputError if it is of other specifications."""
         described, sources, settled, violated_by, stages = state
         if described != self._described:
             raise InputError(
@@ -476,12 +501,103 @@ class Panel:
 
 
 def _open_if_cut(judge: EpisodeMonitor) -> bool:
-    """Whether the verdict stays open if the trace is read as cut; leaves the monitor as it is."""
+    """Whether the verdict stays undecided if the trace is cut; leave the monitor as it is."""
     held = machine_state(judge)
     judge.finish("cut")
-    found = judge.verdict is Verdict.UNDECIDED
+    undecided = judge.verdict is Verdict.UNDECIDED
     judge.__setstate__(held)
-    return found
+    return undecided
 
 
-_NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
+_NAMES = tuple(VERDICTS)  # the name of an enum member takes twice the time
+
+
+def joint_read(read: Read) -> JointRead:
+    """Return what reads a signal in C++: without a call if the place of the value is known."""
+    if isinstance(read, ElementRead):
+        key: int | str | tuple[int, ...] = read.index
+        return key
+    if isinstance(read, MovingRead):
+        read = read.now()
+    if isinstance(read, SlotRead):
+        return read.array, read.index
+    return read
+
+
+def one_by_one(  # noqa: C901 - each part in a function of its own would double its time
+    parts: Sequence[tuple[Callable[..., float], int, _Pick | None, EpisodeMonitor]],
+    size: int,
+    reads: Sequence[Read] | None,
+    fed: Panel,
+    note: Callable[[], None],
+    see: _See | None,
+) -> Feed:
+    """Return the function that reads a sample and updates one monitor after the other.
+
+    It returns what `rtamt.joint_feed` does, for all monitors.
+
+    Args:
+        parts: For each monitor its update, the index of its only variable or -1 and what picks
+            several, and the judge.
+        size: The number of values of a sample.
+        reads: What reads each value; None: the first argument is the sample itself.
+        fed: The panel of the monitors.
+        note: Called after a sample that decides a verdict.
+        see: Called with the values of every sample after all monitors took it.
+    """
+    numbered = list(enumerate(reads or ()))
+    elements = [(i, read.index) for i, read in numbered if isinstance(read, ElementRead)]
+    others = [(i, read) for i, read in numbered if not isinstance(read, ElementRead)]
+    read_values = [math.nan] * size
+    number, undecided = fed.number, Verdict.UNDECIDED
+
+    def feed(  # noqa: C901 - see above
+        obs: Any = None,  # noqa: ANN401
+        action: Any = None,  # noqa: ANN401
+        reward: Any = None,  # noqa: ANN401
+        info: Any = None,  # noqa: ANN401
+    ) -> Assessment:
+        if reads is None:
+            values = obs
+        else:
+            values = read_values
+            for place, index in elements:
+                values[place] = float(obs[index])
+            for place, read in others:
+                values[place] = read(obs, action, reward, info)
+        robustness = lower = upper = math.inf
+        decided = 0
+        for update, alone, pick, judge in parts:
+            value = update(values[alone]) if pick is None else update(*pick(values))
+            low = judge.lower
+            high = judge.upper
+            # Calls of min() would take as long as all the rest.
+            if value < robustness:  # noqa: PLR1730
+                robustness = value
+            if low < lower:  # noqa: PLR1730
+                lower = low
+            if high < upper:  # noqa: PLR1730
+                upper = high
+            if judge.verdict is not undecided:
+                decided += 1
+        if decided > fed.settled:
+            note()
+        if see is not None:
+            see(values)
+        if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
+            return fed.read()
+        return number(robustness), number(lower), number(upper)
+
+    return feed
+
+
+def together(first: _See | None, second: _See | None) -> _See | None:
+    """Return the function that calls both; the other one if one is None."""
+    if first is None or second is None:
+        return first or second
+
+    def see(values: Sequence[float]) -> None:
+        first(values)
+        second(values)
+
+    return see

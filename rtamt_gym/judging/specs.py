@@ -1,34 +1,20 @@
-"""The specifications of an environment: loaded and named; the period and resets of its samples."""
+"""The specifications of an environment: loading, names, constants, period and first samples."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from gymnasium import logger
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
-from numpy.typing import NDArray
-
 import rtamt
-from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt.errors import Argument
+from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, SpecificationTemplate
+from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
-from rtamt_gym.judging.constants import ConstantValue, checked_constants, no_such_constant
-
-__all__ = [
-    "SpecLike",
-    "SpecsLike",
-    "autoreset_mode",
-    "check_period",
-    "checked_mask",
-    "load_specs",
-    "own_requirements",
-    "recordable",
-]
+from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.signals.signals import unknown_at_reset
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 """Text, the path of a ``.stl`` file, a formula built in Python, or a parsed specification."""
@@ -36,11 +22,14 @@ SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
 
+ConstantValue = float | str | Fraction
+"""The value of a constant; a text is an exact decimal number, ``"0.1"``."""
+
 
 def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
-    """The requirements that an environment has of its own: its attribute ``requirements``.
+    """Return the requirements that an environment has in its attribute ``requirements``.
 
-    A scenario of `rtamt_envs` has one, and any environment may: ``{"AT1": rtamt.parse("...")}``.
+    Scenarios of `rtamt_envs` have it, and any environment may: ``{"AT1": rtamt.parse("...")}``.
     """
     own = getattr(getattr(env, "unwrapped", env), "requirements", None)
     return own if isinstance(own, Mapping) else {}
@@ -51,22 +40,21 @@ def load_specs(
     own: Mapping[str, rtamt.Specification] = MappingProxyType({}),
     constants: Mapping[str, ConstantValue] | None = None,
 ) -> dict[str, rtamt.Specification]:
-    """Loads the requirements of specifications, by name.
+    """Load the requirements of specifications, by name.
 
-    A text that is the name of a requirement in ``own`` stands for that requirement. Of
-    ``constants`` each gets those that it names.
+    A text may be the name of a requirement in ``own``. Each specification gets the ``constants``
+    that it names.
 
-    Each formula that no other formula of its text uses is a requirement, and is judged by itself;
-    see `rtamt.Specification.requirements`. A specification alone names them by its text. In a
-    mapping a specification with a single requirement gives it the name of its key, ``"safe"``; one
-    with several adds their names: ``"safe.near"``, ``"safe.slow"``.
+    Each formula that no other formula of its text uses is a requirement, see
+    `rtamt.Specification.requirements`. A single specification names them by its text. In a mapping,
+    a specification with one requirement gives it the name of its key, ``"safe"``; with several
+    requirements it adds their names: ``"safe.near"``, ``"safe.slow"``.
 
     Raises:
         SpecificationError: If a specification is wrong; a note names it if there are several.
         InputError: If there is no specification, two requirements have the same name, a text is
-            nearly a name in ``own``, or none names one of the constants.
-        InputTypeError: If one is neither text, nor a path, nor a ``Specification``, or the
-            constants are no mapping.
+            nearly a name in ``own``, or no specification names one of the constants.
+        InputTypeError: If a value is not a specification, or the constants are not a mapping.
     """
     values = checked_constants(constants)
     loaded = _load_all(specs, own, values)
@@ -82,101 +70,33 @@ def _load_all(
     constants: Mapping[str, ConstantValue],
 ) -> dict[str, rtamt.Specification]:
     if not isinstance(specs, Mapping):
-        found = requirement_named(specs, own)
-        if isinstance(specs, str) and found:
-            return {specs: _load(found, constants)}
+        named = requirement_named(specs, own)
+        if isinstance(specs, str) and named:
+            return {specs: _load(named, constants)}
         return dict(_load(specs, constants).requirements)
     if not specs:
         raise InputError("expected at least one specification, got an empty mapping")
     loaded: dict[str, rtamt.Specification] = {}
-    for name, spec in specs.items():
+    for key, spec in specs.items():
         try:
-            found = requirement_named(spec, own)
-            requirements = _load(spec if found is None else found, constants).requirements
+            named = requirement_named(spec, own)
+            requirements = _load(spec if named is None else named, constants).requirements
         except RtamtError as error:
-            error.add_note(f"in specification {name!r}")
+            error.add_note(f"in specification {key!r}")
             raise
         for part, requirement in requirements.items():
-            whole = name if len(requirements) == 1 else f"{name}.{part}"
-            if whole in loaded:
-                raise InputError(f"expected one specification {whole!r}, got two; rename one")
-            loaded[whole] = requirement
+            name = key if len(requirements) == 1 else f"{key}.{part}"
+            if name in loaded:
+                raise InputError(f"expected one specification {name!r}, got two; rename one")
+            loaded[name] = requirement
     return loaded
-
-
-def recordable(specs: SpecsLike) -> str | dict[str, str]:
-    """The specifications as ``EnvSpec.to_json`` can write them."""
-    if isinstance(specs, Mapping):
-        return {name: _text(spec) for name, spec in specs.items()}
-    return _text(specs)
-
-
-def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    """Reads when a vector environment resets an environment whose episode has ended.
-
-    Raises:
-        InputError: If its metadata has something else than a mode.
-    """
-    mode, inner = env.metadata.get("autoreset_mode"), env.unwrapped
-    if isinstance(inner, SyncVectorEnv | AsyncVectorEnv) and env.metadata is inner.metadata:
-        # Before 1.4, vector environments of one class share their metadata.
-        mode = mode and inner.autoreset_mode
-    if isinstance(mode, AutoresetMode):
-        return mode
-    if mode is not None:
-        raise InputError(
-            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
-        )
-    # As Gymnasium's own wrappers do.
-    logger.warn(
-        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
-        "AutoresetMode.NEXT_STEP"
-    )
-    return AutoresetMode.NEXT_STEP
-
-
-def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:  # noqa: ANN401 - whatever is given
-    """Refuses an ``options["reset_mask"]`` that is not what Gymnasium asks for."""
-    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-        raise InputTypeError(
-            f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
-        )
-    if mask.shape != (num,) or not mask.any():
-        raise InputError(
-            f"expected options['reset_mask'] of shape ({num},), true for one environment or more, "
-            f"got {mask!r}"
-        )
-    return mask
-
-
-def check_period(
-    specs: Mapping[str, rtamt.Specification],
-    period: rtamt.Period | None,
-    system: object,
-    why: str = "",
-) -> None:
-    """Checks that there is a period if a specification has a bound.
-
-    Raises:
-        SpecificationError: If there is none; names ``system``, which should have one, and why.
-    """
-    timed = next((name for name, spec in specs.items() if spec.timed), None)
-    if period is None and timed is not None:
-        raise SpecificationError(
-            f"specification {timed!r} has bounds in time, but {system} does not say how long a "
-            f"step lasts{why and f': {why}'}; give ",
-            Argument("period"),
-            " in seconds, or ",
-            Argument("period", 1),
-            " to count steps",
-        )
 
 
 def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Specification:
     match spec:
         case rtamt.Specification():
             mine = {name: value for name, value in constants.items() if name in spec.constants}
-            return rtamt.SpecificationTemplate(spec).at(mine) if mine else spec
+            return SpecificationTemplate(spec).at(mine) if mine else spec
         case rtamt.Formula():
             return rtamt.Specification.of(spec)
         case os.PathLike():
@@ -192,5 +112,167 @@ def _load(spec: SpecLike, constants: Mapping[str, ConstantValue]) -> rtamt.Speci
     )
 
 
+def recordable(specs: SpecsLike) -> str | dict[str, str]:
+    """Return the specifications in a form that ``EnvSpec.to_json`` can write."""
+    if isinstance(specs, Mapping):
+        return {name: _text(spec) for name, spec in specs.items()}
+    return _text(specs)
+
+
 def _text(spec: SpecLike) -> str:
     return os.fspath(spec) if isinstance(spec, os.PathLike) else str(spec)
+
+
+def check_period(
+    specs: Mapping[str, rtamt.Specification],
+    period: rtamt.Period | None,
+    system: object,
+    why: str = "",
+) -> None:
+    """Raise SpecificationError if a specification has bounds and there is no period.
+
+    Args:
+        specs: Specifications by name.
+        period: The period, if there is one.
+        system: What should have a period, for the error.
+        why: Why it has no period, for the error.
+    """
+    timed = next((name for name, spec in specs.items() if spec.timed), None)
+    if period is None and timed is not None:
+        raise SpecificationError(
+            f"specification {timed!r} has bounds in time, but {system} does not say how long a "
+            f"step lasts{why and f': {why}'}; give ",
+            Argument("period"),
+            " in seconds, or ",
+            Argument("period", 1),
+            " to count steps",
+        )
+
+
+class Constants:
+    """The specifications of a monitor, for any values of their constants.
+
+    The text of each is read once, when a constant changes for the first time.
+
+    Attributes:
+        specs: The specifications by name, with the current values.
+
+    Example:
+        >>> before = Constants({"near": rtamt.parse("const float d = 2; always(x < d)")})
+        >>> after = before.at({"d": 3})
+        >>> before.values, after.values, str(after.specs["near"].formula)
+        ({'d': 2.0}, {'d': 3.0}, 'always(x < 3)')
+    """
+
+    def __init__(
+        self,
+        specs: Mapping[str, rtamt.Specification],
+        templates: Mapping[str, SpecificationTemplate] | None = None,
+    ) -> None:
+        self.specs = specs
+        self._templates = templates
+
+    def __reduce__(self) -> tuple[Callable[..., Constants], tuple[object]]:
+        return Constants, (dict(self.specs),)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values by name; the first specification decides if several have the name."""
+        values: dict[str, float] = {}
+        for spec in self.specs.values():
+            values = {**spec.constants, **values}
+        return values
+
+    def at(self, constants: Mapping[str, ConstantValue]) -> Constants:
+        """Return the specifications with these values; other constants keep theirs.
+
+        Raises:
+            InputError: If no specification has one of the constants, or none uses it.
+            InputTypeError: If the values are not a mapping.
+            SpecificationError: If a value is not a number, or does not fit an interval or a range.
+        """
+        values = checked_constants(constants)
+        if self._templates is None:
+            having = {name: spec for name, spec in self.specs.items() if spec.constants}
+            self._templates = {name: SpecificationTemplate(spec) for name, spec in having.items()}
+        unused = set(values)
+        specs = dict(self.specs)
+        for name, template in self._templates.items():
+            # From the current values: a template starts from the values of the text.
+            mine = {n: v for n, v in values.items() if n in template.names}
+            unused -= mine.keys()
+            current = self.specs[name].given
+            held = {n: current[n] for n in template.names & current.keys()}
+            try:
+                specs[name] = template.at({**held, **mine})
+            except RtamtError as error:
+                if len(self.specs) > 1:
+                    error.add_note(f"in specification {name!r}")
+                raise
+        for name in values:
+            if name in unused:
+                raise no_such_constant(name, self.specs)
+        return self if specs == self.specs else Constants(specs, self._templates)
+
+
+def checked_constants(
+    constants: Mapping[str, ConstantValue] | None,
+) -> Mapping[str, ConstantValue]:
+    """Return values of constants by name; raise InputTypeError for another type."""
+    values: object = {} if constants is None else constants
+    if not isinstance(values, Mapping):
+        raise InputTypeError(
+            "expected values of constants by name, such as ",
+            Argument("constants", {"limit": 0.3}),
+            f", got {constants!r}",
+        )
+    return values
+
+
+def no_such_constant(
+    name: str, specs: Mapping[str, rtamt.Specification], option: str = "constants"
+) -> InputError:
+    """Return the error about a constant that no specification has."""
+    known = list(dict.fromkeys(other for spec in specs.values() for other in spec.constants))
+    variables = [other for spec in specs.values() for other in spec.variables if other != name]
+    listed = f"; their constants are {', '.join(known)}" if known else "; they have none"
+    near = nearest(name, (*known, *variables))
+    return InputError(f"{option}: no specification uses the constant {name!r}{near or listed}")
+
+
+def with_unknown_start(
+    reading: Reading, signals: Mapping[str, Any], *needs: Argument
+) -> tuple[Reading, bool]:
+    """Return the options of monitors whose first sample may be unknown.
+
+    These monitors take a nan for unknown, so the reader of the signals must refuse a nan if the
+    options do.
+
+    Args:
+        reading: The evaluation options.
+        signals: The signals; None at reset, as in ``("action[0]", None)``, makes a first value
+            unknown.
+        *needs: The arguments that need the robustness of every instant.
+
+    Returns:
+        The options, and whether the reader of the signals must refuse nan.
+
+    Raises:
+        InputError: If an argument does not allow an unknown sample.
+    """
+    names = unknown_at_reset(signals)
+    if not names or reading.nan == "unknown":
+        return reading, False
+    if reading.nan == "hold":
+        needs = (Argument("nan", "hold"),)
+        why = "needs a first value to keep"
+    else:
+        needs += (Argument("view", "step"),) * (reading.view == "step")
+        why = "needs the robustness of every instant"
+    if needs:
+        raise InputError(
+            f"signal {names[0]!r}: None at reset leaves its first sample unknown, and ",
+            needs[0],
+            f" {why}; expected a number in the place of None",
+        )
+    return reading.having(nan="unknown"), True

@@ -1,20 +1,52 @@
-"""The stages of requirements: those that ``stages=`` names, else those of their shape."""
+"""Stages of requirements, and the progress of episodes in them.
+
+The stages of a requirement are those that ``stages=`` names, otherwise those that
+`rtamt.patterns.stages` finds. A requirement with stages has a progress from 0 to 1 next to its
+verdict. Let n be the number of its stages and k the number of decided stages: the requirement cut
+after stage k is certainly satisfied, or, for named stages, ``in_order(stage 1, ..., stage k)`` is.
+The progress is 1 if the requirement is satisfied. Before that it is
+
+    (k + f) / n,
+
+where f is the share that stage k + 1 has made. The robustness r of that stage is its maximum since
+stage k was decided: the robustness of ``eventually(stage)`` on the samples since then, if the
+episode ended now. The share starts at r0, the first finite r, and reaches 1 when r reaches 0: f is
+``1 - r / r0``, at least 0, and 1 if r already holds and only certainty is missing. So f depends on
+the unit of a quantity only in the ratio ``r / r0``. The progress stays below ``(k + 1) / n`` until
+the stage is decided, and below 1 until the requirement is satisfied. It never falls.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+import numpy as np
 
 import rtamt
-from rtamt import Formula, InputError, RtamtError
+from rtamt import (
+    End,
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    RtamtError,
+    Specification,
+    VectorEpisodeMonitor,
+)
 from rtamt.errors import Argument
 from rtamt.patterns import in_order, named_stages, prefixes, stages
 from rtamt_gym.checks.arguments import check_known
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.infos import Lanewise
+from rtamt_gym.judging.monitors import bare, machine_state, options_of_parts, pick, picked
 from rtamt_gym.options.evaluation import Reading
 
-__all__ = ["Stages", "are_instant", "stages_of"]
+if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
+    from rtamt_gym.signals.columns import Floats, Lanes
+
+_M = TypeVar("_M", bound=EpisodeMonitor | VectorEpisodeMonitor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,58 +56,53 @@ class Stages:
     Attributes:
         conditions: The stages, in order.
         deciders: The formulas whose satisfaction decides them, from the first on; the requirement
-            itself decides a last one that has none. Empty if what decides a stage is the first
-            sample at which it holds, from the one on that decided the stage before it.
+            itself decides the last stage if it has none. Empty if a stage is decided at the first
+            sample at which it holds, from the sample on that decided the stage before it.
     """
 
     conditions: tuple[Formula, ...]
     deciders: tuple[Formula, ...] = ()
 
 
-def stages_of(specs: Mapping[str, rtamt.Specification], reading: Reading) -> dict[str, Stages]:
-    """The stages of each requirement that has some, by its name.
-
-    Args:
-        specs: The requirements by name.
-        reading: How samples are judged, with the stages that are named.
+def stages_of(specs: Mapping[str, Specification], reading: Reading) -> dict[str, Stages]:
+    """Return the stages of each requirement that has some, by its name.
 
     Raises:
-        InputError: If stages are named of no requirement, or with ``view="step"``.
+        InputError: If ``stages=`` names no requirement, or with ``view="step"``.
         SpecificationError: As `rtamt.patterns.named_stages` does.
     """
     named = _named(specs, reading)
     if reading.view == "step":  # a verdict is about every instant there, and has no stages
         return {}
-    found = {}
+    result = {}
     for name, spec in specs.items():
         if name in named:
             conditions = _read(name, spec, named[name])
-            found[name] = Stages(conditions, () if are_instant(conditions) else _chains(conditions))
+            deciders = () if are_instant(conditions) else _chains(conditions)
+            result[name] = Stages(conditions, deciders)
         elif conditions := stages(spec):
-            # Without times of its own it is the same as its stages named.
+            # Without times of its own it equals its stages, named.
             plain = are_instant(conditions) and spec.formula is in_order(*conditions)
-            found[name] = Stages(conditions, () if plain else prefixes(spec)[:-1])
-    return found
+            result[name] = Stages(conditions, () if plain else prefixes(spec)[:-1])
+    return result
 
 
 def are_instant(conditions: Iterable[Formula]) -> bool:
-    """Whether the samples before and after one do not matter to formulas."""
-    nodes = (node for each in conditions for node in each.nodes())
+    """Whether formulas are about one sample only."""
+    nodes = (node for condition in conditions for node in condition.nodes())
     return not any(node.op is not None and (node.op.timed or node.op.sampled) for node in nodes)
 
 
 def _chains(conditions: Sequence[Formula]) -> tuple[Formula, ...]:
-    """The first stage, the first two in order, and so on."""
+    """Return the first stage, the first two in order, and so on."""
     longer = (in_order(*conditions[:count]) for count in range(2, len(conditions) + 1))
     return conditions[0].eventually(), *longer
 
 
-def _named(
-    specs: Mapping[str, rtamt.Specification], reading: Reading
-) -> Mapping[str, tuple[str, ...]]:
-    """The texts of the stages that are named, by requirement."""
-    given = cast("tuple[str, ...] | dict[str, tuple[str, ...]] | None", reading.stages)
-    if given is None:
+def _named(specs: Mapping[str, Specification], reading: Reading) -> Mapping[str, tuple[str, ...]]:
+    """Return the texts of ``stages=``, by requirement."""
+    texts = cast("tuple[str, ...] | dict[str, tuple[str, ...]] | None", reading.stages)
+    if texts is None:
         return {}
     if reading.view == "step":
         raise InputError(
@@ -84,21 +111,506 @@ def _named(
             Argument("view", "step"),
             " judges every instant by itself; leave one of them out",
         )
-    if isinstance(given, Mapping):
-        check_known("stages", given, specs)
-        return given
+    if isinstance(texts, Mapping):
+        check_known("stages", texts, specs)
+        return texts
     if len(specs) > 1:
         raise InputError(
             Argument("stages"),
             ": expected a requirement's name for the stages, for there are several, "
             f"{listing(specs)}; write {{{next(iter(specs))!r}: [...]}}",
         )
-    return dict.fromkeys(specs, given)
+    return dict.fromkeys(specs, texts)
 
 
-def _read(name: str, spec: rtamt.Specification, texts: Sequence[str]) -> tuple[Formula, ...]:
+def _read(name: str, spec: Specification, texts: Sequence[str]) -> tuple[Formula, ...]:
     try:
         return named_stages(spec, texts)
     except RtamtError as error:
         error.add_note(f"in the stages of {name!r}")
         raise
+
+
+def progress_of(
+    spec: Specification, columns: Mapping[str, Floats], reading: Reading
+) -> float | None:
+    """Return the progress of a trace of samples; None if the requirement has no stages.
+
+    Args:
+        spec: The requirement.
+        columns: The values of its variables, and of others.
+        reading: The evaluation options, with the period.
+
+    Raises:
+        RtamtError: As `stages_of` does.
+    """
+    if not stages_of({"": spec}, reading):
+        return None
+    judge = EpisodeMonitor(spec, **reading.of_monitors({"": spec})[""])
+    progress = StageProgress({"": spec}, {"": judge}, reading)
+    feed = progress.feeder(spec.variables)
+    for row in zip(*(columns[name].tolist() for name in spec.variables), strict=True):
+        judge.update(*row)
+        feed(row)
+    judge.finish(reading.end)
+    progress.finish(reading.end)
+    return progress.least
+
+
+def progress_of_events(
+    spec: Specification,
+    signals: Mapping[str, tuple[Floats, Floats]],
+    reading: Reading,
+    *,
+    satisfied: bool,
+) -> float | None:
+    """Return the progress of a trace in dense time; None if there is none.
+
+    Nothing changes between two events, so stages that look at no other time are reached at events.
+    There is no progress if stages, or the operators between them, have times of their own.
+
+    Args:
+        spec: The requirement.
+        signals: Times and values of the events of its variables, all of them known.
+        reading: The evaluation options.
+        satisfied: Whether the requirement is satisfied.
+
+    Raises:
+        RtamtError: As `stages_of` does.
+    """
+    staged = stages_of({"": spec}, reading).get("")
+    if staged is None or staged.deciders:
+        return None
+    if satisfied:
+        return 1.0
+    begin = max(times[0] for times, _ in signals.values())
+    end = min(times[-1] for times, _ in signals.values())
+    every = np.unique(np.concatenate([times for times, _ in signals.values()]))
+    every = every[(every >= begin) & (every <= end)]
+    columns = {
+        name: values[np.searchsorted(times, every, "right") - 1]
+        for name, (times, values) in signals.items()
+    }
+    options = reading.having(period=None).of_monitors({"": spec})[""]
+    count, first = len(staged.conditions), 0
+    for reached, stage in enumerate(staged.conditions):
+        heights = rtamt.evaluate(bare(spec, stage), columns, n=len(every), **options)[first:]
+        holds = ~np.signbit(heights)
+        if not holds.any():
+            began = next(filter(math.isfinite, heights.tolist()), _NO_WAY)
+            height = float(heights.max())
+            return float(_place(reached, count, height, began or _NO_WAY, min, max))
+        first += int(holds.argmax())
+    return _ALMOST
+
+
+@dataclass(frozen=True, slots=True)
+class _Monitors(Generic[_M]):
+    """The monitors of a requirement with stages.
+
+    Attributes:
+        deciders: The monitors of the formulas that decide stages, as in `Stages`.
+        alone: The monitor of ``eventually(stage)`` for each stage.
+        judge: The monitor of the requirement.
+    """
+
+    deciders: list[_M]
+    alone: list[_M]
+    judge: _M
+
+    @property
+    def every(self) -> list[_M]:
+        return self.deciders + self.alone
+
+
+def _monitors_of(
+    specs: Mapping[str, Specification],
+    judges: Mapping[str, _M],
+    reading: Reading,
+    make: Callable[..., _M],
+) -> dict[str, _Monitors[_M]]:
+    """Return the monitors of each requirement with stages."""
+    staged = stages_of(specs, reading)
+    parts = {
+        name: [
+            *(bare(specs[name], decider) for decider in requirement.deciders),
+            *(bare(specs[name], stage.eventually()) for stage in requirement.conditions),
+        ]
+        for name, requirement in staged.items()
+    }
+    flat = [part for listed in parts.values() for part in listed]
+    options = iter(options_of_parts(specs, flat, reading) if flat else ())
+    monitors: dict[str, _Monitors[_M]] = {}
+    for name, listed in parts.items():
+        made, count = [make(part, **next(options)) for part in listed], len(staged[name].deciders)
+        monitors[name] = _Monitors(made[:count], made[count:], judges[name])
+    return monitors
+
+
+def _place(
+    reached: int,
+    count: int,
+    height: Lanewise,
+    began: Lanewise,
+    least: Callable[..., Lanewise],
+    greatest: Callable[..., Lanewise],
+) -> Lanewise:
+    """Return the progress at a sample, without the progress before it.
+
+    Args:
+        reached: The number of decided stages.
+        count: The number of stages.
+        height: The robustness of the next stage.
+        began: Its first finite robustness, below 0.
+        least: The minimum of two values.
+        greatest: The maximum of two values.
+    """
+    share = greatest(1.0 - least(height, 0.0) / began, 0.0)
+    return least((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
+
+
+_NO_WAY = -1.0
+"""The first robustness of a stage if there is none below 0."""
+
+_ALMOST = math.nextafter(1.0, 0.0)
+"""The progress if all stages are decided and the requirement is not."""
+
+
+class StageProgress:
+    """The progress of requirements in one environment.
+
+    Args:
+        specs: The specifications by name.
+        judges: The monitor of each, which takes a sample before this object does.
+        reading: The evaluation options, with the stages that are named.
+
+    Raises:
+        RtamtError: As `stages_of` does, or if stages cannot be compiled.
+    """
+
+    def __init__(
+        self,
+        specs: Mapping[str, Specification],
+        judges: Mapping[str, EpisodeMonitor],
+        reading: Reading,
+    ) -> None:
+        self._parts = {
+            name: _RequirementProgress(monitors, hold=reading.nan == "hold")
+            for name, monitors in _monitors_of(specs, judges, reading, EpisodeMonitor).items()
+        }
+
+    def __bool__(self) -> bool:
+        """Whether a requirement has stages."""
+        return bool(self._parts)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The progress of each requirement that has stages, by its name."""
+        return {name: part.progress for name, part in self._parts.items()}
+
+    @property
+    def least(self) -> float:
+        """The minimum progress."""
+        return min(part.progress for part in self._parts.values())
+
+    def reset(self) -> None:
+        for part in self._parts.values():
+            part.reset()
+
+    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
+        """Return the function that takes a sample, whose values have these names."""
+        feeds = [part.feeder(names) for part in self._parts.values()]
+
+        def feed(values: Sequence[float]) -> None:
+            for take in feeds:
+                take(values)
+
+        return feed
+
+    def finish(self, end: End) -> None:
+        """End the trace, after the judges have."""
+        for part in self._parts.values():
+            part.finish(end)
+
+    def state(self) -> tuple[Any, ...]:
+        return tuple(part.state() for part in self._parts.values())
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        for part, held in zip(self._parts.values(), state, strict=True):
+            part.restore(held)
+
+
+class _RequirementProgress:
+    """The progress of one requirement in one environment.
+
+    Args:
+        monitors: Its monitors.
+        hold: Whether a nan repeats the last value.
+    """
+
+    def __init__(self, monitors: _Monitors[EpisodeMonitor], *, hold: bool) -> None:
+        self._monitors, self._hold = monitors, hold
+        self._count = len(monitors.alone)
+        self._start()
+
+    def _start(self) -> None:
+        self.progress = 0.0
+        self._reached = 0  # stages decided
+        self._height = math.nan  # r of the stage that is next
+        self._began = math.nan  # r0 of the stage that is next
+        self._held: list[float] = []  # the last values that are not nan
+
+    def reset(self) -> None:
+        for monitor in self._monitors.every:
+            monitor.reset()
+        self._start()
+
+    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
+        def update_of(monitor: EpisodeMonitor) -> Callable[[Sequence[float]], float]:
+            place, several = picked([names.index(name) for name in monitor.variables])
+            update = monitor.update
+            if several is None:
+                return lambda values: update(values[place])
+            return lambda values: update(*several(values))
+
+        deciders = [update_of(monitor) for monitor in self._monitors.deciders]
+        alone = [update_of(monitor) for monitor in self._monitors.alone]
+        judge, hold, next_stage = self._monitors.judge, self._hold, self._next_stage
+
+        def feed(values: Sequence[float]) -> None:
+            if hold:
+                values = self._holding(values)
+            if self.progress == 1.0:
+                return
+            for update in deciders[self._reached :]:  # the verdicts before them are certain
+                update(values)
+            if judge.verdict > 0:
+                self.progress = 1.0
+                return
+            if deciders:
+                self._decide()
+            next_stage(alone, values)
+
+        return feed
+
+    def _next_stage(
+        self, alone: Sequence[Callable[[Sequence[float]], float]], values: Sequence[float]
+    ) -> None:
+        """Take a sample of the next stage, and of the stages after it that it decides."""
+        monitors = self._monitors
+        while self._reached < self._count:
+            height = alone[self._reached](values)
+            if height < 0:
+                if height != self._height:  # otherwise the maximum so far again
+                    self._approach(height)
+                return
+            if monitors.deciders or monitors.alone[self._reached].verdict <= 0:
+                self._approach(height)
+                return
+            self._reach(self._reached + 1)
+
+    def _holding(self, values: Sequence[float]) -> Sequence[float]:
+        """Return the values, with the last value in place of each nan."""
+        held = self._held or values
+        self._held = [last if math.isnan(v) else v for v, last in zip(values, held, strict=True)]
+        return self._held
+
+    def finish(self, end: End) -> None:
+        deciders = self._monitors.deciders
+        for monitor in deciders[self._reached :]:
+            monitor.finish(end)
+        if deciders:
+            self._decide()
+        if self._monitors.judge.verdict > 0:
+            self.progress = 1.0
+
+    def _decide(self) -> None:
+        """Counts the stages that are decided."""
+        deciders, reached = self._monitors.deciders, self._reached
+        while reached < len(deciders) and deciders[reached].verdict > 0:
+            reached += 1
+        if reached > self._reached:
+            self._reach(reached)
+
+    def _reach(self, reached: int) -> None:
+        """Set the number of decided stages."""
+        self._reached, self._height, self._began = reached, math.nan, math.nan
+        self.progress = max(self.progress, min(reached / self._count, _ALMOST))
+
+    def _approach(self, height: float) -> None:
+        """Take the robustness of the next stage."""
+        self._height, began = height, self._began
+        if math.isnan(began):
+            began = _NO_WAY
+            if math.isfinite(height):
+                self._began = began = height if height < 0 else _NO_WAY
+        now = _place(self._reached, self._count, height, began, min, max)
+        self.progress = max(self.progress, now)
+
+    def state(self) -> tuple[Any, ...]:
+        machines = [machine_state(monitor) for monitor in self._monitors.every]
+        return machines, self.progress, self._reached, self._height, self._began, self._held
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        machines, self.progress, self._reached, self._height, self._began, held = state
+        self._held = [*held]
+        for monitor, machine in zip(self._monitors.every, machines, strict=True):
+            monitor.__setstate__(machine)
+
+
+class VectorStageProgress:
+    """The progress of requirements in a batch of environments.
+
+    Args:
+        specs: The specifications by name.
+        judges: The monitor of each, which takes a sample before this object does.
+        reading: The evaluation options, with the stages that are named.
+        num: The number of environments.
+        columns: The names of the columns of the tables.
+    """
+
+    def __init__(
+        self,
+        specs: Mapping[str, Specification],
+        judges: Mapping[str, VectorEpisodeMonitor],
+        reading: Reading,
+        num: int,
+        columns: Sequence[str],
+    ) -> None:
+        def make(part: Specification, **options: Any) -> VectorEpisodeMonitor:  # noqa: ANN401
+            return VectorEpisodeMonitor(part, num, **options)
+
+        self._parts = {
+            name: _VectorRequirementProgress(monitors, num, columns, hold=reading.nan == "hold")
+            for name, monitors in _monitors_of(specs, judges, reading, make).items()
+        }
+
+    def __bool__(self) -> bool:
+        """Whether a requirement has stages."""
+        return bool(self._parts)
+
+    @property
+    def values(self) -> dict[str, Floats]:
+        """The progress of each requirement that has stages, by its name; new arrays."""
+        return {name: part.progress.copy() for name, part in self._parts.items()}
+
+    @property
+    def least(self) -> Floats:
+        """The minimum progress over the requirements; a new array."""
+        least: Floats = np.minimum.reduce([part.progress for part in self._parts.values()])
+        return least
+
+    def reset(self, lanes: Lanes | None = None) -> None:
+        for part in self._parts.values():
+            part.reset(lanes)
+
+    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+        """Take a row of the table for each environment in the mask; None: for all."""
+        for part in self._parts.values():
+            part.feed(table, lanes)
+
+    def finish(self, lanes: Lanes, end: End) -> None:
+        """End the traces of the environments in the mask, after the judges have."""
+        for part in self._parts.values():
+            part.finish(lanes, end)
+
+
+class _VectorRequirementProgress:
+    """The progress of one requirement in a batch of environments."""
+
+    def __init__(
+        self,
+        monitors: _Monitors[VectorEpisodeMonitor],
+        num: int,
+        columns: Sequence[str],
+        *,
+        hold: bool,
+    ) -> None:
+        self._monitors = monitors
+        self._count = len(monitors.alone)
+        self._picks = {
+            monitor: pick([columns.index(name) for name in monitor.variables])
+            for monitor in monitors.every
+        }
+        self.progress: Floats = np.zeros(num)
+        self._began: Floats = np.full(num, np.nan)
+        self._reached = np.zeros(num, np.int64)
+        self._held: Floats | None = np.full((num, len(columns)), np.nan) if hold else None
+
+    def reset(self, lanes: Lanes | None) -> None:
+        for monitor in self._monitors.every:
+            monitor.reset(lanes)
+        which = slice(None) if lanes is None else lanes
+        self.progress[which] = 0.0
+        self._began[which] = np.nan
+        self._reached[which] = 0  # `_held` stays: the judge refuses a nan at the first sample
+
+    def feed(self, table: Floats, lanes: Lanes | None) -> None:
+        if self._held is not None:
+            fed = ~np.isnan(table) if lanes is None else ~np.isnan(table) & lanes[:, None]
+            np.copyto(self._held, table, where=fed)
+            table = self._held
+        deciders, alone = self._monitors.deciders, self._monitors.alone
+        for stage, monitor in enumerate(deciders):
+            needed = self._reached <= stage  # elsewhere the verdict is certain
+            if lanes is not None:
+                needed &= lanes
+            self._update(monitor, table, needed)
+        self._settle(lanes)
+        if deciders:
+            self._decide()
+        for stage, monitor in enumerate(alone):
+            following = (self._reached == stage) & (self.progress < 1.0)
+            if lanes is not None:
+                following &= lanes
+            heights = self._update(monitor, table, following)
+            if heights is None:
+                continue
+            if not deciders:
+                over = following & (monitor.verdict > 0)
+                self._reach(over, stage + 1)
+                following &= ~over
+            self._approach(following, heights[following], stage)
+
+    def _update(self, monitor: VectorEpisodeMonitor, table: Floats, lanes: Lanes) -> Floats | None:
+        """Update the environments in the mask; return None if there are none."""
+        count = np.count_nonzero(lanes)
+        if count == 0:
+            return None
+        rows = table[:, self._picks[monitor]]
+        return monitor.update(rows, None if count == len(lanes) else lanes)
+
+    def finish(self, lanes: Lanes, end: End) -> None:
+        deciders = self._monitors.deciders
+        for stage, monitor in enumerate(deciders):
+            monitor.finish(lanes & (self._reached <= stage), end=end)
+        if deciders:
+            self._decide()
+        self._settle(lanes)
+
+    def _settle(self, lanes: Lanes | None) -> None:
+        """Set the progress of satisfied requirements."""
+        satisfied = self._monitors.judge.verdict > 0
+        self.progress[satisfied if lanes is None else satisfied & lanes] = 1.0
+
+    def _decide(self) -> None:
+        """Count the decided stages; verdicts stay until the reset."""
+        for stage, monitor in enumerate(self._monitors.deciders):
+            self._reach((self._reached == stage) & (monitor.verdict > 0), stage + 1)
+
+    def _reach(self, lanes: Lanes, reached: int) -> None:
+        """Set the number of decided stages."""
+        self._reached[lanes] = reached
+        self._began[lanes] = np.nan
+        least = min(reached / self._count, _ALMOST)
+        self.progress[lanes] = np.maximum(self.progress[lanes], least)
+
+    def _approach(self, lanes: Lanes, heights: Floats, reached: int) -> None:
+        """Take the robustness of the next stage, in environments that are at the same stage."""
+        began = self._began[lanes]
+        first = np.isnan(began) & np.isfinite(heights)
+        began = np.where(first, np.where(heights < 0, heights, _NO_WAY), began)
+        self._began[lanes] = began
+        began = np.where(np.isnan(began), _NO_WAY, began)
+        now = _place(reached, self._count, heights, began, np.minimum, np.maximum)
+        self.progress[lanes] = np.maximum(self.progress[lanes], now)

@@ -1,8 +1,9 @@
-"""Infos of vector environments: an array for every key, and a mask ``_key`` of those that have it.
+"""Vector environments: their infos, and when they reset an environment.
 
-Gymnasium's `SyncVectorEnv` has the same form: where an environment has no value the array holds
-zero, or None if it is an array of objects; a key that no environment has is absent; a dictionary of
-infos becomes a dictionary of arrays.
+An info is an array for every key, and a mask ``_key`` of the environments that have it, as in
+Gymnasium's `SyncVectorEnv`: where an environment has no value the array holds zero, or None if it
+is an array of objects; a key that no environment has is absent; a dictionary of infos becomes a
+dictionary of arrays.
 """
 
 from __future__ import annotations
@@ -12,24 +13,22 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium import logger, spaces
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.infos import SpecRows, Where
 from rtamt_gym.signals.columns import Lanes
 
-__all__ = ["final_infos", "final_observations", "key_mask", "put", "put_last"]
-
-
 _Place = dict[str, Any] | list[dict[str, Any]]
 _Column = tuple[_Place, str, str, NDArray[Any], Lanes | None]
-"""What `VerdictBook.spread` writes: the place, two keys, the values, and which there are."""
+"""An argument of `VerdictBook.spread`: the place, two keys, the values and their mask."""
 
 
 def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: int) -> None:  # noqa: ANN401
-    """Sets a key for the environments of the mask; None: for all, and the array is not copied.
+    """Set a key for the environments in the mask; None: for all, without a copy of the array.
 
     ``value`` has an element for every environment, or is a dictionary of such arrays.
     """
@@ -54,11 +53,16 @@ def put_last(
     reported: Lanes | None,
     spread: Callable[[list[_Column], NDArray[np.int64]], None],
 ) -> None:
-    """Sets the keys of `last_info` for the environments of the mask, which have the numbers ``at``.
+    """Set the keys of `last_info` for the environments in the mask, which have the numbers ``at``.
 
-    Keeps ``is_success`` where the environment has reported it; None: nowhere. ``last`` has an
-    element for each of the environments; `Where` and `SpecRows` have such arrays. ``spread`` writes
-    all at once, as `VerdictBook.spread` does.
+    Args:
+        infos: The infos.
+        last: The keys; each array, also in a `Where` or a `SpecRows`, has an element for each of
+            these environments.
+        at: The numbers of the environments.
+        mask: Their mask.
+        reported: Where the environment has its own ``is_success``, which stays; None: nowhere.
+        spread: Writes all at once, as `VerdictBook.spread` does.
     """
     num, before = len(mask), infos.get("is_success")
     columns: list[_Column] = []
@@ -70,7 +74,7 @@ def put_last(
         columns += [_column(groups, name, found) for name, found in value.found.items()]
         named: dict[str, Any] = {}
         for name, group in zip(value.names, groups, strict=True):
-            columns += [_column(group, *each) for each in value.more.get(name, {}).items()]
+            columns += [_column(group, *item) for item in value.more.get(name, {}).items()]
             named[name], named[f"_{name}"] = group, mask.copy()
         infos[key], infos[f"_{key}"] = named, mask.copy()
     spread(columns, at)
@@ -89,12 +93,12 @@ def _column(place: _Place, key: str, value: Any) -> _Column:  # noqa: ANN401
 
 @functools.cache
 def _all(num: int) -> Lanes:
-    """A mask that is true everywhere, to be copied: making one takes four times as long."""
+    """Return a mask that is true everywhere, to copy: making one takes four times as long."""
     return np.ones(num, np.bool_)
 
 
 def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Lanes:
-    """The mask of the environments that have a key: all, if the infos hold no mask for it."""
+    """Return the mask of the environments that have a key: all if the infos have no mask for it."""
     mask = infos.get(f"_{key}")
     if mask is None:
         return np.ones(num, np.bool_) if key in infos else np.zeros(num, np.bool_)
@@ -107,7 +111,7 @@ def final_observations(
     infos: Mapping[str, Any],
     ended: Lanes,
 ) -> Any:  # noqa: ANN401
-    """The observations from before the resets in a step.
+    """Return the observations from before the resets in a step.
 
     Args:
         space: The observation space of one environment.
@@ -136,23 +140,23 @@ def _replaced(
     final: Any,  # noqa: ANN401
     ended: Lanes,
 ) -> Any:  # noqa: ANN401
-    """Replaces the observations of the environments that ended.
+    """Replace the observations of the environments that ended.
 
     ``final`` is a list with an observation for each of them, or a batch like ``obs``.
     """
 
     def part(key: Any) -> Any:  # noqa: ANN401
-        return [each[key] for each in final] if isinstance(final, list) else final[key]
+        return [single[key] for single in final] if isinstance(final, list) else final[key]
 
     match space:
         case spaces.Dict():
             return {
-                key: _replaced(each, obs[key], part(key), ended)
-                for key, each in space.spaces.items()
+                key: _replaced(inner, obs[key], part(key), ended)
+                for key, inner in space.spaces.items()
             }
         case spaces.Tuple():
             return tuple(
-                _replaced(each, obs[i], part(i), ended) for i, each in enumerate(space.spaces)
+                _replaced(inner, obs[i], part(i), ended) for i, inner in enumerate(space.spaces)
             )
         case spaces.Box() | spaces.Discrete() | spaces.MultiDiscrete() | spaces.MultiBinary():
             batch = np.array(obs)
@@ -163,7 +167,7 @@ def _replaced(
 
 
 def final_infos(infos: dict[str, Any], ended: Lanes) -> dict[str, Any]:
-    """The infos from before the resets in a step: ``final_info`` where episodes ended."""
+    """Return the infos from before the resets in a step: ``final_info`` where episodes ended."""
     before = {k: v for k, v in infos.items() if k not in _FINAL}
     return _merged(before, infos.get("final_info", {}), ended)
 
@@ -189,3 +193,41 @@ def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Lanes) ->
         num = len(ended)
         merged[f"_{key}"] = np.where(ended, key_mask(final, key, num), key_mask(infos, key, num))
     return merged
+
+
+def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
+    """Return when a vector environment resets an environment whose episode has ended.
+
+    Raises:
+        InputError: If its metadata has a value that is not a mode.
+    """
+    mode, inner = env.metadata.get("autoreset_mode"), env.unwrapped
+    if isinstance(inner, SyncVectorEnv | AsyncVectorEnv) and env.metadata is inner.metadata:
+        # Before 1.4, vector environments of one class share their metadata.
+        mode = mode and inner.autoreset_mode
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode is not None:
+        raise InputError(
+            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
+        )
+    # As Gymnasium's own wrappers do.
+    logger.warn(
+        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
+        "AutoresetMode.NEXT_STEP"
+    )
+    return AutoresetMode.NEXT_STEP
+
+
+def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:  # noqa: ANN401
+    """Return ``options["reset_mask"]``; raise for a value that Gymnasium would not take."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise InputTypeError(
+            f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
+        )
+    if mask.shape != (num,) or not mask.any():
+        raise InputError(
+            f"expected options['reset_mask'] of shape ({num},), true for one environment or more, "
+            f"got {mask!r}"
+        )
+    return mask

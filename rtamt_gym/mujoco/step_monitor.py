@@ -14,9 +14,8 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judging.feeding import Assessment, Feed
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.values import PanelValues

@@ -19,9 +19,8 @@ from rtamt import Verdict
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.judge import Judging, Questions
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.questions import Questions
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run_record import (

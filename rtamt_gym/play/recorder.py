@@ -11,9 +11,8 @@ import numpy as np
 
 import rtamt
 from rtamt import Asked, End, Evidence, InputTypeError, NanPolicy
-from rtamt_gym.judging.feeding import Assessment, Feed
-from rtamt_gym.judging.interface import EXACT
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.monitors import EXACT
+from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.options.evaluation import AtTermination
 from rtamt_gym.play.run_record import Course, Floats
 from rtamt_gym.signals.signals import Read

@@ -10,7 +10,7 @@ import rtamt
 from rtamt import Explanation, InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.explanations import chosen, titled
+from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.play.run_record import Floats, RunRecord
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdict, parse
 from rtamt_gym import markup
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.interface import robustness_text
+from rtamt_gym.judging.monitors import robustness_text
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.results.outcome import Outcome, verdict_text
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial

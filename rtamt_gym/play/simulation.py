@@ -20,10 +20,14 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.ends import assumed, warn_of_open_end
-from rtamt_gym.judging.judge import Judge
-from rtamt_gym.judging.questions import Questions
-from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
-from rtamt_gym.judging.unknown import with_unknown_start
+from rtamt_gym.judging.judge import Judge, Questions
+from rtamt_gym.judging.specs import (
+    SpecsLike,
+    check_period,
+    load_specs,
+    own_requirements,
+    with_unknown_start,
+)
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.play.recorder import Recorder

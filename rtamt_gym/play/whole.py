@@ -12,7 +12,7 @@ import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt.patterns import stages
-from rtamt_gym.judging.questions import Questions
+from rtamt_gym.judging.judge import Questions
 from rtamt_gym.play.run_record import SimulatedTrace, Stop
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.results.outcome import Outcome

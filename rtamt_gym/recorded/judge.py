@@ -12,9 +12,8 @@ import numpy as np
 
 import rtamt
 from rtamt import End, InputError, SemanticsName, Verdict
-from rtamt_gym.judging.first_sample import first_sample_error
-from rtamt_gym.judging.interface import EXACT, robustness_text
-from rtamt_gym.judging.stage_progress import progress_of, progress_of_events
+from rtamt_gym.judging.monitors import EXACT, first_sample_error, robustness_text
+from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace

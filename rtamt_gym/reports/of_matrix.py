@@ -11,7 +11,7 @@ import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor
-from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed

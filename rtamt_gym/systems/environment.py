@@ -15,9 +15,8 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.panel import Feed, Panel
 from rtamt_gym.options.evaluation import Reading, refuse_other
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals

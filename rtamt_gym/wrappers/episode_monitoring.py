@@ -11,11 +11,9 @@ import numpy as np
 
 from rtamt import Explanation, Specification, StateError
 from rtamt_gym.judging.ends import assumed
-from rtamt_gym.judging.episodes import record
-from rtamt_gym.judging.explanations import chosen, titled
-from rtamt_gym.judging.feeding import Assessment, Feed
-from rtamt_gym.judging.infos import last_info, present
-from rtamt_gym.judging.panel import Monitors, Panel
+from rtamt_gym.judging.infos import last_info, present, record
+from rtamt_gym.judging.monitors import chosen, titled
+from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap

@@ -15,12 +15,10 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError, Specification, SpecificationError
-from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.feeding import Feed
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import SpecsLike, recordable
+from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
@@ -198,8 +196,7 @@ class StlMonitor(
         panel.begin()
         violated = panel.violated_by is not None
         states = panel.describe() if self._details else None
-        extras = panel.of_instant, panel.least_progress, self._period_info
-        info = step_info(info, *assessed, violated, states, None, *extras)
+        info = step_info(info, *assessed, violated, panel, states, None, self._period_info)
         self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()
@@ -252,10 +249,9 @@ class StlMonitor(
                 lower,
                 upper,
                 violated,
+                panel,
                 panel.describe() if self._details else None,
                 panel.take_costs(),
-                panel.of_instant,
-                panel.least_progress,
             )
         else:
             info = step_info(info, robustness, lower, upper, violated)

@@ -16,15 +16,21 @@ from rtamt import InputError, RtamtError, Specification, StateError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.callers import caller_level, wrappers_around
-from rtamt_gym.judging.constants import Constants, ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import UnseenEndWarning, warn_of_open_end
 from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, own_requirements
-from rtamt_gym.judging.unknown import with_unknown_start
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.specs import (
+    Constants,
+    ConstantValue,
+    SpecsLike,
+    check_period,
+    load_specs,
+    own_requirements,
+    with_unknown_start,
+)
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, Reading
 from rtamt_gym.signals.periods import (

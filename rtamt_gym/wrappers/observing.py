@@ -33,9 +33,8 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judging.clocks import Owed
+from rtamt_gym.judging.monitors import MonitorValues, Owed
 from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Numeric, scaled
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.wrappers.clipping import ObservedWatch

@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import Explanation, InputError, InputTypeError
-from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.feeding import Assessment
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.judging.panel import Assessment
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.signals import SignalLike
@@ -309,10 +308,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
                 lower,
                 upper,
                 panel.violated_by is not None,
+                panel,
                 panel.describe() if self._details else None,
                 costs,
-                panel.of_instant,
-                panel.least_progress,
                 period,
             )
         return {**infos, **reported}

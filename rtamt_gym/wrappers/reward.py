@@ -18,9 +18,8 @@ from rtamt import Explanation, InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.constants import ConstantValue
-from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike
 from rtamt_gym.shaping import (
     Mode,
     Numeric,

@@ -16,9 +16,8 @@ from typing import Any
 from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.feeding import Assessment, Take
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.panel import Assessment, Panel, Take
 from rtamt_gym.signals.signals import Env, MovingRead, ParsedSignal
 from rtamt_gym.signals.sources import STEP
 

@@ -13,14 +13,20 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, Specification, StateError
-from rtamt_gym.judging.constants import ConstantValue
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.ends import assumed
-from rtamt_gym.judging.episodes import EpisodeRecords, record
-from rtamt_gym.judging.infos import last_info, step_info
-from rtamt_gym.judging.specs import SpecsLike, autoreset_mode, checked_mask, recordable
-from rtamt_gym.judging.values import MonitorValues
-from rtamt_gym.judging.vector_infos import final_infos, final_observations, key_mask, put, put_last
+from rtamt_gym.judging.infos import EpisodeRecords, last_info, record, step_info
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
+from rtamt_gym.judging.vector_infos import (
+    autoreset_mode,
+    checked_mask,
+    final_infos,
+    final_observations,
+    key_mask,
+    put,
+    put_last,
+)
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
@@ -396,8 +402,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         states = panel.describe() if self._details else None
         violated = panel.any_violated()
         bounds = panel.robustness, panel.lower, panel.upper
-        extras = panel.of_instant, panel.least_progress
-        for key, value in step_info({}, *bounds, violated, states, None, *extras).items():
+        for key, value in step_info({}, *bounds, violated, panel, states).items():
             put(infos, key, value, lanes, self.num_envs)
         for key, cost in (costs or {}).items():
             put(infos, key, cost, charged, self.num_envs)

@@ -23,8 +23,7 @@ from rtamt import (
 )
 from rtamt.patterns import in_order, stages
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.stage_progress import progress_of, progress_of_events
-from rtamt_gym.judging.stages import stages_of
+from rtamt_gym.judging.stages import progress_of, progress_of_events, stages_of
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.options.evaluation import Reading
 

@@ -16,8 +16,7 @@ from profiles import examples
 
 import rtamt
 from rtamt_gym import Reading
-from rtamt_gym.judging.clocks import Obligations, SingleObligations
-from rtamt_gym.judging.obligations import obligations_of
+from rtamt_gym.judging.obligations import Obligations, SingleObligations, obligations_of
 
 P, Q, R = "p > 0", "q > 0", "r > 0"
 COLUMNS = ["p", "q", "r"]

@@ -9,9 +9,8 @@ import pytest
 
 import rtamt
 from rtamt_gym import Reading
-from rtamt_gym.judging.monitors import InstantMonitor, VectorInstantMonitor
+from rtamt_gym.judging.monitors import InstantMonitor, VectorInstantMonitor, pick
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.picking import pick
 from rtamt_gym.judging.vector_panel import VectorPanel
 
 

@@ -16,7 +16,7 @@ import rtamt
 from rtamt import Formula, Specification, Verdict
 from rtamt.patterns import in_order, prefixes, stages
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.stage_progress import progress_of
+from rtamt_gym.judging.stages import progress_of
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.options.evaluation import Reading
 

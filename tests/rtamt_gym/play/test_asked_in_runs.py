@@ -29,7 +29,7 @@ from rtamt_gym import (
     simulate,
     sweep,
 )
-from rtamt_gym.judging.questions import Questions
+from rtamt_gym.judging.judge import Questions
 from rtamt_gym.options.evaluation import AtTermination, Reading
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.results.outcome import Outcome

@@ -20,7 +20,7 @@ from strategies import INTEGERS, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import Formula, InputError, SemanticsName
 from rtamt_gym import Run, StepMonitor, simulate
-from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import View
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from rtamt.errors import InputError
 from rtamt_gym import shaping
-from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.wrappers.observing import StateFeatures, time_left
 

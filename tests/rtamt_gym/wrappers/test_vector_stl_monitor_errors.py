@@ -16,7 +16,7 @@ from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import VectorStlMonitor, VectorStlReward, batched
-from rtamt_gym.judging.specs import autoreset_mode
+from rtamt_gym.judging.vector_infos import autoreset_mode
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (
