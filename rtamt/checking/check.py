@@ -196,9 +196,7 @@ class RequirementQuestions:
         self.search = WitnessSearch(self.period, self.end, horizon, timeout, integers, limits)
         self.assumed = [Goal(self.program(assumed), holds=True)] if assumed else []
         if assumed and self.search.find(self.assumed).impossible:
-            msg = (
-                f"assume: expected what some trace fulfils, got {assumed.formula}, which none does"
-            )
+            msg = f"assume: no trace satisfies {assumed.formula}; expected a satisfiable assumption"
             raise InputError(msg)
 
     def program(self, spec: Specification, formula: Formula | None = None) -> Program:

@@ -441,7 +441,7 @@ def _ample(goals: Sequence[Goal]) -> int:
 def _doubt(solution: Solution) -> str:
     if solution.free:
         return f"it is not linear ({', '.join(sorted(solution.free))})"
-    return "it hangs on how doubles are rounded"
+    return "it depends on the rounding of doubles"
 
 
 def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None, end: End) -> bool:

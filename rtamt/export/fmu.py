@@ -198,9 +198,9 @@ def library() -> Library:
     """
     here = (sys.platform, platform.machine())
     if here not in _PLATFORMS:
-        known = ", ".join(" ".join(each) for each in _PLATFORMS)
-        msg = f"an FMU holds a library for the platform that it is exported on, {' '.join(here)}"
-        raise InputError(f"{msg}, for which there is none; export on {known}")
+        known = ", ".join(" ".join(names) for names in _PLATFORMS)
+        msg = f"there is no FMU library for this platform, {' '.join(here)}; export on {known}"
+        raise InputError(msg)
     *folders, ending = _PLATFORMS[here]
     built = find_spec("rtamt._native")  # an editable install has it in another folder
     folder = Path(__file__).parents[1] if built is None else Path(built.origin or "").parent
@@ -208,6 +208,6 @@ def library() -> Library:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        msg = f"the library of FMUs, {path.name}, was not built"
-        raise InputError(f"{msg}; reinstall rtamt where a C++20 compiler is found") from None
+        msg = f"the FMU library {path.name} was not built; reinstall rtamt with a C++20 compiler"
+        raise InputError(msg) from None
     return Library(data, {v: f"binaries/{f}/{path.name}" for v, f in enumerate(folders, start=2)})

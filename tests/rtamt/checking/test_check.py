@@ -252,7 +252,7 @@ def test_what_is_assumed_is_named_where_it_clashes() -> None:
     with pytest.raises(InputError) as error:
         only("always(x > 1)", assume="always(x < 0 and x > 1)")
     assert str(error.value) == (
-        "assume: expected what some trace fulfils, got always(x < 0 and x > 1), which none does"
+        "assume: no trace satisfies always(x < 0 and x > 1); expected a satisfiable assumption"
     )
 
 
