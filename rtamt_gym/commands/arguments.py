@@ -82,12 +82,12 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
     read = {Path(name).resolve() for name in inputs}
     written: set[Path] = set()
     for path in filter(None, (*files, picture)):
-        whole = path.resolve()
-        if whole in read:
+        resolved = path.resolve()
+        if resolved in read:
             raise InputError(f"cannot write {shown(str(path))}: it is read")
-        if whole in written:
+        if resolved in written:
             raise InputError(f"cannot write {shown(str(path))}: two options name it")
-        written.add(whole)
+        written.add(resolved)
         if path.is_dir():
             raise InputError(f"cannot write {shown(str(path))}: it is a folder")
         if not path.parent.is_dir():

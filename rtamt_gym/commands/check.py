@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     specs = read_requirements(options.specs, read_constants(options.constant))
     others = read_requirements(options.same_as)
     period = read_period(options, specs, others)
-    found = rtamt.check(
+    check = rtamt.check(
         specs,
         period,
         end=options.end,
@@ -66,25 +66,25 @@ def run(options: argparse.Namespace) -> int:
         timeout=options.timeout,
     )
     if options.save is not None:
-        named = (("-".join(filter(None, [n, what])), trace) for n, what, trace in found.traces())
+        named = (("-".join(filter(None, [n, what])), trace) for n, what, trace in check.traces())
         write(named, options.save)
     if options.json:
-        print(document(*_data(found, specs, others, period, options)))
+        print(document(*_data(check, specs, others, period, options)))
     elif others:
-        print(*_compared(found, specs, others), sep="\n")
+        print(*_compared(check, specs, others), sep="\n")
     else:
-        print(*_lines(found, specs, _files(options.specs)), sep="\n")
+        print(*_lines(check, specs, _files(options.specs)), sep="\n")
     if options.plot:
-        print(_drawn(found, period, options.plot), file=sys.stderr if options.json else sys.stdout)
-    return code_of([found.says])
+        print(_drawn(check, period, options.plot), file=sys.stderr if options.json else sys.stdout)
+    return code_of([check.says])
 
 
-def _drawn(found: Check, period: Fraction | None, path: Path) -> str:
+def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
     """Draw the traces, and print the file, or that there are none."""
     from rtamt_gym.commands.trace_pictures import draw
     from rtamt_gym.drawing import save
 
-    traces = [(" ".join(filter(None, [name, what])), trace) for name, what, trace in found.traces()]
+    traces = [(" ".join(filter(None, [name, what])), trace) for name, what, trace in check.traces()]
     if not traces:
         return f"no picture: there is no trace to draw in {path}"
     save(draw(traces, period), path)
@@ -98,21 +98,21 @@ def _files(arguments: Sequence[str]) -> dict[str, str]:
 
 
 def _compared(
-    found: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
+    check: Check, specs: Mapping[str, Specification], others: Mapping[str, Specification]
 ) -> Iterator[str]:
     """Yield comparisons of requirements that share a name."""
-    for name, same in found.same.items():
+    for name, same in check.same.items():
         yield f"{_titled(name, specs[name])}:"
         for side, spec in (("one", specs[name]), ("other", _other(name, others))):
             yield from _row(side, str(spec.formula))
         yield from _row("same", str(same))
         yield ""
-    yield from _traces(found)
+    yield from _traces(check)
     yield {
         "yes": "they are the same",
         "no": "they differ: see above",
         "unknown": "no difference was found, but not all is known: see above",
-    }[found.says]
+    }[check.says]
 
 
 def _other(name: str, others: Mapping[str, Specification]) -> Specification:
@@ -124,42 +124,42 @@ def _titled(name: str, spec: Specification) -> str:
 
 
 def _lines(
-    found: Check, specs: Mapping[str, Specification], files: Mapping[str, str]
+    check: Check, specs: Mapping[str, Specification], files: Mapping[str, str]
 ) -> Iterator[str]:
-    for name, each in found.requirements.items():
+    for name, requirement in check.requirements.items():
         title = _titled(name, specs[name])
-        yield from wrap(f"{title}: {each.text}", 80, subsequent_indent="    ")
-        yield from _of_one(each, files.get(specs[name].text, ""))
+        yield from wrap(f"{title}: {requirement.text}", 80, subsequent_indent="    ")
+        yield from _of_one(requirement, files.get(specs[name].text, ""))
         yield ""
-    if found.together is not None:
-        yield from _of_all(found, found.together)
+    if check.together is not None:
+        yield from _of_all(check, check.together)
         yield ""
-    yield from _traces(found)
+    yield from _traces(check)
     yield {
         "yes": "nothing wrong was found",
         "no": "something is wrong: see above",
         "unknown": "nothing wrong was found, but not all is known: see above",
-    }[found.says]
+    }[check.says]
 
 
-def _traces(found: Check) -> Iterator[str]:
-    for name, what, trace in found.traces():
+def _traces(check: Check) -> Iterator[str]:
+    for name, what, trace in check.traces():
         if what != "satisfied":
             yield " ".join(filter(None, [name, f"{what}:"]))
             yield from drawn(trace)
             yield ""
 
 
-def _of_one(found: CheckedRequirement, file: str) -> Iterator[str]:
-    yield from _said("satisfied", found.satisfiable)
-    yield from _clashes(found.satisfiable, "clashes", file)
-    yield from _said("violated", found.falsifiable)
-    yield from _clashes(found.falsifiable, "as", file)
-    for text, answer in found.asked.items():
+def _of_one(requirement: CheckedRequirement, file: str) -> Iterator[str]:
+    yield from _said("satisfied", requirement.satisfiable)
+    yield from _clashes(requirement.satisfiable, "clashes", file)
+    yield from _said("violated", requirement.falsifiable)
+    yield from _clashes(requirement.falsifiable, "as", file)
+    for text, answer in requirement.asked.items():
         yield from _said("asked", answer, f": {text}")
-    for idle in found.idle:
+    for idle in requirement.idle:
         yield from _row("idle", str(idle))
-    for text, why in found.unknown.items():
+    for text, why in requirement.unknown.items():
         yield from _row("parts", f"unknown whether {text} decides something: {why}")
 
 
@@ -169,18 +169,18 @@ def _clashes(answer: Answer, word: str, file: str) -> Iterator[str]:
         yield from _row("", f"{word}: {part}{where}")
 
 
-def _of_all(found: Check, together: Answer) -> Iterator[str]:
+def _of_all(check: Check, together: Answer) -> Iterator[str]:
     yield from _said("together", together)
-    if found.conflict:
-        yield from _row("conflict", ", ".join(found.conflict))
-    for (name, text), answer in found.asked.items():
+    if check.conflict:
+        yield from _row("conflict", ", ".join(check.conflict))
+    for (name, text), answer in check.asked.items():
         if answer.says != "yes":
             yield from _row("asked", f"{name}, where all are satisfied: {answer}: {text}")
-    for one, other in found.implied.items():
+    for one, other in check.implied.items():
         yield from _row("implied", f"{one} by {other}")
-    for one, other in found.equal:
+    for one, other in check.equal:
         yield from _row("equal", f"{one} and {other}")
-    for (one, other), why in found.unknown.items():
+    for (one, other), why in check.unknown.items():
         yield from _row("unknown", f"whether {one} or {other} implies the other: {why}")
 
 
@@ -199,7 +199,7 @@ def _row(what: str, text: str) -> list[str]:
 
 
 def _data(
-    found: Check,
+    check: Check,
     specs: Mapping[str, Specification],
     others: Mapping[str, Specification],
     period: Fraction | None,
@@ -217,35 +217,35 @@ def _data(
     asked |= plain_provenance(Provenance.of(specs).with_files(files_of(options.specs)))
     if others:
         same = {
-            name: {"other": str(_other(name, others).formula), **equivalence_data(each)}
-            for name, each in found.same.items()
+            name: {"other": str(_other(name, others).formula), **equivalence_data(requirement)}
+            for name, requirement in check.same.items()
         }
-        return "equivalence", {**asked, "says": found.says, "results": same}
+        return "equivalence", {**asked, "says": check.says, "results": same}
     results = {
         name: {
-            "says": each.says,
-            "satisfiable": answer_data(each.satisfiable),
-            "falsifiable": answer_data(each.falsifiable),
-            "asked": {text: answer_data(answer) for text, answer in each.asked.items()},
+            "says": requirement.says,
+            "satisfiable": answer_data(requirement.satisfiable),
+            "falsifiable": answer_data(requirement.falsifiable),
+            "asked": {text: answer_data(answer) for text, answer in requirement.asked.items()},
             "idle": [
                 {"text": idle.text, "instead": idle.instead, "samples": idle.samples or None}
-                for idle in each.idle
+                for idle in requirement.idle
             ],
-            "unknown": dict(each.unknown),
+            "unknown": dict(requirement.unknown),
         }
-        for name, each in found.requirements.items()
+        for name, requirement in check.requirements.items()
     }
-    data: dict[str, Any] = {**asked, "says": found.says, "results": results}
-    if found.together is not None:
+    data: dict[str, Any] = {**asked, "says": check.says, "results": results}
+    if check.together is not None:
         data |= {
-            "together": answer_data(found.together),
-            "conflict": [*found.conflict],
+            "together": answer_data(check.together),
+            "conflict": [*check.conflict],
             "asked": [
                 {"requirement": name, "text": text, **answer_data(answer)}
-                for (name, text), answer in found.asked.items()
+                for (name, text), answer in check.asked.items()
             ],
-            "implied": {**found.implied},
-            "equal": [[*pair] for pair in found.equal],
-            "unknown": [[*pair, why] for pair, why in found.unknown.items()],
+            "implied": {**check.implied},
+            "equal": [[*pair] for pair in check.equal],
+            "unknown": [[*pair, why] for pair, why in check.unknown.items()],
         }
     return "check", data

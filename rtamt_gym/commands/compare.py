@@ -44,12 +44,12 @@ def run(options: argparse.Namespace) -> int:
     names = None
     if a.policy == b.policy and options.a != options.b:  # then their files tell them apart
         short = options.a.name != options.b.name
-        files = [each.name if short else str(each) for each in (options.a, options.b)]
-        names = [f"{a.policy} ({each})" for each in files]
+        files = [result.name if short else str(result) for result in (options.a, options.b)]
+        names = [f"{a.policy} ({result})" for result in files]
     comparison = compare(a, b, names=names, accept_changed=options.accept_changed)
     print(comparison)
     if options.save:
         comparison.save(options.save)
     tell_files(comparison, options, "comparison")
-    worse = (each.shown and each.difference < 0 for each in comparison.results)
+    worse = (result.shown and result.difference < 0 for result in comparison.results)
     return exit_code(["violated"] if any(worse) else [])

@@ -76,14 +76,14 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         yield _filled(scenario.title)
         yield _filled(f"source: {scenario.source}")
         yield ""
-    period, found = read_period(env), find_period(env.unwrapped)
-    if period is None or found is None:
+    period, sources = read_period(env), find_period(env.unwrapped)
+    if period is None or sources is None:
         yield f"{name} does not say how long a step lasts;"
         if conflict := conflicting_times(env.unwrapped):
             yield _filled(f"{conflict};")
         yield "for bounds in time give --period in seconds, or --period 1 to count steps"
     else:
-        yield _filled(f"{name}: a step lasts {number(period)} s, says env.unwrapped.{found[1]}")
+        yield _filled(f"{name}: a step lasts {number(period)} s, says env.unwrapped.{sources[1]}")
         if unverified_period(env) is not None:
             yield _filled(
                 "nothing verifies that: it may be the time of a physics step, of which an action "
@@ -104,15 +104,23 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
         return
     rows = [("", "name", "unit", "least", "greatest")]
     for what, quantities in (("obs", scenario.observations), ("action", scenario.actions)):
-        for i, each in enumerate(quantities):
-            unit = each.unit or "-"
-            rows.append((f"{what}[{i}]", each.name, unit, number(each.low), number(each.high)))
+        for i, quantity in enumerate(quantities):
+            unit = quantity.unit or "-"
+            rows.append(
+                (f"{what}[{i}]", quantity.name, unit, number(quantity.low), number(quantity.high))
+            )
     yield from ("", *table(rows, "<<<>>"))
     if scenario.parameters:
         rows = [("parameter", "default", "unit", "least", "greatest")]
         rows += [
-            (each.name, number(each.default), each.unit or "-", number(each.low), number(each.high))
-            for each in scenario.parameters
+            (
+                quantity.name,
+                number(quantity.default),
+                quantity.unit or "-",
+                number(quantity.low),
+                number(quantity.high),
+            )
+            for quantity in scenario.parameters
         ]
         yield from ("", *table(rows, "<><>>"))
     yield "\nrequirements"

@@ -54,10 +54,10 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
     """
     match error:
         case RtamtError():
-            said = error.message.worded(lambda argument: _worded(argument, options))
+            text = error.message.worded(lambda argument: _worded(argument, options))
             # Notes on what an error carries are for Python callers.
             notes = [n for n in getattr(error, "__notes__", []) if not n.startswith("error.")]
-            return shown_lines(": ".join([*notes, said]))
+            return shown_lines(": ".join([*notes, text]))
         case ModuleNotFoundError():
             package = missing(error)
             if package is None:
@@ -96,13 +96,13 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
 
 def options_in(parser: argparse.ArgumentParser) -> Mapping[str, str]:
     """Return the options of a parser, by the names of the arguments that they are for."""
-    found = {
+    options = {
         action.dest: action.option_strings[-1]
         for action in parser._actions  # noqa: SLF001 - argparse has no other list of them
         if action.option_strings
     }
-    called = {name: found[other] for name, other in _CALLED.items() if other in found}
-    return {**found, **called}
+    called = {name: options[other] for name, other in _CALLED.items() if other in options}
+    return {**options, **called}
 
 
 def _worded(argument: Argument, options: Mapping[str, str]) -> str | None:

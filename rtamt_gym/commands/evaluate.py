@@ -170,8 +170,8 @@ def run(options: argparse.Namespace) -> int:
         specs = success_requirements(options, specs, reading.period or read_period(env))
         signals = flag_signal(options, env, signals)
         with warnings.catch_warnings():
-            for said in (FailedSimulationWarning, UnrepeatedSeedWarning):  # by the table
-                warnings.simplefilter("ignore", said)
+            for category in (FailedSimulationWarning, UnrepeatedSeedWarning):  # by the table
+                warnings.simplefilter("ignore", category)
             try:
                 evaluation = evaluate_policy(
                     options.policy,
@@ -208,12 +208,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _so_far(pressed: KeyboardInterrupt) -> tuple[Evaluation, int]:
     """Return the evaluation so far after an interrupt, and the number of unfinished episodes."""
-    found: Evaluation | None = getattr(pressed, "evaluation", None)
-    if found is None:
+    evaluation: Evaluation | None = getattr(pressed, "evaluation", None)
+    if evaluation is None:
         print("interrupted before an episode was over", file=sys.stderr)
         raise pressed
     lost: int = getattr(pressed, "lost", 0)
-    return found, lost
+    return evaluation, lost
 
 
 _RULES = ("until_width", "target", "alpha", "margin")

@@ -69,19 +69,19 @@ def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
     """Return the rates of change that ``--rate`` sets."""
     rates: dict[str, tuple[float, float]] = {}
     for text in texts:
-        found = re.fullmatch(r"\s*([\w.]+)\s+in\s+\[([^,]*),([^,]*)\]\s*", text)
+        match = re.fullmatch(r"\s*([\w.]+)\s+in\s+\[([^,]*),([^,]*)\]\s*", text)
         try:
-            lower, upper = map(float, found.groups()[1:]) if found else (math.nan, math.nan)
+            lower, upper = map(float, match.groups()[1:]) if match else (math.nan, math.nan)
         except ValueError:
             lower = upper = math.nan
-        if found is None or math.isnan(lower) or math.isnan(upper):
+        if match is None or math.isnan(lower) or math.isnan(upper):
             raise InputError(
                 f"--rate: expected a variable and what it changes by at least and at most, such as "
                 f"'x in [-2, 2]', got {text!r}"
             )
-        if found[1] in rates:
-            raise InputError(f"--rate: '{found[1]}' has two rates; give one of them")
-        rates[found[1]] = lower, upper
+        if match[1] in rates:
+            raise InputError(f"--rate: '{match[1]}' has two rates; give one of them")
+        rates[match[1]] = lower, upper
     return rates
 
 
@@ -90,7 +90,7 @@ def read_period(
 ) -> Fraction | None:
     """Read ``--period``."""
     period = read_evaluation_options(options).seconds
-    for name, spec in itertools.chain(*(each.items() for each in requirements)):
+    for name, spec in itertools.chain(*(specs.items() for specs in requirements)):
         bounds = (node.interval for node in spec.formula.nodes())
         if period is None and any(bound is not None and bound.unit for bound in bounds):
             raise InputError(

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the examples; return 1 if no trace satisfies, or none violates, a requirement."""
     specs = read_requirements(options.specs, read_constants(options.constant))
     period = read_period(options, specs)
-    found = rtamt.examples(
+    examples = rtamt.examples(
         specs,
         period,
         count=options.count,
@@ -54,29 +54,32 @@ def run(options: argparse.Namespace) -> int:
         timeout=options.timeout,
     )
     if options.save is not None:
-        write(_files(found), options.save)
-    print(_json(found, options) if options.json else "\n".join(_lines(found)))
-    return code_of(each.says for each in found.values())
+        write(_files(examples), options.save)
+    print(_json(examples, options) if options.json else "\n".join(_lines(examples)))
+    return code_of(requirement.says for requirement in examples.values())
 
 
-def _lines(found: Mapping[str, RequirementExamples]) -> Iterator[str]:
-    for place, (name, each) in enumerate(found.items()):
+def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
+    for place, (name, requirement) in enumerate(examples.items()):
         if place:
             yield ""
-        yield from wrap(f"{name}: {each.text}", 80, subsequent_indent="    ")
-        for verb, answer in (("satisfies", each.satisfiable), ("violates", each.falsifiable)):
+        yield from wrap(f"{name}: {requirement.text}", 80, subsequent_indent="    ")
+        for verb, answer in (
+            ("satisfies", requirement.satisfiable),
+            ("violates", requirement.falsifiable),
+        ):
             if answer.says == "no":
                 yield from _text(f"no trace {verb} it{str(answer)[2:]}: rtamt check says more")
             elif answer.says == "unknown":
                 yield from _text(f"not known whether a trace {verb} it: {answer.why}")
-        for i, example in enumerate(each.examples):
+        for i, example in enumerate(requirement.examples):
             yield ""
             yield from _told(i + 1, example)
-        if each.missing or each.unknown:
+        if requirement.missing or requirement.unknown:
             yield ""
-        for why in each.missing:
+        for why in requirement.missing:
             yield from _text(f"no trace shows it: {why}")
-        for why, reason in each.unknown.items():
+        for why, reason in requirement.unknown.items():
             yield from _text(f"not known whether there is one: {why} ({reason})")
 
 
@@ -92,24 +95,24 @@ def _text(text: str) -> list[str]:
     return wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
 
 
-def _json(found: Mapping[str, RequirementExamples], options: argparse.Namespace) -> str:
-    first = next(iter(found.values()))
+def _json(examples: Mapping[str, RequirementExamples], options: argparse.Namespace) -> str:
+    first = next(iter(examples.values()))
     return document(
         "examples",
         {
             "period": first.period,
             "end": options.end,
-            "requirements": {name: each.text for name, each in found.items()},
-            "results": {name: _data(each) for name, each in found.items()},
+            "requirements": {name: requirement.text for name, requirement in examples.items()},
+            "results": {name: _data(requirement) for name, requirement in examples.items()},
         },
     )
 
 
-def _data(each: RequirementExamples) -> dict[str, Any]:
+def _data(requirement: RequirementExamples) -> dict[str, Any]:
     return {
-        "says": each.says,
-        "satisfiable": answer_data(each.satisfiable),
-        "falsifiable": answer_data(each.falsifiable),
+        "says": requirement.says,
+        "satisfiable": answer_data(requirement.satisfiable),
+        "falsifiable": answer_data(requirement.falsifiable),
         "examples": [
             {
                 "kinds": example.kinds,
@@ -118,15 +121,15 @@ def _data(each: RequirementExamples) -> dict[str, Any]:
                 "robustness": example.robustness,
                 "trace": trace_data(example.trace),
             }
-            for example in each.examples
+            for example in requirement.examples
         ],
-        "missing": each.missing,
-        "unknown": each.unknown,
+        "missing": requirement.missing,
+        "unknown": requirement.unknown,
     }
 
 
-def _files(found: Mapping[str, RequirementExamples]) -> Iterator[tuple[str, ExampleTrace]]:
-    for name, each in found.items():
-        for i, example in enumerate(each.examples):
+def _files(examples: Mapping[str, RequirementExamples]) -> Iterator[tuple[str, ExampleTrace]]:
+    for name, requirement in examples.items():
+        for i, example in enumerate(requirement.examples):
             words = f"{name}-{i + 1:02}-{example.verdict.name.lower()}-{example.kinds[0]}"
             yield words, example.trace

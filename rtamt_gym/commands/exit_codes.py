@@ -79,7 +79,7 @@ def exit_code(words: Collection[Word], hollow: Iterable[Hollow] = ()) -> int:
         return 2
     if "violated" in words:
         return 1
-    return 3 if "undecided" in words or any(each.fails for each in hollow) else 0
+    return 3 if "undecided" in words or any(warning.fails for warning in hollow) else 0
 
 
 def undecided(results: Results, what: str, *, fails: bool) -> list[Hollow]:
@@ -115,14 +115,14 @@ def unasked(results: Results, what: str, required: Required) -> list[Hollow]:
 
     triggered = required.triggered
     fails = triggered is not None
-    found = [Hollow(text, fails) for text in never_asked_lines(results, what)]
+    warnings = [Hollow(text, fails) for text in never_asked_lines(results, what)]
     seldom = seldom_triggered_texts(results, triggered, what)
-    found += [Hollow(text, fails=True) for text in seldom.values()]
-    found += [Hollow(text) for text in partly_asked_lines(results, what)]
+    warnings += [Hollow(text, fails=True) for text in seldom.values()]
+    warnings += [Hollow(text) for text in partly_asked_lines(results, what)]
     if required.answered:
         texts = never_answered_texts(results, what).values()
-        found += [Hollow(text, fails=True) for text in texts]
-    return found
+        warnings += [Hollow(text, fails=True) for text in texts]
+    return warnings
 
 
 def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:
@@ -133,8 +133,8 @@ def tell(hollow: Collection[Hollow], *, stderr: bool = False) -> None:
         stderr: Whether it is printed to standard error, as where standard output holds JSON.
     """
     lines = [] if stderr or not hollow else [""]
-    for each in hollow:
-        lines += wrapped(each.text)
+    for warning in hollow:
+        lines += wrapped(warning.text)
     if lines:
         print(*lines, sep="\n", file=sys.stderr if stderr else sys.stdout, flush=True)
 

@@ -48,9 +48,9 @@ def run(options: argparse.Namespace) -> int:
     if texts:
         print(*texts, sep="\n\n", flush=True)
     matrix = matrix_of(asked, rows)
-    said = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
-    if said := [*said, *note_lines(matrix)]:
-        print("", *said, sep="\n", flush=True)
+    extent_lines = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
+    if extent_lines := [*extent_lines, *note_lines(matrix)]:
+        print("", *extent_lines, sep="\n", flush=True)
     hollow = unasked(matrix, "trace", Required.of(options)) + too_short(asked, rows)
     tell(hollow)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)

@@ -128,10 +128,10 @@ def run(options: argparse.Namespace) -> int:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
         named = requirements_of(options.requirements, opened.requirements, options.env_id)
         with warnings.catch_warnings():
-            for each in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
-                warnings.simplefilter("ignore", each)
+            for category in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
+                warnings.simplefilter("ignore", category)
             try:
-                found = falsify(
+                result = falsify(
                     opened.system,
                     told_apart(named, options.apart),
                     entries,
@@ -151,55 +151,55 @@ def run(options: argparse.Namespace) -> int:
                     **read_evaluation_options(options).options(),
                 )
             except KeyboardInterrupt as pressed:
-                found = _so_far(pressed)
+                result = _so_far(pressed)
         paths = files_of(options.requirements, options.policy)
-        found = replace(found, record=found.record.of_files(paths))
+        result = replace(result, record=result.record.of_files(paths))
         # Files may take simulations, and a file may be refused: what was found is said before.
-        print(found.to_json() if options.json else "\n".join(_lines(found, notes)), flush=True)
-        files = list(_write(found, options, opened.path))
+        print(result.to_json() if options.json else "\n".join(_lines(result, notes)), flush=True)
+        files = list(_write(result, options, opened.path))
         if files and not options.json:
             print("", *files, sep="\n")
     hollow: list[Hollow] = []
-    if not found.falsified:
-        hollow += hollow_failures(found.record, options, found.not_violated)
-        hollow += undecided(found.record, "simulation", fails=True)
-    hollow += unasked(found.record, "simulation", Required.of(options))
+    if not result.falsified:
+        hollow += hollow_failures(result.record, options, result.not_violated)
+        hollow += undecided(result.record, "simulation", fails=True)
+    hollow += unasked(result.record, "simulation", Required.of(options))
     tell(hollow, stderr=options.json)
-    words: list[Word] = ["violated"] if found.falsified else []
-    return INTERRUPTED if found.interrupted else exit_code(words, hollow)
+    words: list[Word] = ["violated"] if result.falsified else []
+    return INTERRUPTED if result.interrupted else exit_code(words, hollow)
 
 
 def _so_far(pressed: KeyboardInterrupt) -> Falsification:
     """Return the findings of a search after an interrupt."""
-    found: Falsification | None = getattr(pressed, "falsification", None)
-    if found is None:
+    result: Falsification | None = getattr(pressed, "falsification", None)
+    if result is None:
         print("interrupted before a simulation was over", file=sys.stderr)
         raise pressed
-    return found
+    return result
 
 
-def _lines(found: Falsification, notes: list[str]) -> Iterator[str]:
+def _lines(result: Falsification, notes: list[str]) -> Iterator[str]:
     """Yield the findings, with an explanation unless an interrupt came: it needs a simulation."""
-    yield from found.lines()
-    if found.judged and not found.interrupted and not math.isnan(found.robustness):
-        why = [shorten(line, 80) for line in str(found.explain()).splitlines()]
+    yield from result.lines()
+    if result.judged and not result.interrupted and not math.isnan(result.robustness):
+        why = [shorten(line, 80) for line in str(result.explain()).splitlines()]
         yield from ("", *why[:_WHY])
         if len(why) > _WHY:
             yield f"... {len(why) - _WHY} more lines: rtamt replay CASE --explain"
     yield from ["", *notes] if notes else []
 
 
-def _write(found: Falsification, options: argparse.Namespace, system: str | None) -> Iterator[str]:
+def _write(result: Falsification, options: argparse.Namespace, system: str | None) -> Iterator[str]:
     """Write the output files; return a line for each."""
     if options.record:
-        found.record.save(options.record)
+        result.record.save(options.record)
         yield f"record: {options.record}"
-    if options.save and not found.falsified and Path(options.save).exists():
+    if options.save and not result.falsified and Path(options.save).exists():
         # What lies there may be a violation that was found before.
         yield f"case: nothing was violated, {options.save} stays as it is"
     elif options.save:
-        found.save(options.save, system=system, policy=options.policy)
+        result.save(options.save, system=system, policy=options.policy)
         yield f"case: {options.save} (run it again: rtamt replay {options.save})"
     if options.plot:
-        found.plot(options.plot)
+        result.plot(options.plot)
         yield f"picture: {options.plot}"

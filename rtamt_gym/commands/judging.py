@@ -77,7 +77,7 @@ class Watch(Protocol):
     def see(self, judged: Judged, row: Trial) -> Seen:
         """Return observations on a trace; copies see some traces only, in order."""
 
-    def take(self, row: Trial, found: Seen) -> None:
+    def take(self, row: Trial, observed: Seen) -> None:
         """Record the observations on a trace, in the order of the traces."""
 
 
@@ -168,17 +168,17 @@ def judge_files(
     """
     job, rows = _Job(asked, explain, watch), list[Trial]()
 
-    def done(row: Trial, found: Seen) -> None:
+    def done(row: Trial, observed: Seen) -> None:
         rows.append(row)
         if watch is not None:
-            watch.take(row, found)
+            watch.take(row, observed)
 
     with progress("judging", len(paths), " traces") as advance:
         while len(rows) < len(paths):
             left = paths[len(rows) :]
             if workers > 1 and len(left) > 1 and (watch is None or watch.ready):
-                for row, found in _in_processes(job, left, workers, advance):
-                    done(row, found)
+                for row, observed in _in_processes(job, left, workers, advance):
+                    done(row, observed)
                 break
             done(*job.done(left[0]))
             advance(1)
@@ -349,8 +349,8 @@ def unmet_of(
     if unanswered:
         words["never answered"] = list(unanswered)
     parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
-    parts += [each.text for each in too_short(asked, matrix.rows)]
-    parts += [each.text for each in out_of_range(asked, matrix.rows)]
+    parts += [warning.text for warning in too_short(asked, matrix.rows)]
+    parts += [warning.text for warning in out_of_range(asked, matrix.rows)]
     return Unmet(
         unasked,
         seldom,
@@ -376,8 +376,8 @@ def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
     if asked.min_duration is None:
         return []
     extents = {row.name: each for row in rows if (each := row.judged_extent) is not None}
-    said = short_text(extents, asked.min_duration)
-    return [Hollow(said, fails=True)] if said else []
+    text = short_text(extents, asked.min_duration)
+    return [Hollow(text, fails=True)] if text else []
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
@@ -395,22 +395,24 @@ def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: 
     unknown = judgement.from_start.unknown
     if unknown:
         return f"not explained: values of {', '.join(unknown)} are not known"
-    whole, trace = judge.viewed(spec, reading.view), judged.trace
+    requirement, trace = judge.viewed(spec, reading.view), judged.trace
     head, late = "", judgement.late_start
     if late is not None and late.counted:
         head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
     elif judgement.otherwise_complete:
         head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
-        return head + str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
+        return head + str(
+            rtamt.explain_dense(requirement, trace.tables, semantics=reading.semantics)
+        )
     assert trace is not None, "it was judged"  # noqa: S101 - for mypy
-    trace = trace.known(whole.variables)
+    trace = trace.known(requirement.variables)
     explanation = rtamt.explain(
-        whole,
+        requirement,
         trace.columns,
         n=trace.samples,
         start=trace.start,
-        **reading.having(period=judged.period).of_monitors({"": whole})[""],
+        **reading.having(period=judged.period).of_monitors({"": requirement})[""],
     )
     return head + str(explanation)
 
@@ -435,21 +437,21 @@ def _outcome(
     explanation = ""
     if judgement.verdict in explain:
         explanation = _explanation(spec, judged, name, reading)
-    found = judgement.found
+    result = judgement.found
     return Outcome(
-        found.robustness,
-        found.lower,
-        found.upper,
-        found.verdict,
+        result.robustness,
+        result.lower,
+        result.upper,
+        result.verdict,
         judgement.decided if explain else None,
         text=str(judgement) if explain else "",
         not_recorded=judgement.not_recorded,
         way_out=judgement.way_out,
         explanation=explanation,
-        asked=found.asked,
-        vacuous=found.vacuous,
+        asked=result.asked,
+        vacuous=result.vacuous,
         defaults=_defaults(spec, judged),
-        unknown=found.unknown,
+        unknown=result.unknown,
         progress=judgement.progress,
         late_start=judgement.late_start,
     )
@@ -457,8 +459,8 @@ def _outcome(
 
 def _defaults(spec: rtamt.Specification, judged: Judged) -> dict[str, float]:
     """Return the variables of a requirement that have their default in the trace."""
-    found = {} if judged.trace is None else judged.trace.defaults
-    return {name: value for name, value in found.items() if name in spec.variables}
+    defaults = {} if judged.trace is None else judged.trace.defaults
+    return {name: value for name, value in defaults.items() if name in spec.variables}
 
 
 def _failure(error: Exception) -> Failure:

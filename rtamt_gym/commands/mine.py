@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     text = _text_of(options.specs[0])
     plain, marked = unmarked(text)
     options.specs[0] = plain if marked else options.specs[0]
-    fixed = dict.fromkeys(each.partition("=")[0].strip() for each in options.constant)
+    fixed = dict.fromkeys(assignment.partition("=")[0].strip() for assignment in options.constant)
     check_parameter(text, name, dict.fromkeys(fixed, 1.0))
     options.constant = [*options.constant, f"{name}={low}"]
     asked, paths = read_arguments(options)

@@ -215,10 +215,10 @@ def run(options: argparse.Namespace) -> int:
         print(*_report(matrix, judged), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     unmet = unmet_of(asked, matrix, required, undecided=options.undecided == "fail")
-    said = _write(options, asked, matrix, judged, unmet)
+    messages = _write(options, asked, matrix, judged, unmet)
     if options.write_apart is not None:
-        said.append(write_apart(scores, asked, matrix, options.write_apart))
-    print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
+        messages.append(write_apart(scores, asked, matrix, options.write_apart))
+    print(*messages, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     tell(hollow, stderr=options.json)
     print(end="", flush=True)
     if failed := failure_lines(matrix):
@@ -273,11 +273,11 @@ def _rules(asked: TracesAsked) -> dict[str, str]:
     """Return the options of evaluation by name."""
     names = ("end", "view", "semantics", "align", "period")
     rules = {name: getattr(asked.reading, name) for name in names}
-    said = {name: str(value) for name, value in rules.items() if value is not None}
+    texts = {name: str(value) for name, value in rules.items() if value is not None}
     if asked.min_duration is not None:
-        said["min_duration"] = str(asked.min_duration)
-    said |= {f"constant:{name}": value for name, value in asked.constants.items()}
-    return said | {"time": "dense" if asked.reading.dense else "sampled"}
+        texts["min_duration"] = str(asked.min_duration)
+    texts |= {f"constant:{name}": value for name, value in asked.constants.items()}
+    return texts | {"time": "dense" if asked.reading.dense else "sampled"}
 
 
 def _write(
@@ -288,25 +288,25 @@ def _write(
     unmet: Unmet,
 ) -> list[str]:
     """Write the output files; return a line about each."""
-    said = []
+    messages = []
     if options.junit:
         from rtamt_gym.results.junit import to_junit
 
-        made = to_junit(matrix, _rules(asked), unmet, least=asked.min_duration)
-        options.junit.write_bytes(made)
-        said.append(f"outcomes: {options.junit}\n")
+        junit = to_junit(matrix, _rules(asked), unmet, least=asked.min_duration)
+        options.junit.write_bytes(junit)
+        messages.append(f"outcomes: {options.junit}\n")
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown
 
         options.markdown.write_text(to_markdown(matrix, unmet, asked.constants), encoding="utf-8")
-        said.append(f"outcomes: {options.markdown}\n")
+        messages.append(f"outcomes: {options.markdown}\n")
     if judged is None or judged.trace is None or not judged.judgements:
-        return said
+        return messages
     if options.out:
         from rtamt_gym.recorded.output import save as save_robustness
 
         save_robustness(judged.judgements, options.out, dense=asked.reading.dense)
-        said.append(f"robustness: {options.out}\n")
+        messages.append(f"robustness: {options.out}\n")
     if options.write_mcap:
         from rtamt_gym.recorded.bag_output import write_mcap
 
@@ -316,7 +316,7 @@ def _write(
             copied += f"; without {', '.join(lost)}, whose classes the bag does not define"
         lines = TextWrapper(80, subsequent_indent="  ")
         lines.break_on_hyphens = lines.break_long_words = False  # a path stays whole
-        said.append(lines.fill(copied) + "\n")
+        messages.append(lines.fill(copied) + "\n")
     if options.plot:
         from rtamt_gym.drawing import save
         from rtamt_gym.recorded.judge import signals_of
@@ -327,5 +327,5 @@ def _write(
         source = judged.trace.source
         figure = draw_trace(signals, judged.judgements, source, reads, everything=options.all)
         save(figure, options.plot)
-        said.append(f"picture: {options.plot}\n")
-    return said
+        messages.append(f"picture: {options.plot}\n")
+    return messages

@@ -132,20 +132,20 @@ class MutantWatch:
             self._make(_period(self._asked, [row]))
         if not self.ready or judged.trace is None:
             return {}
-        found: dict[str, list[int]] = {}
+        killed: dict[str, list[int]] = {}
         for name, outcome in row.outcomes.items():
             left = [i for i in range(len(self._made[name])) if i not in self._seen[name]]
             if outcome.verdict not in _DECIDED or not left:
                 continue
             mutants = [self._made[name][i] for i in left]
-            said = noticed(mutants, judged.trace, judged.period, self._asked.reading)
-            found[name] = [i for i, each in zip(left, said, strict=True) if each]
-            self._seen[name].update(found[name])
-        return found
+            kills = noticed(mutants, judged.trace, judged.period, self._asked.reading)
+            killed[name] = [i for i, kill in zip(left, kills, strict=True) if kill]
+            self._seen[name].update(killed[name])
+        return killed
 
-    def take(self, row: Trial, found: Mapping[str, Sequence[int]]) -> None:
+    def take(self, row: Trial, killed: Mapping[str, Sequence[int]]) -> None:
         """Keeps which mutants a trace notices."""
-        for name, numbers in found.items():
+        for name, numbers in killed.items():
             for number in numbers:
                 self._noticed[name].setdefault(number, row.name)
 
@@ -160,14 +160,14 @@ class MutantWatch:
         total -= sum(map(len, self._noticed.values()))
         scores = {}
         with progress("comparing", total, " mutants") as advance:
-            for name, made in self._made.items():
+            for name, mutants in self._made.items():
                 judged = []
-                for number, mutant in enumerate(made):
+                for number, mutant in enumerate(mutants):
                     trace = self._noticed[name].get(number, "")
                     judged.append(_judged(self._asked, mutant, period, trace))
                     advance(0 if trace else 1)
                 left_out = self._left_out[name]
-                capped = len(made) + left_out >= self._most
+                capped = len(mutants) + left_out >= self._most
                 scores[name] = MutationScore(tuple(judged), capped, left_out)
         return scores
 
@@ -175,13 +175,13 @@ class MutantWatch:
         """Make the mutants, none of which is killed yet."""
         self._period = period
         for name, spec in self._asked.specs.items():
-            made = rtamt.mutants(spec, period, kinds=self._kinds, most=self._most)
+            mutants = rtamt.mutants(spec, period, kinds=self._kinds, most=self._most)
             ahead = [
                 mutant
-                for mutant in made
+                for mutant in mutants
                 if mutant.specification.looks_ahead or self._asked.reading.view == "step"
             ]
-            self._made[name], self._left_out[name] = ahead, len(made) - len(ahead)
+            self._made[name], self._left_out[name] = ahead, len(mutants) - len(ahead)
             self._noticed[name], self._seen[name] = {}, set()
 
     def _again(self, matrix: Matrix, period: Fraction | None) -> None:
@@ -223,27 +223,27 @@ def _judged(
     formula = str(mutant.specification.standalone())
     if trace:
         return JudgedMutant(*where, formula, "noticed", trace)
-    found, why = _compared(asked, mutant, period)
-    if found is None:
+    answer, why = _compared(asked, mutant, period)
+    if answer is None:
         return JudgedMutant(*where, formula, "unknown", why=why)
-    if found.says == "yes" and found.samples:
-        why = f"no trace of up to {found.samples} samples tells them apart; longer ones may"
-        return JudgedMutant(*where, formula, "unknown", samples=found.samples, why=why)
-    if found.says == "yes":
+    if answer.says == "yes" and answer.samples:
+        why = f"no trace of up to {answer.samples} samples tells them apart; longer ones may"
+        return JudgedMutant(*where, formula, "unknown", samples=answer.samples, why=why)
+    if answer.says == "yes":
         return JudgedMutant(*where, formula, "same")
-    if found.trace is None:
-        return JudgedMutant(*where, formula, "unknown", why=found.why)
+    if answer.trace is None:
+        return JudgedMutant(*where, formula, "unknown", why=answer.why)
     satisfies: dict[str, Literal["", "requirement", "mutant"]] = {
         "one": "requirement",
         "other": "mutant",
     }
     columns: Mapping[str, tuple[float, ...]]
-    columns = {name: (*found.trace.unrolled(name),) for name in found.trace.columns}
+    columns = {name: (*answer.trace.unrolled(name),) for name in answer.trace.columns}
     twice = {name: (*values, *values) for name, values in columns.items() if len(values) == 1}
     if twice and _differ(asked, mutant, period, twice):
         columns = twice  # a file of one sample has no period
-    said = satisfies.get(found.satisfied, "")
-    return JudgedMutant(*where, formula, "missed", apart=columns, satisfies=said)
+    text = satisfies.get(answer.satisfied, "")
+    return JudgedMutant(*where, formula, "missed", apart=columns, satisfies=text)
 
 
 def _compared(
@@ -254,8 +254,8 @@ def _compared(
     if reading.dense:
         return None, "a solver compares samples, not dense time"
     if reading.semantics != "standard" or reading.align is not None:
-        given = "--align" if reading.align is not None else "--semantics"
-        return None, f"a solver does not know {given}"
+        option = "--align" if reading.align is not None else "--semantics"
+        return None, f"a solver does not know {option}"
     try:
         return rtamt.equivalent(
             *_both(asked, mutant), period, end=reading.end, timeout=_SECONDS
@@ -273,11 +273,11 @@ def _differ(
     columns: Mapping[str, Sequence[float]],
 ) -> bool:
     """Return whether requirement and mutant have different verdicts on a trace."""
-    found = [
-        rtamt.judge(each, columns, period, asked.reading.end).verdict
-        for each in _both(asked, mutant)
+    verdicts = [
+        rtamt.judge(spec, columns, period, asked.reading.end).verdict
+        for spec in _both(asked, mutant)
     ]
-    return {*found} == _DECIDED
+    return {*verdicts} == _DECIDED
 
 
 def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtamt.Specification]:
@@ -316,7 +316,7 @@ def write_apart(
         for number, mutant in enumerate(score.mutants, 1):
             if not mutant.apart:
                 continue
-            columns = {asked.columns.signals.get(v, v): each for v, each in mutant.apart.items()}
+            columns = {asked.columns.signals.get(v, v): value for v, value in mutant.apart.items()}
             if period is not None:
                 count = len(next(iter(columns.values())))
                 columns = {"time": tuple(float(i * period) for i in range(count)), **columns}

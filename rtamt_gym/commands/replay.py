@@ -48,50 +48,50 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
     saved = SavedCase.load(options.case)
     with noted_ends():
-        made = saved.replay(accept_changed=options.accept_changed)
+        replayed = saved.replay(accept_changed=options.accept_changed)
         changes = _changes(saved, accepted=options.accept_changed)
-    print(*map(shown_lines, [*_lines(saved, made), *changes]), sep="\n")
+    print(*map(shown_lines, [*_lines(saved, replayed), *changes]), sep="\n")
     if options.explain:
-        print("", shown_lines(str(made.explain())), sep="\n")
+        print("", shown_lines(str(replayed.explain())), sep="\n")
     if options.save:
-        made.save(options.save)
+        replayed.save(options.save)
         print("", f"run: {options.save}", sep="\n")
     if options.plot:
         from rtamt_gym.drawing import save
         from rtamt_gym.play.plot import draw
         from rtamt_gym.search.falsification.falsification import with_inputs
 
-        save(draw([with_inputs(made, saved.case)]), options.plot)
+        save(draw([with_inputs(replayed, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
-    trial, text = made.trial(), str(saved.requirement.formula)
+    trial, text = replayed.trial(), str(saved.requirement.formula)
     hollow = unasked(Results([trial], {saved.name: text}), "run", Required.of(options))
     tell(hollow)
-    return exit_code([] if saved.gives(made) else ["violated"], hollow)
+    return exit_code([] if saved.gives(replayed) else ["violated"], hollow)
 
 
-def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
+def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     from rtamt_gym.play.summaries import case_lines
     from rtamt_gym.results.asked import asked_texts
     from rtamt_gym.results.outcome import verdict_text
 
-    course = made.courses[saved.name]
-    yield shown(f"{saved.name} of {made.system}")
+    course = replayed.courses[saved.name]
+    yield shown(f"{saved.name} of {replayed.system}")
     yield from _wrapped(str(saved.requirement.formula))
     yield "input:"
     yield from case_lines(saved.case)
     seed = "" if saved.seed is None else f", seed {saved.seed}"
-    last = sample_text(made.last_sample, made.period)
-    yield f"{counted(made.steps + 1, 'sample')} to {last}, ended by {made.ended}{seed}"
+    last = sample_text(replayed.last_sample, replayed.period)
+    yield f"{counted(replayed.steps + 1, 'sample')} to {last}, ended by {replayed.ended}{seed}"
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"
-    asked = asked_texts(course.asked or (), lambda at: sample_text(int(at), made.period))
-    if saved.repeats(made):
+    asked = asked_texts(course.asked or (), lambda at: sample_text(int(at), replayed.period))
+    if saved.repeats(replayed):
         yield f"{got}: as expected, to the last bit"
         yield from (line for text in asked for line in _wrapped(text, ""))
         return
     yield got
-    other = "another robustness" if saved.gives(made) else "another verdict"
+    other = "another robustness" if saved.gives(replayed) else "another verdict"
     yield from _wrapped(
         f"expected {verdict_text(saved.verdict, saved.robustness)}, robustness "
         f"{number(saved.robustness)}: {other}",

@@ -110,8 +110,8 @@ def _tell_imports(paths: Sequence[str]) -> None:
         with suppress(RtamtError, OSError, ValueError):  # said where the result is read
             if Path(path).suffix.lower() == ".json" and read(path)["kind"] == "case":
                 code = ", ".join(SavedCase.load(path).imports) or "nothing"
-                said = shown(f"playing {path}, which imports {code}")
-                print(said, file=sys.stderr, flush=True)
+                text = shown(f"playing {path}, which imports {code}")
+                print(text, file=sys.stderr, flush=True)
 
 
 def _named(results: Sequence[str]) -> tuple[list[str], list[str] | None]:

@@ -134,7 +134,9 @@ def run(options: argparse.Namespace) -> int:
         from rtamt_gym.drawing import save
         from rtamt_gym.play.plot import draw
 
-        runs = {i: each for i, each in enumerate(episodes, 1) if not isinstance(each, Trial)}
+        runs = {
+            i: episode for i, episode in enumerate(episodes, 1) if not isinstance(episode, Trial)
+        }
         shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown}: {options.plot}")
@@ -164,6 +166,6 @@ def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
         except Exception as error:  # noqa: BLE001 - the others are to be shown
             first = error if first is None else first
             episodes.append(failed(error, Case({}), seed, perf_counter() - began))
-    if first is not None and all(isinstance(each, Trial) for each in episodes):
+    if first is not None and all(isinstance(episode, Trial) for episode in episodes):
         raise first
     return episodes

@@ -58,16 +58,16 @@ def read_requirements(
         if named := requirement_named(argument, own):
             _add(specs, argument, named)
             continue
-        given, spec = _read_argument(argument, constants or {})
+        given_name, spec = _read_argument(argument, constants or {})
         for name in spec.given:
             unused.pop(name, None)
         if len(spec.requirements) == 1:
-            _add(specs, given or spec.title or _name(argument, specs), spec)
+            _add(specs, given_name or spec.title or _name(argument, specs), spec)
             continue
         for name, requirement in spec.requirements.items():
-            _add(specs, f"{given}.{name}" if given else name, requirement)
+            _add(specs, f"{given_name}.{name}" if given_name else name, requirement)
     for name in unused:
-        known = [each for spec in specs.values() for each in (*spec.constants, *spec.variables)]
+        known = [symbol for spec in specs.values() for symbol in (*spec.constants, *spec.variables)]
         raise InputError(
             f"--constant: no specification has the constant {name!r}{nearest(name, known)}"
         )

@@ -75,12 +75,14 @@ def success_requirements(
     """
     if not options.success:
         return dict(specs)
-    found = readings(_FLAG, options.hold or _hold(period))
-    made = {f"{_FLAG}.{name}": rtamt.Specification.of(each) for name, each in found.items()}
-    for name in made:
+    formulas = readings(_FLAG, options.hold or _hold(period))
+    requirements = {
+        f"{_FLAG}.{name}": rtamt.Specification.of(formula) for name, formula in formulas.items()
+    }
+    for name in requirements:
         if name in specs:
             raise InputError(f"expected one specification {name!r}, got two; name one of them")
-    return {**specs, **made}
+    return {**specs, **requirements}
 
 
 def _hold(period: rtamt.Period | None) -> str:

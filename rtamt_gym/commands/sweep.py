@@ -136,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
         )
         requirements = told_apart(named, options.apart)
         if options.heat_map:
-            columns = [c for each in (entries or opened.inputs) for c in each.columns]
+            columns = [c for entry in (entries or opened.inputs) for c in entry.columns]
             _check_map(columns, requirements, options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
@@ -180,17 +180,19 @@ def run(options: argparse.Namespace) -> int:
 
 def _never_satisfied(record: Results) -> list[tuple[str, bool]]:
     """Return texts on requirements that no simulation satisfies, and whether some violate them."""
-    found = []
+    texts = []
     for name in record.requirements:
-        verdicts = [each.verdict for row in record.rows if (each := row.judged(name)) is not None]
+        verdicts = [
+            judged.verdict for row in record.rows if (judged := row.judged(name)) is not None
+        ]
         if verdicts and Verdict.SATISFIED not in verdicts:
             violated = verdicts.count(Verdict.VIOLATED)
             text = (
                 f"never satisfied: {name} in 0 of {counted(len(verdicts), 'simulation')}, violated "
                 f"in {violated}"
             )
-            found.append((text, violated > 0))
-    return found
+            texts.append((text, violated > 0))
+    return texts
 
 
 def _read_samples(text: str) -> int | dict[str, int]:
@@ -198,7 +200,7 @@ def _read_samples(text: str) -> int | dict[str, int]:
         return _count(text, text)
     counts: dict[str, int] = {}
     for part in text.split(","):
-        name, _, count = (each.strip() for each in part.partition("="))
+        name, _, count = (word.strip() for word in part.partition("="))
         counts[name] = _count(count, text)
     return counts
 
@@ -238,8 +240,8 @@ def _moved(done: Sweep, name: str) -> str:
     try:
         return str(done.indices(name))
     except InputError as error:
-        said = refusal(error, options_of("sweep"))
-        return "\n".join(textwrap.wrap(f"no indices of {name}: {said}", 80))
+        message = refusal(error, options_of("sweep"))
+        return "\n".join(textwrap.wrap(f"no indices of {name}: {message}", 80))
 
 
 def _write(done: Sweep, options: argparse.Namespace) -> None:
@@ -248,9 +250,9 @@ def _write(done: Sweep, options: argparse.Namespace) -> None:
         done.save(options.save)
         print(f"record: {options.save}")
     if options.json:
-        kept = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
+        settings = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
         record = done.record.of_files(files_of(options.requirement or [], options.policy))
-        options.json.write_text(record_json(record, kept) + "\n", encoding="utf-8")
+        options.json.write_text(record_json(record, settings) + "\n", encoding="utf-8")
         print(f"record: {options.json}")
     if options.heat_map:
         done.heat_map(options.heat_map, options.x, options.y)

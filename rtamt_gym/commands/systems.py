@@ -115,8 +115,8 @@ def read_varied(
 
 
 def _known(scenario: Any) -> Mapping[str, Signal | Parameter]:  # noqa: ANN401
-    each: Iterable[Signal | Parameter] = [*scenario.parameters, *scenario.inputs]
-    return {entry.name: entry for entry in each}
+    entries: Iterable[Signal | Parameter] = [*scenario.parameters, *scenario.inputs]
+    return {entry.name: entry for entry in entries}
 
 
 def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | Parameter:

@@ -65,7 +65,7 @@ def _variable(
         place += len([*run])
     times.append(trace.samples * step)  # the last sample is as wide as the others
     levels.append(values[-1])
-    known = [each for each in levels if math.isfinite(each)] or [0.0]
+    known = [level for level in levels if math.isfinite(level)] or [0.0]
     room = 0.2 * (max(known) - min(known)) or 1.0  # a line that never changes is no noise
     ax.set_ylim(min(known) - room, max(known) + room)
     shown = np.clip(levels, min(known) - room, max(known) + room)  # infinities lie at the edge

@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from glob import glob
 from itertools import chain
@@ -30,13 +30,13 @@ from rtamt_gym.recorded.columns import (
     UNITS,
     Columns,
     Missing,
+    SameTime,
     Start,
     read_columns,
     read_seconds,
 )
 from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
-from rtamt_gym.recorded.same_time import SameTime
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     from rtamt_gym.recorded.names import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
-    found, ignored = _found(traces)
+    paths, ignored = _found(traces)
     texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]
     constants = read_constants(options.constant)
     every = read_requirements(texts, constants)
@@ -242,28 +242,15 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     for spec in requirements.values():
         viewed(spec, reading.view)
     if reading.period is not None:
-        _check_period(options, found, dense=reading.dense)
+        _check_period(options, paths, dense=reading.dense)
         reading = reading.having(period=reading.seconds)
+    same = {f.name for f in fields(Columns)} - {"signals", "starts", "defaults"}
     columns = read_columns(
         signals=options.signal,
-        time=options.time,
-        time_unit=options.time_unit,
-        separator=options.separator,
-        decimal=options.decimal,
-        missing=options.missing,
-        jitter=options.jitter,
-        stale=options.stale,
-        same_time=options.same_time,
-        max_gap=options.max_gap,
-        defaults=options.default,
-        no_defaults=options.no_defaults,
-        skip=options.skip,
-        start=options.start,
-        where=options.where,
-        one_trace=options.one_trace,
-        date_order=options.date_order,
+        defaults=tuple(dict.fromkeys(options.default)),
+        **{name: getattr(options, name) for name in same},
     )
-    if options.start == "known" and not reading.dense and not any(map(is_bag, found)):
+    if options.start == "known" and not reading.dense and not any(map(is_bag, paths)):
         raise InputError(
             "expected --start known with --dense or with a bag, where variables start at times of "
             "their own"
@@ -271,7 +258,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)
-    if any(map(is_bag, found)):
+    if any(map(is_bag, paths)):
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
@@ -279,7 +266,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     duration = None if least is None else read_seconds("--min-duration", least)
     strict = getattr(options, "strict_ranges", False)
     asked = TracesAsked(requirements, reading, columns, duration, constants, ignored, strict)
-    return asked, found
+    return asked, paths
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
@@ -288,8 +275,8 @@ def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: 
         raise InputError("expected --period or --dense, which reads events at any time")
     if all(map(is_bag, traces)):
         return
-    for option, given in {"--jitter": options.jitter, "--max-gap": options.max_gap}.items():
-        if given is not None:
+    for option, value in {"--jitter": options.jitter, "--max-gap": options.max_gap}.items():
+        if value is not None:
             raise InputError(f"expected --period, which leaves the times aside, or {option}")
 
 
@@ -350,7 +337,9 @@ def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fr
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:
     """Return the messages whose fields specifications read."""
-    return {each.variable for spec in specs.values() for each in spec.subscriptions()}
+    return {
+        subscription.variable for spec in specs.values() for subscription in spec.subscriptions()
+    }
 
 
 _SURE = tuple(extension for extension in extensions() if extension != ".txt")
@@ -395,15 +384,15 @@ def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
     A word is the path of a file, a folder or a pattern.
     """
     ends, ignored = extensions(), list[str]()
-    found = [
+    paths = [
         path for word in words for path in _files(word, ends, ignored, pattern=True, bags=True)
     ]
-    if "-" in found and len(found) > 1:
+    if "-" in paths and len(paths) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
-    each: dict[str, str] = {}
-    for path in found:
-        each.setdefault(os.path.realpath(path), path)
-    return list(each.values()), list(dict.fromkeys(ignored))
+    by_target: dict[str, str] = {}
+    for path in paths:
+        by_target.setdefault(os.path.realpath(path), path)
+    return list(by_target.values()), list(dict.fromkeys(ignored))
 
 
 def _files(

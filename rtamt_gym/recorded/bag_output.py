@@ -74,12 +74,12 @@ def write_mcap(
     """
     with open_bag(trace.source) as bag, TemporaryDirectory(dir=out.parent) as folder:
         added = _added(trace, judgements, specs, bag)
-        made = Path(folder) / "copy"
-        writer = Writer(made, version=8, storage_plugin=StoragePlugin.MCAP)
+        folder_path = Path(folder) / "copy"
+        writer = Writer(folder_path, version=8, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
             left_out = _write(writer, bag, added, trace.epoch)
-        (made / "copy.mcap").replace(out)
+        (folder_path / "copy.mcap").replace(out)
     return [*added], left_out
 
 
@@ -95,17 +95,17 @@ def _write(
     """
     store = _store(bag)
     channels: dict[tuple[str, str], Connection] = {}
-    for each in bag.reader.connections:
-        name = each.topic, each.msgtype
-        if each.msgtype in store.fielddefs and name not in channels:
-            ext = each.ext
+    for connection in bag.reader.connections:
+        name = connection.topic, connection.msgtype
+        if connection.msgtype in store.fielddefs and name not in channels:
+            ext = connection.ext
             qos = ext.offered_qos_profiles if isinstance(ext, ConnectionExtRosbag2) else ()
             channels[name] = writer.add_connection(*name, typestore=store, offered_qos_profiles=qos)
     sources = [_copied(bag, store, channels)]
-    for topic, found in added.items():
-        to = writer.add_connection(topic, found.kind, typestore=store)
-        sources.append(_messages(to, found, _maker(store, found.kind), epoch))
-    for time, to, data in heapq.merge(*sources, key=lambda each: each[0]):
+    for topic, addition in added.items():
+        to = writer.add_connection(topic, addition.kind, typestore=store)
+        sources.append(_messages(to, addition, _maker(store, addition.kind), epoch))
+    for time, to, data in heapq.merge(*sources, key=lambda connection: connection[0]):
         writer.write(to, time, data)
     copied = {topic for topic, _ in channels}
     return [topic for topic in bag.types if topic not in copied]
@@ -132,14 +132,14 @@ def _copied(
 
 def _messages(
     to: Connection,
-    found: _Topic,
-    made: Callable[[int, Any], memoryview],
+    addition: _Topic,
+    message_of: Callable[[int, Any], memoryview],
     epoch: int,
 ) -> Iterator[_Message]:
     """Yield the messages of an added topic: time, connection and bytes."""
-    times = epoch + np.rint(found.times * 1e9).astype(np.int64)
-    for time, value in zip(times.tolist(), found.values.tolist(), strict=True):
-        yield time, to, made(time, value)
+    times = epoch + np.rint(addition.times * 1e9).astype(np.int64)
+    for time, value in zip(times.tolist(), addition.values.tolist(), strict=True):
+        yield time, to, message_of(time, value)
 
 
 _FLOAT, _INT = "std_msgs/msg/Float64", "std_msgs/msg/Int8"
@@ -164,14 +164,16 @@ def _store(bag: Bag) -> Typestore:
 
 def _maker(store: Typestore, kind: str) -> Callable[[int, Any], memoryview]:
     """Return a function from a time and a number to the bytes of a message."""
-    made = store.types[kind]
+    message_class = store.types[kind]
     if kind not in _STAMPED:
-        return lambda _time, value: store.serialize_cdr(made(data=value), kind)
+        return lambda _time, value: store.serialize_cdr(message_class(data=value), kind)
     stamp, header = store.types[_TIME], store.types[_HEADER]
 
     def stamped(time: int, value: float) -> memoryview:
         at = stamp(sec=time // 10**9, nanosec=time % 10**9)
-        return store.serialize_cdr(made(header=header(stamp=at, frame_id=""), value=value), kind)
+        return store.serialize_cdr(
+            message_class(header=header(stamp=at, frame_id=""), value=value), kind
+        )
 
     return stamped
 
@@ -185,37 +187,43 @@ def _added(
     """Return the topics of all formulas, and the topics of the verdicts."""
     added: dict[str, _Topic] = {}
     for name, judgement in judgements.items():
-        found = specs[name].publications(name)
-        for each in found:
-            series = judgement.series[each.formula or RESULT]
-            kind, topic = _placed(each, found)
-            made = _Topic(kind, series.times, series.values)
+        publications = specs[name].publications(name)
+        for publication in publications:
+            series = judgement.series[publication.formula or RESULT]
+            kind, topic = _placed(publication, publications)
+            addition = _Topic(kind, series.times, series.values)
             topic = _free(topic, bag)
-            if topic in added and not _same(added[topic], made):  # another requirement has it
-                stem = [found[-1].default]
-                stem += [] if each is found[-1] else [each.default.removeprefix("rtamt/")]
+            if topic in added and not _same(added[topic], addition):  # another requirement has it
+                stem = [publications[-1].default]
+                stem += (
+                    []
+                    if publication is publications[-1]
+                    else [publication.default.removeprefix("rtamt/")]
+                )
                 topic = _free("/".join(stem), bag)
-            added[topic] = made
+            added[topic] = addition
         added[f"{topic}/verdict"] = _Topic(_INT, *_verdicts(judgement, series, trace))
     return added
 
 
-def _placed(each: rtamt.Publication, found: tuple[rtamt.Publication, ...]) -> tuple[str, str]:
+def _placed(
+    publication: rtamt.Publication, publications: tuple[rtamt.Publication, ...]
+) -> tuple[str, str]:
     """Return the class of the messages of a formula and their topic.
 
     It is the stamped one, if that is declared. The fields of one message have topics below its own.
     """
-    topic = each.topic or each.default
-    if sum(topic == (other.topic or other.default) for other in found) > 1:
-        return _FLOAT, "/".join([topic, *each.path])
-    kind = f"{each.package}/msg/{each.message}"
-    return kind if kind in _STAMPED and each.path == ("value",) else _FLOAT, topic
+    topic = publication.topic or publication.default
+    if sum(topic == (other.topic or other.default) for other in publications) > 1:
+        return _FLOAT, "/".join([topic, *publication.path])
+    kind = f"{publication.package}/msg/{publication.message}"
+    return kind if kind in _STAMPED and publication.path == ("value",) else _FLOAT, topic
 
 
 def _free(topic: str, bag: Bag) -> str:
     """Return a name for a topic that the bag does not have."""
-    whole = f"/{topic.lstrip('/')}"
-    return f"{whole}/offline" if whole in bag.types else whole
+    name = f"/{topic.lstrip('/')}"
+    return f"{name}/offline" if name in bag.types else name
 
 
 def _same(one: _Topic, other: _Topic) -> bool:

@@ -65,9 +65,9 @@ class Bag:
             )
         self.begin: int = reader.start_time
         self.end: int = reader.end_time - 1  # rosbags gives the time behind it
-        given = any(connection.msgdef.data for connection in reader.connections)
+        has_definitions = any(connection.msgdef.data for connection in reader.connections)
         self.notes: list[str] = []
-        if reader.connections and not given:
+        if reader.connections and not has_definitions:
             self.notes.append("the bag defines no classes of messages: Humble's are taken")
 
     def stamped(self, kind: str) -> bool:
@@ -81,7 +81,7 @@ class Bag:
         They are read from the bytes of messages that start with a header; other messages have the
         time of recording.
         """
-        found: dict[str, tuple[list[int], list[int]]] = {}
+        by_topic: dict[str, tuple[list[int], list[int]]] = {}
         for connection, time, raw in self.raw(topics):
             topic, stamp = shown(connection.topic), time
             first = next(iter(self.fields(topic)), "")
@@ -89,10 +89,10 @@ class Bag:
                 order = "<" if not self.reader.is2 or raw[1] & 1 else ">"
                 seconds, nanoseconds = unpack_from(f"{order}iI", raw, _STAMP_AT)
                 stamp = seconds * 1_000_000_000 + nanoseconds or time
-            logged, stamps = found.setdefault(topic, ([], []))
+            logged, stamps = by_topic.setdefault(topic, ([], []))
             logged.append(time)
             stamps.append(stamp)
-        return found
+        return by_topic
 
     def fields(self, topic: str) -> Collection[str]:
         """Return the fields of the messages on a topic; none if their class is not defined."""
@@ -154,7 +154,11 @@ class Bag:
         """Yield the messages of some topics, or of all: connection of rosbags, time, and bytes."""
         reader = self.reader
         all_of = reader.connections
-        wanted = [each for each in all_of if topics is None or shown(each.topic) in topics]
+        wanted = [
+            connection
+            for connection in all_of
+            if topics is None or shown(connection.topic) in topics
+        ]
         if not wanted:
             return  # rosbags takes none for all
         try:
@@ -203,14 +207,14 @@ def damaged(path: str, error: Exception) -> InputError:
     ending = Path(path).suffix.lower()
     path = shown(path)
     kind = _KINDS.get(ending, "a bag of rosbag2")
-    said = shorten(" ".join(str(error).split()) or type(error).__name__, 200)
-    if "Profile" in said:
+    text = shorten(" ".join(str(error).split()) or type(error).__name__, 200)
+    if "Profile" in text:
         return InputError(f"{path}: expected {kind}, got one with another profile")
     if isinstance(error, KeyError):
-        return InputError(f"{path}: expected {kind}, got messages or schemas of {said}")
-    if said.startswith("Could not parse"):
-        return InputError(f"{path}: expected {kind}, got a definition of messages: {said}")
-    whole = f"a whole {kind.partition(' ')[2]}"
-    other = said.startswith(("File magic", "File type magic")) or "seems to be empty" in said
+        return InputError(f"{path}: expected {kind}, got messages or schemas of {text}")
+    if text.startswith("Could not parse"):
+        return InputError(f"{path}: expected {kind}, got a definition of messages: {text}")
+    intact = f"a whole {kind.partition(' ')[2]}"
+    other = text.startswith(("File magic", "File type magic")) or "seems to be empty" in text
     way_out = "" if other else _RECOVERY.get(ending, "")  # nothing of such a file can be saved
-    return InputError(f"{path}: expected {whole}, got an error: {said.removesuffix('.')}{way_out}")
+    return InputError(f"{path}: expected {intact}, got an error: {text.removesuffix('.')}{way_out}")

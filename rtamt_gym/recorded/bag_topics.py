@@ -51,11 +51,11 @@ class _Wish:
 
     def joined(self, other: _Wish, name: str) -> _Wish:
         """Return the wish of two texts."""
-        said: dict[str, tuple[object, object]] = {
+        wishes: dict[str, tuple[object, object]] = {
             "topic": (self.topic, other.topic),
             "class": (self.kind, other.kind),
         }
-        for what, (here, there) in said.items():
+        for what, (here, there) in wishes.items():
             if here is not None and there is not None and here != there:
                 raise InputError(
                     f"expected one {what} for '{name}', which two specifications read, got {here} "
@@ -71,7 +71,7 @@ def topic_fields(
 
     A variable that has a value without a message is in none if its topic is missing or empty.
     """
-    found: dict[str, list[SubscribedField]] = {}
+    fields_of: dict[str, list[SubscribedField]] = {}
     wishes, parts = _wishes(specs)
     starts = starts_of(specs, columns)
     for variable, (message, path) in parts.items():
@@ -83,28 +83,28 @@ def topic_fields(
                 named = where if wish.topic else where.rpartition("/")[2]
                 _check_near(bag, variable, named, wishes, columns)
                 continue
-        topic, whole = _placed(bag, variable, message, path, wish, columns)
+        topic, full_path = _placed(bag, variable, message, path, wish, columns)
         fields = bag.fields(topic)
-        if whole == _DATA and fields and "data" not in fields:
+        if full_path == _DATA and fields and "data" not in fields:
             raise InputError(
                 f"{bag.source}: expected a field of the messages on {topic}, each a "
                 f"{bag.types[topic]}, for '{variable}', got none; give --signal "
                 f"{variable}={topic}.FIELD; its fields are {', '.join(fields)}"
             )
-        if held := bag.class_at(topic, whole):
+        if held := bag.class_at(topic, full_path):
             raise InputError(
-                f"{bag.source}: expected a number for '{variable}', got '{path_text(whole)}' of "
-                f"{topic}, a {held}; write a field of it"
+                f"{bag.source}: expected a number for '{variable}', got '{path_text(full_path)}' "
+                f"of {topic}, a {held}; write a field of it"
             )
-        found.setdefault(topic, []).append(SubscribedField(variable, whole))
-    heard = {field.variable for fields in found.values() for field in fields}
+        fields_of.setdefault(topic, []).append(SubscribedField(variable, full_path))
+    heard = {field.variable for fields in fields_of.values() for field in fields}
     for spec in specs.values():
         if spec.variables and heard.isdisjoint(spec.variables):
             raise InputError(
                 f"{bag.source}: expected messages with {listing(spec.variables)}, got none: "
                 f"defaults alone say nothing of a trace; the topics are {_listed(bag.types)}"
             )
-    return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
+    return [TopicFields(topic, tuple(fields)) for topic, fields in fields_of.items()]
 
 
 def _check_near(
@@ -114,7 +114,7 @@ def _check_near(
     if variable in columns.defaults:
         return
     others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
-    read = {topic for each in others for topic in _alike(bag, read_source(each)[0])}
+    read = {topic for source in others for topic in _alike(bag, read_source(source)[0])}
     free = [topic for topic in bag.types if bag.counts[topic] and topic not in read]
     parts = 1 + where.strip("/").count("/")  # a text may leave out where a topic begins
     ends = {"/".join(topic.split("/")[-parts:]): topic for topic in free}
@@ -156,31 +156,35 @@ def _wishes(
     wishes: dict[str, _Wish] = {}
     parts: dict[str, tuple[str, FieldPath]] = {}
     for spec in specs.values():
-        for each in spec.subscriptions():
-            name = each.variable
-            wish = _Wish(spec.topics.get(name), _class_of(each, spec), each.topic)
+        for subscription in spec.subscriptions():
+            name = subscription.variable
+            wish = _Wish(spec.topics.get(name), _class_of(subscription, spec), subscription.topic)
             wishes[name] = wish if name not in wishes else wishes[name].joined(wish, name)
-            parts |= {field.variable: (name, field.path) for field in each.fields}
+            parts |= {field.variable: (name, field.path) for field in subscription.fields}
     return wishes, parts
 
 
-def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
+def _class_of(subscription: Subscription, spec: rtamt.Specification) -> str | None:
     """Return the class that a text declares; None for a variable without a declaration."""
-    return f"{each.package}/{each.message}" if each.variable in spec.declarations else None
+    return (
+        f"{subscription.package}/{subscription.message}"
+        if subscription.variable in spec.declarations
+        else None
+    )
 
 
 def _placed(
     bag: Bag, variable: str, message: str, path: FieldPath, wish: _Wish, columns: Columns
 ) -> tuple[str, FieldPath]:
     """Return the topic of a variable in the bag, and its path there."""
-    given = columns.signals.get(variable)
-    if given is not None and variable != message:
+    source = columns.signals.get(variable)
+    if source is not None and variable != message:
         wish, path = _Wish(), ()  # a field with a source of its own
     else:
-        given = columns.signals.get(message)
-    where, prefix = read_source(given or wish.whole)
+        source = columns.signals.get(message)
+    where, prefix = read_source(source or wish.whole)
     topic = _topic(
-        bag, where, message, None if prefix else wish.kind, named=bool(given or wish.topic)
+        bag, where, message, None if prefix else wish.kind, named=bool(source or wish.topic)
     )
     if prefix and variable == message:
         wish, path = _Wish(), ()  # the number itself, not a message that holds it
@@ -191,27 +195,27 @@ def _placed(
 def _alike(bag: Bag, written: str) -> list[str]:
     """Return the topics of a bag that a text can mean."""
     known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
-    whole = f"/{written.lstrip('/')}"
-    if whole in known:
-        return [known[whole]]
+    full_name = f"/{written.lstrip('/')}"
+    if full_name in known:
+        return [known[full_name]]
     if written.startswith("/"):
         return []
-    return [topic for name, topic in known.items() if name.endswith(whole)]
+    return [topic for name, topic in known.items() if name.endswith(full_name)]
 
 
 def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bool) -> str:
     """Return the topic of a bag that a text means."""
-    alike, whole = _alike(bag, written), f"/{written.lstrip('/')}"
+    alike, full_name = _alike(bag, written), f"/{written.lstrip('/')}"
     if not alike:
         known = {f"/{topic.lstrip('/')}" for topic in bag.types}
         raise InputError(
             f"{bag.source}: no topic '{written}', which '{variable}' reads; the topics are "
-            f"{_listed(known)}{_hint(bag, whole, variable, kind, named=named)}"
+            f"{_listed(known)}{_hint(bag, full_name, variable, kind, named=named)}"
         )
     if len(alike) > 1:
         raise InputError(
-            f"{bag.source}: expected one topic that ends in '{whole}', which '{variable}' reads, "
-            f"got {_listed(alike)}; give --signal {variable}=TOPIC"
+            f"{bag.source}: expected one topic that ends in '{full_name}', which '{variable}' "
+            f"reads, got {_listed(alike)}; give --signal {variable}=TOPIC"
         )
     (topic,) = alike
     if not bag.counts[topic]:
@@ -221,18 +225,20 @@ def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bo
     return topic
 
 
-def _hint(bag: Bag, whole: str, variable: str, kind: str | None, *, named: bool) -> str:
+def _hint(bag: Bag, full_name: str, variable: str, kind: str | None, *, named: bool) -> str:
     """Return advice for a missing topic."""
-    known = {f"/{topic.lstrip('/')}": of for topic, of in bag.types.items()}
-    near = nearest(whole, known)
+    known = {f"/{topic.lstrip('/')}": message_class for topic, message_class in bag.types.items()}
+    near = nearest(full_name, known)
     if near and named:
         return near
     last = variable.rpartition(".")[2]
     message = kind is not None and not kind.startswith("std_msgs/")
-    alike = [name for name, of in known.items() if of == kind] if message else []
-    found = [name for name in known if name.endswith(f"/{last}")] or alike
+    alike = (
+        [name for name, message_class in known.items() if message_class == kind] if message else []
+    )
+    candidates = [name for name in known if name.endswith(f"/{last}")] or alike
     source = "TOPIC" if message else "TOPIC.FIELD"
-    return f"; give --signal {variable}={found[0] if len(found) == 1 else source}"
+    return f"; give --signal {variable}={candidates[0] if len(candidates) == 1 else source}"
 
 
 _MOST = 12

@@ -22,8 +22,7 @@ from rtamt_gym.recorded.event_rows import measured
 from rtamt_gym.recorded.grid import Records, hole_note, longest_gap
 from rtamt_gym.recorded.names import starts_of, take_default
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.same_time import one_record, same_as_before
-from rtamt_gym.recorded.times import TimeAxis
+from rtamt_gym.recorded.times import TimeAxis, one_record, same_as_before
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
 from rtamt_gym.tables import counted, number
 
@@ -40,8 +39,8 @@ def read_bag(
             f"{shown(path)}: expected --period 100ms, at which the messages of a bag are sampled, "
             "or --dense, which takes them as events"
         )
-    for option, given in {"--jitter": columns.jitter, "--time-unit": columns.time_unit}.items():
-        if given is not None:
+    for option, value in {"--jitter": columns.jitter, "--time-unit": columns.time_unit}.items():
+        if value is not None:
             raise InputError(f"{shown(path)}: expected {option} for a table, got it for a bag")
     with open_bag(path) as bag:
         signals = read_signals(bag, specs, columns)
@@ -87,14 +86,14 @@ def sampled(
     after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
     places: Stamps = zero + after.astype(np.int64)
     columns = columns or Columns()
-    sampled_at = {name: _held(*found, places) for name, found in signals.signals.items()}
+    sampled_at = {name: _held(*signal, places) for name, signal in signals.signals.items()}
     records = {name: Records.of(times) for name, times in signals.recorded.items()}
     notes = [*signals.notes]
     if hole := hole_note(records, columns.most):
         notes.append(hole)
-        for name, each in records.items():
+        for name, record in records.items():
             silent = signals.signals[name][0][-1] < signals.end
-            holes = _in_holes(each, (places - zero) / 1e9, columns.most, silent=bool(silent))
+            holes = _in_holes(record, (places - zero) / 1e9, columns.most, silent=bool(silent))
             sampled_at[name][holes] = np.nan
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
     start = float(first * period)
@@ -250,7 +249,7 @@ def read_signals(
         every, order = _times(bag, messages, notes, apart, stamped=clock == "header")
         same = same_as_before(every)
         apart_from = np.append(~same, True) if choice == "last" else np.append(True, ~same)
-        times, kept = every[apart_from], order[apart_from]
+        times, places = every[apart_from], order[apart_from]
         spans[messages.topic] = times
         for variable, values in zip(messages.variables, messages.values, strict=True):
             _, note = one_record(
@@ -261,7 +260,7 @@ def read_signals(
                 (every - bag.begin) / 1e9,
             )
             notes += filter(None, [note])
-            numbers = np.array(values, np.float64)[kept]
+            numbers = np.array(values, np.float64)[places]
             found_at = times, numbers
             if columns.missing != "unknown":
                 found_at = _numbers(bag, messages.topic, variable, times, numbers)
@@ -278,31 +277,35 @@ def read_signals(
     topics = {v: m.topic for m in read for v in m.variables}
     recorded = {name: times for name, (times, _) in signals.items()}
     known = replace(columns, starts=starts)
-    defaults, said = _started(bag.source, signals, known, zero, topics)
-    notes += said
+    defaults, default_notes = _started(bag.source, signals, known, zero, topics)
+    notes += default_notes
     offset = min(apart.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
     ends = {name: np.unique(np.append(times, end)) for name, times in recorded.items()}
     seconds = {name: (times - zero) / 1e9 for name, times in ends.items()}
-    found = BagSignals(bag.source, ordered, zero, end, epoch, notes, seconds, defaults)
+    bag_signals = BagSignals(bag.source, ordered, zero, end, epoch, notes, seconds, defaults)
     notes += _missing(read, columns)
-    notes += _silences(found, spans, columns)
-    return found
+    notes += _silences(bag_signals, spans, columns)
+    return bag_signals
 
 
 def _read(
     bag: Bag, wanted: Sequence[TopicFields], *, stamped: bool, strict: bool
 ) -> list[_Messages]:
     """Read the fields of all messages in one pass."""
-    made: dict[str, tuple[_Messages, list[Any], bool]] = {}
-    for each in wanted:
-        found = _Messages(each.topic, tuple(one.variable for one in each.fields))
-        found.values = [[] for _ in each.fields]
-        readers = [(one, found.values[i].append) for i, one in enumerate(each.fields)]
-        made[each.topic] = found, readers, stamped and bag.stamped(bag.types[each.topic])
-    for topic, time, message in bag.messages([*made]):
-        messages, readers, with_stamp = made[topic]
+    readers_of: dict[str, tuple[_Messages, list[Any], bool]] = {}
+    for source in wanted:
+        collected = _Messages(source.topic, tuple(one.variable for one in source.fields))
+        collected.values = [[] for _ in source.fields]
+        readers = [(one, collected.values[i].append) for i, one in enumerate(source.fields)]
+        readers_of[source.topic] = (
+            collected,
+            readers,
+            stamped and bag.stamped(bag.types[source.topic]),
+        )
+    for topic, time, message in bag.messages([*readers_of]):
+        messages, readers, with_stamp = readers_of[topic]
         messages.logged.append(time)
         if with_stamp:
             stamp = message.header.stamp
@@ -315,7 +318,7 @@ def _read(
             if strict and value != value:  # noqa: PLR0124 - nan; math.isnan refuses what is no float
                 raise _no_number(bag, messages, one.variable, got)
             append(value)
-    return [found for found, _, _ in made.values()]
+    return [collected for collected, _, _ in readers_of.values()]
 
 
 def _no_number(bag: Bag, messages: _Messages, variable: str, got: str) -> InputError:
@@ -392,12 +395,12 @@ def _numbers(
     bag: Bag, topic: str, variable: str, times: Stamps, values: Floats
 ) -> tuple[Stamps, Floats]:
     """Return the values that are numbers, with their times."""
-    given = ~np.isnan(values)
-    if not given.any():
+    there = ~np.isnan(values)
+    if not there.any():
         raise InputError(
             f"{bag.source}: expected a number for '{variable}' in a message of {topic}, got none"
         )
-    return (times, values) if given.all() else (times[given], values[given])
+    return (times, values) if there.all() else (times[there], values[there])
 
 
 def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
@@ -408,11 +411,11 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
         for variable, values in zip(messages.variables, messages.values, strict=True)
         if columns.missing != "raise"
     }
-    each = ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
+    listed = ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
     does = "leave the value before"
     if columns.missing == "unknown":
         does = "leave the value unknown until the next"
-    return [f"messages without a number {does} ({each})"] if each else []
+    return [f"messages without a number {does} ({listed})"] if listed else []
 
 
 def _started(
@@ -432,24 +435,24 @@ def _started(
         until = "no message is there"
         if len(times):
             until = f"its first message comes at {number((int(times[0]) - zero) / 1e9)} s"
-        of = f" of {topics[name]}" if name in topics else ""
-        notes.append(take_default(source, name, columns, until, of))
+        on_topic = f" of {topics[name]}" if name in topics else ""
+        notes.append(take_default(source, name, columns, until, on_topic))
         defaults[name] = start
     return defaults, notes
 
 
-def _silences(found: BagSignals, spans: Mapping[str, Stamps], columns: Columns) -> list[str]:
+def _silences(signals: BagSignals, spans: Mapping[str, Stamps], columns: Columns) -> list[str]:
     """Describe the topics that pause or end early, so that their last values are held."""
     notes, stale = [], columns.stale
     for topic, times in spans.items():
-        ends = np.append(times, found.end)
+        ends = np.append(times, signals.end)
         gaps = np.diff(ends) / 1e9
         usual = float(np.median(gaps[:-1])) if len(times) > 1 else 0.0
         at = int(gaps.argmax())
-        since = (int(times[at]) - found.zero) / 1e9
+        since = (int(times[at]) - signals.zero) / 1e9
         if stale is not None and gaps[at] > stale:
             raise InputError(
-                f"{found.source}: expected a message of {topic} every {stale:g} s at least, got "
+                f"{signals.source}: expected a message of {topic} every {stale:g} s at least, got "
                 f"none for {number(gaps[at])} s after {number(since)} s; a longer --stale lets it "
                 "hold so long"
             )

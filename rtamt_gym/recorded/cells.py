@@ -202,8 +202,8 @@ def values_in(cells: TextCells, decimal: str) -> NDArray[Any]:
     if numbers is None:
         return np.array([cell.strip() for cell in cells] or [""])[: len(cells)]
     values = numbers.values
-    whole = values.astype(np.int64) if np.isfinite(values).all() else values
-    return whole if (np.abs(values) < _EXACT).all() and (whole == values).all() else values
+    integers = values.astype(np.int64) if np.isfinite(values).all() else values
+    return integers if (np.abs(values) < _EXACT).all() and (integers == values).all() else values
 
 
 def times_in(

@@ -7,31 +7,33 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 from rtamt import InputError
 from rtamt.columns import NANOSECONDS
 from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.dates import DateOrder
-from rtamt_gym.recorded.same_time import SameTime
 
 Missing = Literal["raise", "hold", "drop", "unknown"]
-"""What an empty cell does: it is an error, has the value before, lets its row go, or is unknown."""
+"""The treatment of empty cells: an error, the value before, no row, or an unknown value."""
 
 Start = Literal["unknown", "known"]
 """How the time counts in which some variables of a requirement have no value yet."""
+
+SameTime = Literal["first", "last"]
+"""Which of several different records at one instant counts."""
 
 UNITS = NANOSECONDS
 """The units of a column of times, in nanoseconds."""
 
 NEAR = 0.05
-"""The part of the period by which a sample may lie off the grid if nobody says otherwise."""
+"""The default part of the period by which a sample may lie off the grid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """How the columns of a recording are read; the defaults suit a file that needs no words.
+    """Options for reading the columns of a recording; the defaults suit a plain file.
 
     Attributes:
         signals: The column of each variable that is called otherwise in the recording.
@@ -42,22 +44,21 @@ class Columns:
         separator: The character between the cells of a text. None: what its first line uses.
         decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark for which the cells of
             the file are evidence.
-        missing: What an empty cell does.
+        missing: The treatment of empty cells.
         jitter: The part of the period by which a sample may lie off the grid and count as on it;
             a trace with samples farther off is resampled, where each value holds until the next.
             None: 0.05, and such a trace is refused.
-        stale: The longest time in seconds for which a topic of a bag may be without a message; one
-            that is longer is refused. None: any time, and a long one is said.
+        stale: The longest time in seconds for which a topic of a bag may be without a message.
+            None: any time, and a note reports a long one.
         same_time: Which of several different records of one variable at one instant counts,
             ``"first"`` or ``"last"``. None: such records are an error; in bags and ULog files the
             last one counts.
         max_gap: The longest time in seconds for which a value holds until the next record of its
             variable; where two are farther apart, nothing is known between them. A number or text,
             such as ``"500ms"``. None: any time.
-        starts: The value of variables before the first record of theirs, or without one; the
-            default that a text declares is such a value too.
-        defaults: The variables that have their default also beside a column of nearly the same
-            name.
+        starts: The values of variables before their first record, or without one, such as the
+            defaults that a specification declares.
+        defaults: The variables that have their default even if a column has nearly their name.
         no_defaults: Whether to refuse the defaults of all others.
         skip: The number of lines of a text before the line of names, or before lines that are
             recognised as comments.
@@ -95,12 +96,13 @@ class Columns:
     def __post_init__(self) -> None:
         if self.max_gap is not None:
             object.__setattr__(self, "max_gap", read_seconds("--max-gap", str(self.max_gap)))
-        _check_choice("--time-unit", self.time_unit, UNITS)
-        _check_choice("--decimal", self.decimal, (".", ","))
-        _check_choice("--same-time", self.same_time, get_args(SameTime))
-        _check_choice("--missing", self.missing, get_args(Missing))
-        _check_choice("--start", self.start, get_args(Start))
-        _check_choice("--date-order", self.date_order, get_args(DateOrder))
+        for name, choices in _CHOICES.items():
+            option, value = f"--{name.replace('_', '-')}", getattr(self, name)
+            if value is not None and value not in choices:
+                raise InputError(
+                    f"{option}: expected {', '.join(choices)}, got {value!r}"
+                    f"{nearest(value, choices)}"
+                )
         if self.separator is not None and (len(self.separator) != 1 or self.separator in '"\r\n'):
             raise InputError(f"--separator: expected one character or tab, got {self.separator!r}")
         if self.separator is not None and self.separator == self.decimal:
@@ -126,34 +128,30 @@ class Columns:
         return self.signals.get(variable, variable)
 
 
-def _check_choice(option: str, value: str | None, choices: Collection[str]) -> None:
-    if value is not None and value not in choices:
-        raise InputError(
-            f"{option}: expected {', '.join(choices)}, got {value!r}{nearest(value, choices)}"
-        )
+_CHOICES: Final[Mapping[str, Collection[str]]] = {
+    "time_unit": UNITS,
+    "decimal": (".", ","),
+    "same_time": get_args(SameTime),
+    "missing": get_args(Missing),
+    "start": get_args(Start),
+    "date_order": get_args(DateOrder),
+}
+"""The values of attributes of `Columns`."""
 
 
 def read_columns(
     *,
     signals: Sequence[str] = (),
-    time: str | None = None,
-    time_unit: str | None = None,
     separator: str | None = None,
-    decimal: str | None = None,
-    missing: Missing = "raise",
     jitter: str | None = None,
-    stale: float | None = None,
-    same_time: SameTime | None = None,
     max_gap: str | None = None,
-    defaults: Sequence[str] = (),
-    no_defaults: bool = False,
-    skip: int = 0,
-    start: Start = "unknown",
     where: Sequence[str] = (),
-    one_trace: bool = False,
-    date_order: DateOrder | None = None,
+    **others: Any,  # noqa: ANN401 - attributes of `Columns`
 ) -> Columns:
     r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
+
+    Raises:
+        InputError: If an argument cannot be read, or a variable comes twice.
 
     Example:
         >>> columns = read_columns(
@@ -184,25 +182,13 @@ def read_columns(
             raise InputError(
                 f"--where: expected one value of {column!r}, got {rows[column]!r} and {value!r}"
             )
-    mark = "\t" if separator in ("tab", r"\t") else separator
     return Columns(
-        named,
-        time,
-        time_unit,
-        mark,
-        decimal,
-        missing,
-        _share(jitter),
-        stale,
-        same_time,
-        None if max_gap is None else read_seconds("--max-gap", max_gap),
-        defaults=tuple(dict.fromkeys(defaults)),
-        no_defaults=no_defaults,
-        skip=skip,
-        start=start,
+        signals=named,
+        separator="\t" if separator in ("tab", r"\t") else separator,
+        jitter=_share(jitter),
+        max_gap=None if max_gap is None else read_seconds("--max-gap", max_gap),
         where=rows,
-        one_trace=one_trace,
-        date_order=date_order,
+        **others,
     )
 
 
@@ -217,14 +203,14 @@ def read_seconds(option: str, text: str) -> Fraction:
         >>> read_seconds("--max-gap", "500ms"), read_seconds("--max-gap", "1.5 h")
         (Fraction(1, 2), Fraction(5400, 1))
     """
-    found = _LENGTH.fullmatch(text.strip())
-    unit = UNITS.get((found and found["unit"]) or "s")
-    if found is None or unit is None or not Fraction(found["number"]) > 0:
+    match = _LENGTH.fullmatch(text.strip())
+    unit = UNITS.get((match and match["unit"]) or "s")
+    if match is None or unit is None or not Fraction(match["number"]) > 0:
         raise InputError(
             f"{option}: expected a time above 0, such as 10s, 500ms or 2h, got {text!r}; units are "
             f"{', '.join(UNITS)}"
         )
-    return Fraction(found["number"]) * unit / UNITS["s"]
+    return Fraction(match["number"]) * unit / UNITS["s"]
 
 
 _LENGTH = re.compile(

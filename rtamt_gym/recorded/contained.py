@@ -155,7 +155,7 @@ def _taken() -> Iterator[_Process]:
     """Reserve an idle process, or start one."""
     with _lock:
         # After a fork those of the parent are not ours.
-        own = [each for each in _idle if each.owner == os.getpid() and not each.ended]
+        own = [idle for idle in _idle if idle.owner == os.getpid() and not idle.ended]
         _idle[:] = own[:-1]
     process = own[-1] if own else _Process()
     try:

@@ -82,9 +82,9 @@ def read_dates(texts: Sequence[str], order: DateOrder | None = None) -> RawTimes
         return None
     for form in _FORMS:
         if form.fullmatch(bare[0]):
-            found = [form.fullmatch(text) for text in bare]
-            whole = [match for match in found if match is not None]
-            dates = _dates_of(whole, order) if len(whole) == len(found) else None
+            results = [form.fullmatch(text) for text in bare]
+            complete = [match for match in results if match is not None]
+            dates = _dates_of(complete, order) if len(complete) == len(results) else None
             if dates is not None:
                 return dates
     return None
@@ -100,14 +100,14 @@ def times_of_texts(
         days: The texts of a column of dates, for texts that are times of day; None: there is none.
         order: The order of day and month where it is not certain.
     """
-    whole = texts if days is None else [f"{d} {t}" for d, t in zip(days, texts, strict=True)]
-    for each in (whole, texts) if days is not None else (texts,):
-        dates = read_dates(each, order)
+    joined = texts if days is None else [f"{d} {t}" for d, t in zip(days, texts, strict=True)]
+    for candidates in (joined, texts) if days is not None else (texts,):
+        dates = read_dates(candidates, order)
         if dates is not None:
             return dates
-        if read_dates(each, "dmy") is not None and read_dates(each, "mdy") is not None:
+        if read_dates(candidates, "dmy") is not None and read_dates(candidates, "mdy") is not None:
             raise InputError(
-                f"the date {each[0].strip()!r} may have the day or the month first; give "
+                f"the date {candidates[0].strip()!r} may have the day or the month first; give "
                 "--date-order dmy or --date-order mdy"
             )
     return read_clock(texts)
@@ -123,15 +123,15 @@ def _dates_of(matches: Sequence[re.Match[str]], order: DateOrder | None) -> RawT
         return _utc([_iso(field, field.get("month"), field["day"]) for field in fields], zones)
     orders: tuple[DateOrder, ...] = ("dmy", "mdy") if order is None else (order,)
     readings = []
-    for each in orders:
-        month, day = ("other", "first") if each == "dmy" else ("first", "other")
+    for choice in orders:
+        month, day = ("other", "first") if choice == "dmy" else ("first", "other")
         read = _utc([_iso(field, field[month], field[day]) for field in fields], zones)
         if read is not None:
             readings.append(read)
     if not readings:
         return None
     since = [read - read[0] for read in readings]
-    return readings[0] if all(np.array_equal(since[0], each) for each in since) else None
+    return readings[0] if all(np.array_equal(since[0], choice) for choice in since) else None
 
 
 def _iso(field: dict[str, Any], month: str | None, day: str) -> str:
@@ -191,15 +191,15 @@ def read_clock(texts: Sequence[str]) -> RawTimes | None:
         >>> read_clock(["12:00:00,5", "1 day 00:00:01"]), read_clock(["12:05"])
         (array([43200500000000, 86401000000000], dtype='timedelta64[ns]'), None)
     """
-    found = []
+    nanoseconds = []
     for text in texts:
         match = _DURATION.fullmatch(text.strip())
         if match is None:
             return _read_durations(texts)
-        whole = 86400 * int(match["days"] or 0) + 3600 * int(match["hours"])
-        whole += 60 * int(match["minutes"]) + int(match["seconds"])
-        found.append(whole * 10**9 + int((match["part"] or "0").ljust(9, "0")))
-    return np.array(found, "m8[ns]")
+        seconds = 86400 * int(match["days"] or 0) + 3600 * int(match["hours"])
+        seconds += 60 * int(match["minutes"]) + int(match["seconds"])
+        nanoseconds.append(seconds * 10**9 + int((match["part"] or "0").ljust(9, "0")))
+    return np.array(nanoseconds, "m8[ns]")
 
 
 def _read_durations(texts: Sequence[str]) -> RawTimes | None:
@@ -207,5 +207,5 @@ def _read_durations(texts: Sequence[str]) -> RawTimes | None:
     matches = [_SECONDS.fullmatch(text.strip()) for text in texts]
     if not all(matches):
         return None
-    whole = [round(float(m["number"]) * nanoseconds[m["unit"]]) for m in matches if m]
-    return np.array(whole, "m8[ns]")
+    durations = [round(float(m["number"]) * nanoseconds[m["unit"]]) for m in matches if m]
+    return np.array(durations, "m8[ns]")

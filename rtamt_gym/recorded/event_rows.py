@@ -24,9 +24,8 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
-from rtamt_gym.recorded.same_time import one_record
 from rtamt_gym.recorded.sample_rows import check_valid, read_rows, wanted_times
-from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times
+from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, one_record
 from rtamt_gym.recorded.trace import EventTrace, held
 from rtamt_gym.tables import number
 
@@ -99,9 +98,11 @@ def read_events(
         if not given.any() and name not in columns.starts:
             raise InputError(f"{recording.source}: expected events of '{name}', got none")
         at, values = (times, values) if given.all() else (times[given], values[given])
-        kept, note = one_record(at, values, columns.same_time, f"{rows.source}, column '{column}'")
+        places, note = one_record(
+            at, values, columns.same_time, f"{rows.source}, column '{column}'"
+        )
         notes += filter(None, [note])
-        signals[name] = (at, values) if len(kept) == len(at) else (at[kept], values[kept])
+        signals[name] = (at, values) if len(places) == len(at) else (at[places], values[places])
     if empty:
         notes.append(f"empty cells are no events: the value before holds ({', '.join(empty)})")
     rows = replace(rows, notes=notes)
@@ -119,7 +120,7 @@ def _events(
     times = axis.seconds
     begin, end = float(times.min()), float(times.max())
     notes = [*rows.notes, *selection_notes(rows, columns.where)]
-    made, defaults, none = {}, {}, []
+    completed, defaults, none = {}, {}, []
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))
         start = columns.starts.get(name)
@@ -133,10 +134,10 @@ def _events(
                 none.append(name)
             notes.append(take_default(rows.source, name, columns, why))
             defaults[name] = start
-        made[name] = at, values
+        completed[name] = at, values
     trace = EventTrace(
         rows.source,
-        held(made, end, columns.max_gap, none),
+        held(completed, end, columns.max_gap, none),
         (begin, end),
         sum(len(at) for at, _ in signals.values()),
         notes,
@@ -155,8 +156,8 @@ def _events(
             first = number(float(at[absent][0]))
             wrong.append(f"{name}: {int(absent.sum())}, the first at {first} s")
     if wrong:
-        said = f"events without a number are unknown ({'; '.join(wrong)})"
-        trace = replace(trace, notes=[*trace.notes, said])
+        note = f"events without a number are unknown ({'; '.join(wrong)})"
+        trace = replace(trace, notes=[*trace.notes, note])
     trace = measured(trace, recorded, columns)
     gap = trace.gap.note if trace.gap and trace.gap.long and columns.max_gap is None else ""
     return replace(trace, notes=[*trace.notes, *filter(None, [axis.unit_note, gap])])
@@ -175,7 +176,7 @@ def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns
         if id(times) not in alike:
             alike[id(times)] = Records.of(times).measured()
     records = {name: alike[id(times)] for name, times in recorded.items()}
-    usual = [each.usual for each in alike.values() if each.usual is not None]
+    usual = [record.usual for record in alike.values() if record.usual is not None]
     hole = hole_note(records, columns.most)
     some = columns.missing == "unknown" or columns.max_gap is not None
     unknown = [
@@ -218,12 +219,12 @@ def _read_long(
                 f"{recording.source}: no events of '{called}', which the specification reads; "
                 f"the variables are {', '.join(known)}{nearest(called, known)}"
             )
-        (given,) = np.nonzero(named == called)
-        axis.check_order(rows.where, given, f" of '{called}'")
-        at, values = times[given], rows.numbers[VALUE][given]
-        kept, note = one_record(at, values, columns.same_time, f"{rows.source}, '{called}'")
+        (own_rows,) = np.nonzero(named == called)
+        axis.check_order(rows.where, own_rows, f" of '{called}'")
+        at, values = times[own_rows], rows.numbers[VALUE][own_rows]
+        places, note = one_record(at, values, columns.same_time, f"{rows.source}, '{called}'")
         notes += filter(None, [note])
-        signals[name] = at[kept], values[kept]
+        signals[name] = at[places], values[places]
     rows = replace(rows, notes=notes)
     return _events(rows, signals, variables, columns, axis)
 

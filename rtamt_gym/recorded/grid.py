@@ -203,24 +203,29 @@ def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | Non
         records: The records of each variable; those with one object are found once.
         start: What to add to the times.
     """
-    found: dict[int, tuple[float, float, Records, list[str]]] = {}
-    for name, each in records.items():
-        if not len(each.steps):
+    longest: dict[int, tuple[float, float, Records, list[str]]] = {}
+    for name, record in records.items():
+        if not len(record.steps):
             continue
-        if id(each) not in found:
-            at = int(each.steps.argmax())
-            found[id(each)] = float(each.steps[at]), float(each.times[at]) + start, each, []
-        found[id(each)][3].append(name)
-    if not found:
+        if id(record) not in longest:
+            at = int(record.steps.argmax())
+            longest[id(record)] = (
+                float(record.steps[at]),
+                float(record.times[at]) + start,
+                record,
+                [],
+            )
+        longest[id(record)][3].append(name)
+    if not longest:
         return None
-    most = max(seconds for seconds, *_ in found.values())
-    alike = [each for each in found.values() if each[0] == most]
-    usuals = [_usual(each) for _, _, each, _ in alike]
+    most = max(seconds for seconds, *_ in longest.values())
+    alike = [record for record in longest.values() if record[0] == most]
+    usuals = [_usual(record) for _, _, record, _ in alike]
     best = int(np.argmin(usuals))
     seconds, begin, _, _ = alike[best]
     names = [name for _, other, _, names in alike if other == begin for name in names]
-    of = "" if len(names) == len(records) else ", ".join(names)
-    return Gap(seconds, begin, usuals[best], of)
+    variables = "" if len(names) == len(records) else ", ".join(names)
+    return Gap(seconds, begin, usuals[best], variables)
 
 
 def _usual(records: Records) -> float:
@@ -235,23 +240,23 @@ def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -
         most: The longest time in seconds for which a value may hold.
         start: What to add to the times.
     """
-    said: dict[str, list[str]] = {}
-    for name, each in records.items():
-        (holes,) = np.nonzero(each.steps > most)
+    texts: dict[str, list[str]] = {}
+    for name, record in records.items():
+        (holes,) = np.nonzero(record.steps > most)
         if not len(holes):
             continue
-        longest = int(holes[each.steps[holes].argmax()])
-        length = f"{number(float(each.steps[longest]))} s"
-        after = f"after {time_text(float(each.times[longest]) + start, most)}"
+        longest = int(holes[record.steps[holes].argmax()])
+        length = f"{number(float(record.steps[longest]))} s"
+        after = f"after {time_text(float(record.times[longest]) + start, most)}"
         words = f"a hole of {length} {after}"
         if len(holes) > 1:
             words = f"{counted(len(holes), 'hole')}, the longest of {length} {after}"
-        said.setdefault(words, []).append(name)
-    if not said:
+        texts.setdefault(words, []).append(name)
+    if not texts:
         return ""
     each_said = [
         words if _all(names, records) else f"{', '.join(names)}: {words}"
-        for words, names in said.items()
+        for words, names in texts.items()
     ]
     return (
         f"values are unknown where nothing was recorded for more than {number(most)} s "

@@ -108,9 +108,9 @@ class TraceJudgement:
         return f"{self._verdict_text()}, progress {progress_text(self.progress)}"
 
     def _verdict_text(self) -> str:
-        found, words = self.found, f"{self.verdict.name}, robustness {self.robustness_text}"
-        if found.unknown and found.lower < found.upper:
-            ends = f"{number(found.lower)} and {number(found.upper)}"
+        judgement, words = self.found, f"{self.verdict.name}, robustness {self.robustness_text}"
+        if judgement.unknown and judgement.lower < judgement.upper:
+            ends = f"{number(judgement.lower)} and {number(judgement.upper)}"
             words = f"{self.verdict.name}, robustness between {ends}"
         if self.verdict == Verdict.UNDECIDED:
             return words
@@ -251,23 +251,25 @@ def judge(
         reading: How traces are judged.
         formulas: Whether the robustness of the named formulas is evaluated too.
     """
-    whole = viewed(spec, reading.view)
-    late, recorded = trace.late_start(whole.variables), trace
-    trace = trace.known(whole.variables)
+    requirement = viewed(spec, reading.view)
+    late, recorded = trace.late_start(requirement.variables), trace
+    trace = trace.known(requirement.variables)
     semantics, n = reading.semantics, trace.samples
-    reading = _having_unknown(reading.having(period=period), trace, whole)
-    options = reading.of_monitors({"": whole})[""]
+    reading = _having_unknown(reading.having(period=period), trace, requirement)
+    options = reading.of_monitors({"": requirement})[""]
 
     def from_start(end: End) -> rtamt.Judgement:
-        return rtamt.judge(whole, trace.columns, end=end, n=n, **options)
+        return rtamt.judge(requirement, trace.columns, end=end, n=n, **options)
 
     def with_beginning(end: End) -> rtamt.Judgement:
-        from_begin = recorded.with_beginning(whole.variables)
-        unknown = reading.having(nan="unknown").of_monitors({"": whole})[""]
-        return rtamt.judge(whole, from_begin.columns, end=end, n=from_begin.samples, **unknown)
+        from_begin = recorded.with_beginning(requirement.variables)
+        unknown = reading.having(nan="unknown").of_monitors({"": requirement})[""]
+        return rtamt.judge(
+            requirement, from_begin.columns, end=end, n=from_begin.samples, **unknown
+        )
 
     ways = from_start, with_beginning
-    found, known, late, cut = _by_start(ways, late, reading.end, known=recorded.start_known)
+    judgement, known, late, cut = _by_start(ways, late, reading.end, known=recorded.start_known)
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -282,10 +284,10 @@ def judge(
         for name, part in (_parts(spec) if formulas and not known.unknown else {}).items()
     }
     counted = late is not None and late.counted
-    progress = None if counted else progress_of(whole, trace.columns, reading)
+    progress = None if counted else progress_of(requirement, trace.columns, reading)
     start = late.begin if late is not None and counted else trace.start
     return TraceJudgement(
-        *(found, series, semantics, start, period, step),
+        *(judgement, series, semantics, start, period, step),
         progress=progress,
         cut=cut,
         late_start=late,
@@ -307,15 +309,15 @@ def _by_start(
         was cut; that is None unless the trace is all there is.
     """
     judge_, with_beginning = ways
-    first = found = judge_(end)
+    first = result = judge_(end)
     if late is not None:
         late = replace(late, verdict=first.verdict.name)
         if late.of and not known and first.verdict is not Verdict.VIOLATED:
-            whole = with_beginning(end)
-            if whole.verdict < first.verdict:
-                found, judge_ = whole, with_beginning
+            complete = with_beginning(end)
+            if complete.verdict < first.verdict:
+                result, judge_ = complete, with_beginning
                 late = replace(late, counted=True)
-    return found, first, late, judge_("cut").verdict if end == "complete" else None
+    return result, first, late, judge_("cut").verdict if end == "complete" else None
 
 
 def noticed(
@@ -409,10 +411,10 @@ def judge_events(
 def _judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool
 ) -> TraceJudgement:
-    semantics, signals, whole = reading.semantics, trace.tables, viewed(spec, reading.view)
-    late = trace.late_start(whole.variables)
-    ways = _dense_ways(whole, trace, late, reading)
-    found, known, late, cut = _by_start(ways, late, reading.end, known=trace.start_known)
+    semantics, signals, requirement = reading.semantics, trace.tables, viewed(spec, reading.view)
+    late = trace.late_start(requirement.variables)
+    ways = _dense_ways(requirement, trace, late, reading)
+    judgement, known, late, cut = _by_start(ways, late, reading.end, known=trace.start_known)
     series = {}
     for name, part in (_parts(spec) if formulas and not known.unknown else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
@@ -426,12 +428,12 @@ def _judge_events(
         )
     progress = None
     counted = late is not None and late.counted
-    if not (trace.unknown or counted) and trace.max_gap is None and whole.variables:
-        lines = {name: trace.signals[name] for name in whole.variables}
-        satisfied = found.verdict is Verdict.SATISFIED
-        progress = progress_of_events(whole, lines, reading, satisfied=satisfied)
+    if not (trace.unknown or counted) and trace.max_gap is None and requirement.variables:
+        lines = {name: trace.signals[name] for name in requirement.variables}
+        satisfied = judgement.verdict is Verdict.SATISFIED
+        progress = progress_of_events(requirement, lines, reading, satisfied=satisfied)
     return TraceJudgement(
-        *(found, series, semantics, 0.0, None, trace.step),
+        *(judgement, series, semantics, 0.0, None, trace.step),
         dense=True,
         progress=progress,
         cut=cut,

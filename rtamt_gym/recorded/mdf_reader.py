@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.columns import Columns, SameTime
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.same_time import SameTime, check_rising, common_instants, one_record
-from rtamt_gym.recorded.times import TIME
+from rtamt_gym.recorded.times import TIME, check_rising, common_instants, one_record
 
 _DOMAINS: Final[Mapping[int | None, str]] = {2: "angle", 3: "distance", 4: "row numbers"}
 """What the master channel of a group of MDF 4 may count other than time."""
@@ -63,8 +62,8 @@ class MdfRecording(Recording):
         groups: list[Any] = file.groups
         channels = [
             (shown(channel.name), group, index)
-            for group, each in enumerate(groups)
-            for index, channel in enumerate(each.channels)
+            for group, part in enumerate(groups)
+            for index, channel in enumerate(part.channels)
             if index != file.masters_db.get(group)
         ]
         self._places = [*channels, *_qualified(channels, groups)]
@@ -129,9 +128,9 @@ class MdfRecording(Recording):
         bits = signal.invalidation_bits
         if bits is not None:
             values[np.asarray(bits, bool)] = np.nan
-        kept, note = one_record(times, values, self._same_time, what)
+        places, note = one_record(times, values, self._same_time, what)
         notes += filter(None, [note])
-        return _Signal(times[kept], values[kept])
+        return _Signal(times[places], values[places])
 
 
 class _Signal(NamedTuple):
@@ -146,9 +145,9 @@ def _qualified(
 ) -> Iterator[tuple[str, int, int]]:
     """Yield the channels whose name occurs in several groups, under names with their group."""
     counts = Counter(name for name, _, _ in channels)
-    acquired = [shown(getattr(each.channel_group, "acq_name", "") or "") for each in groups]
+    acquired = [shown(getattr(part.channel_group, "acq_name", "") or "") for part in groups]
     for name, group, index in channels:
         if counts[name] > 1:
-            its = [acquired[other] for each, other, _ in channels if each == name]
+            its = [acquired[other] for part, other, _ in channels if part == name]
             own = all(its) and len({*its}) == len(its)
             yield f"{acquired[group] if own else f'group{group}'}.{name}", group, index

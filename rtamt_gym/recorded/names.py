@@ -154,7 +154,7 @@ def check_names(recording: Recording, needed: Sequence[str]) -> None:
             hint = "; give --time COLUMN" if name == TIME else nearest(name, names)
             raise _missing(recording, name, "--dense", hint)
         if names.count(name) > 1:
-            others = [each for each in names if each.endswith(f".{name}")]
+            others = [other for other in names if other.endswith(f".{name}")]
             if others:
                 raise InputError(
                     f"{recording.source}: expected one column '{name}', got {names.count(name)}; "
@@ -191,20 +191,20 @@ def _is_number(text: str) -> bool:
 
 def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dict[str, float]:
     """Return the defaults of variables, which they have before their first record."""
-    found: dict[str, float] = {}
+    starts: dict[str, float] = {}
     for spec in specs.values():
         for name, start in spec.defaults.items():
-            if found.setdefault(name, start) != start:
+            if starts.setdefault(name, start) != start:
                 raise InputError(
                     f"expected one default for '{name}', which two specifications read, got "
-                    f"{number(found[name])} and {number(start)}; give one of them another name, or "
-                    "judge them one at a time"
+                    f"{number(starts[name])} and {number(start)}; give one of them another name, "
+                    "or judge them one at a time"
                 )
     read = {name for spec in specs.values() for name in spec.variables}
-    return found | {name: start for name, start in columns.starts.items() if name in read}
+    return starts | {name: start for name, start in columns.starts.items() if name in read}
 
 
-def take_default(source: str, name: str, columns: Columns, why: str, of: str = "") -> str:
+def take_default(source: str, name: str, columns: Columns, why: str, on_topic: str = "") -> str:
     """Return the note on a variable that has its default, or refuse it.
 
     Args:
@@ -212,12 +212,12 @@ def take_default(source: str, name: str, columns: Columns, why: str, of: str = "
         name: The variable.
         columns: The values that variables have without a record, and whether they may.
         why: Why it has its default.
-        of: What it is of, such as the topic of a bag.
+        on_topic: The topic of a bag, such as `` of /odom``; empty for a table.
     """
     value = number(columns.starts[name])
     if columns.no_defaults and name not in columns.defaults:
         raise InputError(
-            f"{source}: expected records of '{name}'{of}, as --no-defaults says, got its default "
-            f"{value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
+            f"{source}: expected records of '{name}'{on_topic}, as --no-defaults says, got its "
+            f"default {value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
         )
-    return f"'{name}'{of} is {value}, its default: {why}"
+    return f"'{name}'{on_topic} is {value}, its default: {why}"

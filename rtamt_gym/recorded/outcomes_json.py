@@ -35,8 +35,10 @@ def to_json(
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
-    said: dict[str, Any] = {each.name: getattr(columns, each.name) for each in fields(columns)}
-    other = {name: value for name, value in said.items() if value != getattr(default, name)}
+    options: dict[str, Any] = {
+        option.name: getattr(columns, option.name) for option in fields(columns)
+    }
+    other = {name: value for name, value in options.items() if value != getattr(default, name)}
     trials = [{**plain_trial(row), "verdict": label(row.word)} for row in matrix.rows]
     counts = {label(word).lower(): count for word, count in matrix.counts().items()}
     return document(
@@ -57,6 +59,6 @@ def to_json(
     )
 
 
-def _mutants(said: Mapping[str, Any]) -> dict[str, Any]:
-    scores = {name: score.written() for name, score in said["scores"].items()}
-    return {"least": said["least"], "requirements": scores}
+def _mutants(scored: Mapping[str, Any]) -> dict[str, Any]:
+    scores = {name: score.written() for name, score in scored["scores"].items()}
+    return {"least": scored["least"], "requirements": scores}

@@ -58,16 +58,16 @@ def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -
     table: dict[str, NDArray[Any]]
     if dense:
         times, values = (
-            np.concatenate([getattr(each, part) for each in series.values()])
+            np.concatenate([getattr(line, part) for line in series.values()])
             for part in ("times", "values")
         )
-        counts = [len(each.times) for each in series.values()]
+        counts = [len(line.times) for line in series.values()]
         named = np.repeat(np.array([*series]), counts)
         order = np.lexsort((values, named, times))
         table = {TIME: times[order], VARIABLE: named[order], VALUE: values[order]}
     else:
-        first = max(series.values(), key=lambda each: len(each.times))
-        table = {name: _filled(each.values, len(first.times)) for name, each in series.items()}
+        first = max(series.values(), key=lambda line: len(line.times))
+        table = {name: _filled(line.values, len(first.times)) for name, line in series.items()}
         if first.step is None:
             table = {"sample": np.arange(len(first.times)), **table}
         else:

@@ -52,7 +52,7 @@ def draw_trace(
         reads: The variables of each specification.
         everything: Whether all panels are drawn, however many there are.
     """
-    formulas = [(spec, name) for spec, each in judgements.items() for name in each.series]
+    formulas = [(spec, name) for spec, judged in judgements.items() for name in judged.series]
     left_out = ""
     if not everything and len(signals) + len(formulas) > _MOST:
         worst = sorted(judgements, key=lambda name: _rank(judgements[name]))[:_WORST]
@@ -85,7 +85,9 @@ def draw_trace(
     if left_out:
         # Below the title, where the layout keeps room for it.
         axes[0].set_title(left_out, fontsize=9, loc="left", color=drawing.OPEN)
-    timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
+    timed = any(
+        s.step is not None for judged in judgements.values() for s in judged.series.values()
+    )
     figure.supxlabel("time in s" if timed else "samples", fontsize=9, color=drawing.OPEN)
     return figure
 
@@ -98,7 +100,9 @@ def _rank(judgement: TraceJudgement) -> tuple[int, float]:
 
 def _left_out(judgements: Mapping[str, TraceJudgement], shown: Sequence[str], signals: int) -> str:
     """Return the text on the panels that a picture leaves out."""
-    others = Counter(each.verdict for name, each in judgements.items() if name not in shown)
+    others = Counter(
+        judgement.verdict for name, judgement in judgements.items() if name not in shown
+    )
     counts = ", ".join(f"{others[v]} {v.name}" for v in Verdict if others[v])
     words = []
     if others:

@@ -176,19 +176,19 @@ class RowFilter:
     def mask(self, cells: Mapping[str, Sequence[str]]) -> NDArray[np.bool_]:
         """Return whether each row is selected."""
         columns = {name: [text.strip() for text in cells[name]] for name in self._where}
-        kept = np.ones(len(next(iter(columns.values()))), bool)
+        selected = np.ones(len(next(iter(columns.values()))), bool)
         for name, texts in columns.items():
             self._values[name] |= dict.fromkeys(texts)
-            kept &= np.fromiter((text == self._where[name] for text in texts), bool, len(texts))
-        self._kept += int(kept.sum())
-        return kept
+            selected &= np.fromiter((text == self._where[name] for text in texts), bool, len(texts))
+        self._kept += int(selected.sum())
+        return selected
 
     def check(self) -> None:
         """Check that a row was selected."""
         if self._kept:
             return
         for name, value in self._where.items():
-            values = [shown(each) for each in self._values[name]]
+            values = [shown(text) for text in self._values[name]]
             if values and value not in self._values[name]:
                 raise InputError(
                     f"{self._source}: no row with {value!r} in the column '{name}', which --where "

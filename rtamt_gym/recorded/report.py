@@ -16,8 +16,8 @@ def report(
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
     for name, judgement in judgements.items():
-        for formula, found in judgement.series.items():
-            series = found.instants
+        for formula, values in judgement.series.items():
+            series = values.instants
             least, below = series.least, series.below
             rows.append(
                 (
@@ -45,15 +45,15 @@ def report(
     for name, judgement in judgements.items():
         notes += filter(None, [judgement.note_of_end(name if several else "")])
         if judgement.series and judgement.otherwise_complete:
-            of = f" of {name}" if several else ""
+            of_spec = f" of {name}" if several else ""
             notes.append(
-                f"robustness over time{of} is that of a trace that is all there is, of which "
+                f"robustness over time{of_spec} is that of a trace that is all there is, of which "
                 f"--end complete says {judgement.otherwise_complete}"
             )
         late = judgement.late_start
         if judgement.series and late is not None and late.counted:
-            of = f" of {name}" if several else ""
-            notes.append(f"robustness over time{of} starts at {number(late.time)} s")
+            of_spec = f" of {name}" if several else ""
+            notes.append(f"robustness over time{of_spec} starts at {number(late.time)} s")
     return [
         *verdicts,
         *trace,
@@ -66,6 +66,6 @@ def _left_out(unknown: Mapping[str, tuple[str, ...]], *, several: bool) -> list[
     """Why the table lacks requirements, in a sentence; nothing if it has all."""
     if not unknown:
         return []
-    of = f" of {', '.join(unknown)}" if several else ""
-    names = dict.fromkeys(name for each in unknown.values() for name in each)
-    return [f"no robustness over time{of}: values of {', '.join(names)} are not known"]
+    of_specs = f" of {', '.join(unknown)}" if several else ""
+    names = dict.fromkeys(name for variables in unknown.values() for name in variables)
+    return [f"no robustness over time{of_specs}: values of {', '.join(names)} are not known"]

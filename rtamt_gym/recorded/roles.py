@@ -100,22 +100,23 @@ class RowTable:
                 f"{rows.source}: expected samples, but the last row has no number in '{first}', as "
                 "a row of totals. Remove it, or give --one-trace if it is a sample."
             )
-        found = objects_in(cells, rows.times, [*filled.values()], self.read, first)
-        if found is None:
+        evidence = objects_in(cells, rows.times, [*filled.values()], self.read, first)
+        if evidence is None:
             return
         source = rows.source
-        if found.row is not None:
+        if evidence.row is not None:
+            place = rows.where(evidence.row).removeprefix(f"{source}, ")
             raise InputError(
-                f"{source}: expected one trace, but '{found.column}' shows that another one starts "
-                f"in {rows.where(found.row).removeprefix(f'{source}, ')}. Cut the file there, or "
-                "give --one-trace if all rows are one trace."
+                f"{source}: expected one trace, but '{evidence.column}' shows that another one "
+                f"starts in {place}. Cut the file there, or give --one-trace if all rows are one "
+                "trace."
             )
-        if found.column:
-            value = shlex.quote(f"{found.column}={found.values[0]}")
+        if evidence.column:
+            value = shlex.quote(f"{evidence.column}={evidence.values[0]}")
             raise InputError(
-                f"{source}: expected one trace, got {len(found.values)} values of "
-                f"'{found.column}', which no requirement reads: "
-                f"{listed(found.values)}. Give --where {value} to judge the rows of one, or "
+                f"{source}: expected one trace, got {len(evidence.values)} values of "
+                f"'{evidence.column}', which no requirement reads: "
+                f"{listed(evidence.values)}. Give --where {value} to judge the rows of one, or "
                 "--one-trace if all rows are one trace."
             )
         raise InputError(
@@ -236,7 +237,7 @@ def _same_clock(times: NDArray[np.generic] | None, other: NDArray[np.generic] | 
         return int(there.sum()) < 2
     length = first[-1] - first[0]
     rate = float((second[-1] - second[0]) / length)
-    scale = min(_SCALES, key=lambda each: abs(rate / each - 1))
+    scale = min(_SCALES, key=lambda ratio: abs(rate / ratio - 1))
     offset = abs(float(np.median(second / scale - first)))
     apart = float(np.median(np.diff(first))) < offset <= length
     return abs(rate / scale - 1) <= _RATE and not apart
@@ -320,6 +321,6 @@ def _readings(
         return [] if falls or unit not in UNITS else [f" --time-unit {unit}"]
     step = float(np.median(np.abs(np.diff(values.astype(np.float64)))))
     return [
-        f" --time-unit {each} (a sample every {step * UNITS[each] / UNITS['s']:.6g} s)"
-        for each in plausible_units(values)
+        f" --time-unit {candidate} (a sample every {step * UNITS[candidate] / UNITS['s']:.6g} s)"
+        for candidate in plausible_units(values)
     ]

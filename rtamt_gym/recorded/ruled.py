@@ -72,10 +72,10 @@ def read_ruled(
 
 def _noted(trace: Trace, columns: Columns) -> Trace:
     """Return the trace with notes on its times."""
-    said = [] if trace.times is None else [trace.times.unit_note]
+    notes = [] if trace.times is None else [trace.times.unit_note]
     if trace.gap is not None and trace.gap.long and columns.max_gap is None:
-        said.append("" if columns.missing == "unknown" else trace.gap.note)
-    return replace(trace, notes=[*trace.notes, *filter(None, said)])
+        notes.append("" if columns.missing == "unknown" else trace.gap.note)
+    return replace(trace, notes=[*trace.notes, *filter(None, notes)])
 
 
 def _under(trace: Trace, period: Fraction) -> Trace:
@@ -83,16 +83,16 @@ def _under(trace: Trace, period: Fraction) -> Trace:
     grid, times = trace.grid, trace.times
     if grid is None or times is None:
         return trace
-    said, wanted = "in an order that does not increase", float(period)
+    description, wanted = "in an order that does not increase", float(period)
     if grid.rises:
         if float(np.abs(grid.steps - wanted).max()) <= NEAR * wanted:
             return trace
         at = int(grid.steps.argmax())
-        said = f"{number(grid.usual)} s apart most of the time"
+        description = f"{number(grid.usual)} s apart most of the time"
         if float(grid.steps[at]) > 2 * grid.usual:
-            said += f", {number(float(grid.steps[at]))} s after {trace.where(at)}"
+            description += f", {number(float(grid.steps[at]))} s after {trace.where(at)}"
     note = (
-        f"--period leaves the column '{times.column}' aside, which has the rows {said}: "
+        f"--period leaves the column '{times.column}' aside, which has the rows {description}: "
         f"{number(float(times.since[-1]))} s in all, not "
         f"{number(float((trace.samples - 1) * period))} s"
     )

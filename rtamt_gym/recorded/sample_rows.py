@@ -26,8 +26,15 @@ from rtamt_gym.recorded.grid import (
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables, take_default
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
-from rtamt_gym.recorded.same_time import one_record, same_as_before
-from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, newest_first
+from rtamt_gym.recorded.times import (
+    TIME,
+    TimeAxis,
+    TimeColumn,
+    find_times,
+    newest_first,
+    one_record,
+    same_as_before,
+)
 from rtamt_gym.recorded.trace import PERIODS, Trace
 from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import counted
@@ -84,7 +91,9 @@ def read_trace(
     rows = read_rows(recording, wanted_times(wanted, time, columns))
     rules = RowTable(recording, columns, read, time)
     if table:
-        rules.check_objects(rows, {n: ~np.isnan(each) for n, each in rows.numbers.items()})
+        rules.check_objects(
+            rows, {n: ~np.isnan(column_values) for n, column_values in rows.numbers.items()}
+        )
         rules.check_clocks(rows)
     if table and timed and time is None and period is None:
         rules.check_times(rows)
@@ -131,14 +140,14 @@ def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
     group, seconds, notes = np.cumsum(first) - 1, trace.times.seconds, [*trace.notes]
     merged = {}
     for name, values in trace.columns.items():
-        (given,) = np.nonzero(~np.isnan(values))
+        (there,) = np.nonzero(~np.isnan(values))
         what = f"{trace.source}, column '{columns.column(name)}'"
-        kept, note = one_record(
-            trace.times.since[given], values[given], columns.same_time, what, seconds[given]
+        places, note = one_record(
+            trace.times.since[there], values[there], columns.same_time, what, seconds[there]
         )
         notes += filter(None, [note])
         merged[name] = np.full(int(first.sum()), np.nan)
-        merged[name][group[given[kept]]] = values[given[kept]]
+        merged[name][group[there[places]]] = values[there[places]]
     return replace(trace.selected(np.nonzero(first)[0]), columns=merged, notes=notes)
 
 
@@ -165,10 +174,10 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
     rows = Records(times.since, grid.steps, grid.usual)
     records = dict.fromkeys(trace.columns, rows) or {"": rows}
     for name, values in trace.columns.items() if columns.missing != "raise" else ():
-        given = ~np.isnan(values)
-        if not given.all():
-            given[-1] = True  # a value lasts to the end
-            records[name] = Records.of(times.since[given])
+        there = ~np.isnan(values)
+        if not there.all():
+            there[-1] = True  # a value lasts to the end
+            records[name] = Records.of(times.since[there])
     hole = hole_note(records, columns.most, trace.start)
     notes = [*trace.notes, *([hole] if hole else [])]
     return replace(trace, notes=notes, gap=longest_gap(records, trace.start), grid=grid)
@@ -209,11 +218,11 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
         each = ", ".join(f"{name}: {count}" for name, count in filled.items() if count)
         note = f"empty cells hold the value before ({each})" if each else ""
         late = [name for name in counts if empty[name][0]]
-        said = [
+        default_notes = [
             take_default(trace.source, name, columns, "its first cell is empty") for name in late
         ]
         defaults = {**trace.defaults, **{name: columns.starts[name] for name in late}}
-        notes = [*trace.notes, *filter(None, [note]), *said]
+        notes = [*trace.notes, *filter(None, [note]), *default_notes]
         return replace(trace, columns=held, notes=notes, defaults=defaults)
     (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
     if not len(rows):
@@ -223,9 +232,9 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
     return replace(trace.selected(rows), notes=[*trace.notes, note])
 
 
-def _next(given: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _next(there: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the place of the next value at or after each place; the last place without one."""
-    places = np.where(given, np.arange(len(given)), len(given) - 1)
+    places = np.where(there, np.arange(len(there)), len(there) - 1)
     return np.minimum.accumulate(places[::-1])[::-1]
 
 
@@ -255,23 +264,25 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
     # A sample in a hole has no value, and neither has one between two rows, the second unknown.
     hole = new.held & (np.append(grid.steps, 0.0)[new.rows] > columns.most)
     after = np.minimum(new.rows + 1, trace.samples - 1)
-    made = dict(taken.columns)
-    for name in made.keys() - {*absent} if columns.max_gap is not None else ():
+    resampled_values = dict(taken.columns)
+    for name in resampled_values.keys() - {*absent} if columns.max_gap is not None else ():
         unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
-        made[name] = np.where(unknown, np.nan, made[name])
-    return _with_unknown(replace(taken, columns=made, times=times, notes=notes), columns)
+        resampled_values[name] = np.where(unknown, np.nan, resampled_values[name])
+    return _with_unknown(
+        replace(taken, columns=resampled_values, times=times, notes=notes), columns
+    )
 
 
 def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> list[str]:
     """Describe what a trace has on the grid that its rows do not say, but for what is unknown."""
     every = f"resampled every {float(new.period):.6g} s"
     if new.off or most == math.inf:
-        said = (
+        note = (
             f"{every} by holding values: {new.off} of {trace.samples} rows lay more than "
             f"{100 * grid.jitter:g}% of that off the grid; the longest gap, {new.gap:.6g} s, "
             f"follows {trace.where(new.at)}"
         )
-        return [said]
+        return [note]
     steps = np.where(grid.steps <= most, grid.steps, 0.0)
     at = int(steps.argmax())
     if steps[at] <= HOLE * grid.usual:

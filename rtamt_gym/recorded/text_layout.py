@@ -116,8 +116,8 @@ def rows_of(
                 last = before + reader.line_num
                 yield last, row
     except csv.Error as error:
-        said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
-        raise InputError(f"{source}, line {last + 1}: {said}") from None
+        reason, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
+        raise InputError(f"{source}, line {last + 1}: {reason}") from None
 
 
 def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) -> bool:

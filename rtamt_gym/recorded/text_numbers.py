@@ -132,8 +132,10 @@ class ColumnMarks:
     def _add_unmarked(self, cells: TextCells, row: int) -> None:
         if self.certain or self.ungrouped is not None:
             return
-        found = map(_INTEGER.fullmatch, map(str.strip, {*cells}))  # most integers come again
-        self.digits = max(self.digits, max((len(m[1]) for m in found if m is not None), default=0))
+        matches = map(_INTEGER.fullmatch, map(str.strip, {*cells}))  # most integers come again
+        self.digits = max(
+            self.digits, max((len(m[1]) for m in matches if m is not None), default=0)
+        )
         if self.digits > 4 or cells.has("e") or cells.has("E"):
             for at, cell in enumerate(cells, row):
                 self._add_integer(MarkedCell(at, cell.strip()))
@@ -268,11 +270,11 @@ class TextNumbers:
     def _convert(self, decimal: str) -> None:
         for cells in self._pending:
             for name, column in cells.items():
-                found = column.numbers(decimal, **self._gaps(name))
-                if found is None:
+                numbers = column.numbers(decimal, **self._gaps(name))
+                if numbers is None:
                     raise self._wrong_cell(cells, decimal)
-                self._numbers[name].append(found.values)
-                self._grouped = self._grouped or found.grouped
+                self._numbers[name].append(numbers.values)
+                self._grouped = self._grouped or numbers.grouped
             self._converted += len(next(iter(cells.values()), ()))
         self._pending.clear()
 
@@ -300,36 +302,36 @@ class TextNumbers:
         if self._option is not None:
             return self._option
         own = {name: self._marks[name] for name in self._read}
-        found = _evidence(own)
-        if len(found) == 2:
-            raise self._two_marks(found, "")
+        evidence = _evidence(own)
+        if len(evidence) == 2:
+            raise self._two_marks(evidence, "")
         unclear = {name: marks for name, marks in own.items() if marks.is_open}
         if not unclear:
-            return next(iter(found), ".")
+            return next(iter(evidence), ".")
         if others is not None:
             self._rows = 0
             cells = others()
             self._look(cells, cells, complete=True)
         numeric = {name: marks for name, marks in self._marks.items() if not marks.text}
-        found = {**_evidence(numeric), **found}
-        decisive = next(iter(found), None)
-        found = {**_evidence(self._marks), **found}  # texts raise doubts, and decide nothing
-        if len(found) == 2:
-            raise self._two_marks(found, _BY_OPTION)
+        evidence = {**_evidence(numeric), **evidence}
+        decisive = next(iter(evidence), None)
+        evidence = {**_evidence(self._marks), **evidence}  # texts raise doubts, and decide nothing
+        if len(evidence) == 2:
+            raise self._two_marks(evidence, _BY_OPTION)
         if decisive is not None:
             return decisive
-        commas = "," in found or any("," in marks.open for marks in self._marks.values())
+        commas = "," in evidence or any("," in marks.open for marks in self._marks.values())
         for name, marks in unclear.items():
             if commas or marks.like_thousands:
                 longest = max(marks.open.values(), key=lambda cell: len(cell.text))
                 raise self._two_readings(name, longest)
         return "."
 
-    def _two_marks(self, found: Mapping[str, tuple[str, MarkedCell]], hint: str) -> InputError:
+    def _two_marks(self, evidence: Mapping[str, tuple[str, MarkedCell]], hint: str) -> InputError:
         both = [
             f"{cell.text!r} with a {_NAMES[mark]} "
             f"({self._where_any(cell.row).removeprefix(f'{self._source}, ')}, column '{name}')"
-            for mark, (name, cell) in sorted(found.items(), key=lambda item: item[1][1].row)
+            for mark, (name, cell) in sorted(evidence.items(), key=lambda item: item[1][1].row)
         ]
         return InputError(
             f"{self._source}: expected one decimal mark in the file, got {' and '.join(both)}{hint}"
@@ -365,12 +367,12 @@ class TextNumbers:
 
 def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, MarkedCell]]:
     """Return the first cell with evidence for each mark, with the name of its column."""
-    found: dict[str, tuple[str, MarkedCell]] = {}
+    evidence: dict[str, tuple[str, MarkedCell]] = {}
     for name, marks in columns.items():
         for mark, cell in marks.evidence.items():
-            if mark not in found or cell.row < found[mark][1].row:
-                found[mark] = name, cell
-    return found
+            if mark not in evidence or cell.row < evidence[mark][1].row:
+                evidence[mark] = name, cell
+    return evidence
 
 
 def _read(cell: str, decimal: str) -> str:

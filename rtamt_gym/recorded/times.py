@@ -1,4 +1,4 @@
-"""The column of times of a recording: how it is recognised, and its times in seconds."""
+"""Times of a recording: their column, the times in seconds, and one record for each instant."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ from rtamt.columns import (
 )
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed, listing
-from rtamt_gym.recorded.columns import UNITS, Columns
+from rtamt_gym.recorded.columns import UNITS, Columns, SameTime
 from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, TimePart
-from rtamt_gym.recorded.same_time import same_as_before
-from rtamt_gym.tables import number
+from rtamt_gym.tables import counted, number
 
 TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
@@ -92,13 +91,13 @@ def find_times(
         needed: Whether times are needed. Several columns with less usual names are an error then;
             otherwise none is taken.
     """
-    found = _found(recording, columns, read, needed=needed)
-    if found is not None and found.part is not None and found.part.unit and columns.time_unit:
+    column = _found(recording, columns, read, needed=needed)
+    if column is not None and column.part is not None and column.part.unit and columns.time_unit:
         raise InputError(
             f"{recording.source}: expected --time-unit for one column of times, got the columns "
-            f"{listing(found.columns)}, whose units their names state"
+            f"{listing(column.columns)}, whose units their names state"
         )
-    return found
+    return column
 
 
 def _found(
@@ -124,17 +123,17 @@ def _found(
         return _only(recording, [TimeColumn(name) for name in dates])
     fields = {name: re.split(r"[./]", name)[-1] for name in names if name not in blank}
     usual = [n for n, last in fields.items() if last != "t" and has_plain_time_name(last)]
-    found = pairs or [TimeColumn(name) for name in known]
-    if not found and usual:
+    candidates = pairs or [TimeColumn(name) for name in known]
+    if not candidates and usual:
         return _only(recording, [TimeColumn(name) for name in usual])
-    found = found or [
+    candidates = candidates or [
         TimeColumn(name)
         for name, last in fields.items()
         if name not in read and last not in (name, "t") and unit_of_times(last) is not None
     ]
-    if not found or (len(found) > 1 and not needed):
+    if not candidates or (len(candidates) > 1 and not needed):
         return None
-    one = _only(recording, found)
+    one = _only(recording, candidates)
     return one if one.part else _with_date(one.name, recording)
 
 
@@ -153,14 +152,14 @@ def _named(recording: Recording, name: str) -> TimeColumn:
     )
 
 
-def _only(recording: Recording, found: Sequence[TimeColumn]) -> TimeColumn:
-    if len(found) > 1:
-        labels = [each.label for each in found]
+def _only(recording: Recording, candidates: Sequence[TimeColumn]) -> TimeColumn:
+    if len(candidates) > 1:
+        labels = [candidate.label for candidate in candidates]
         raise InputError(
             f"{recording.source}: expected one column of times, got {listing(labels)}; "
             f"say which with --time {labels[0]!r}"
         )
-    return found[0]
+    return candidates[0]
 
 
 def _with_date(name: str, recording: Recording) -> TimeColumn:
@@ -189,17 +188,17 @@ def join_times(times: RawTimes, part: RawTimes, unit: str, where: Callable[[int]
         unit: The unit of the parts.
         where: Returns the place of a row, for messages.
     """
-    whole = times.astype(np.int64)
+    seconds = times.astype(np.int64)
     parts = part.astype(np.int64)
     most = UNITS["s"] // UNITS[unit]
-    wrong = (whole != times) | (parts != part) | (parts < 0) | (parts >= most)
+    wrong = (seconds != times) | (parts != part) | (parts < 0) | (parts >= most)
     if wrong.any():
         at = int(wrong.argmax())
         raise InputError(
             f"{where(at)}: expected whole seconds and from 0 to {most - 1} {unit}, got {times[at]} "
             f"and {part[at]}; name one column of times with --time"
         )
-    return whole * UNITS["s"] + parts * UNITS[unit]
+    return seconds * UNITS["s"] + parts * UNITS[unit]
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,8 +244,8 @@ class TimeAxis:
             )
         named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
         named = named or hinted_unit(column) or ""
-        said, decided = columns.time_unit or rows.unit or named, ""
-        if not said and (dates := dates_of_numbers(raw)) is not None:
+        unit_name, decided = columns.time_unit or rows.unit or named, ""
+        if not unit_name and (dates := dates_of_numbers(raw)) is not None:
             if not {*name_words(column)} & _DATE_NAMES:
                 shown = dates[0].astype("datetime64[s]")
                 raise InputError(
@@ -254,26 +253,28 @@ class TimeAxis:
                     f"marks or a number of seconds. Write dates as {shown}, or give --time-unit s."
                 )
             raw = dates
-        if not said:
+        if not unit_name:
             _check_no_clock(raw, f"{rows.where(0)}, column '{column}'")
         if raw.dtype.kind in "mM":
-            whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
-            start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
-            step = _step(whole, 1)
-            return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
-        said = said or calendar_unit(column) or ""
-        if said and said not in UNITS:
+            nanoseconds = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
+            start = 0.0 if raw.dtype.kind == "M" else float(nanoseconds[0] / 1e9)
+            step = _step(nanoseconds, 1)
+            return TimeAxis(
+                column, (nanoseconds - nanoseconds[0]) / 1e9, start, 1e-9, certain=True, step=step
+            )
+        unit_name = unit_name or calendar_unit(column) or ""
+        if unit_name and unit_name not in UNITS:
             raise InputError(
-                f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "
+                f"{rows.source}, column '{column}': expected a unit of time, got {unit_name!r}; "
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
         readings: Sequence[str] = ()
-        absurd = not said and len(raw) > 1 and _absurd(raw)
+        absurd = not unit_name and len(raw) > 1 and _absurd(raw)
         if absurd:
             readings = plausible_units(raw)
             if column == "%time" and raw.dtype.kind != "f" and "ns" in readings:
-                said = decided = "ns"  # of rostopic
-        unit = UNITS[said or "s"]
+                unit_name = decided = "ns"  # of rostopic
+        unit = UNITS[unit_name or "s"]
         with np.errstate(over="ignore"):  # of times that `check_distances` refuses
             since = _scaled(raw - raw[0], unit)
         most = float(np.abs(raw).max())
@@ -281,7 +282,7 @@ class TimeAxis:
         start = float(_scaled(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
         step = None if raw.dtype.kind == "f" else _step(raw, unit)
-        certain = bool(said)
+        certain = bool(unit_name)
         return TimeAxis(column, since, start, precision, certain, step, decided, readings, absurd)
 
     @property
@@ -399,7 +400,7 @@ def newest_first(since: Floats) -> bool:
 
 def _check_no_clock(raw: RawTimes, place: str) -> None:
     """Refuse numbers that may be days or times of day, and not seconds."""
-    for what, found, way in (
+    for what, doubtful, way in (
         (
             "a date, as the number of days in spreadsheets and MATLAB,",
             are_days(raw),
@@ -407,7 +408,7 @@ def _check_no_clock(raw: RawTimes, place: str) -> None:
         ),
         ("a time of day without marks", are_clock_numbers(raw), "times of day as 12:00:00"),
     ):
-        if found:
+        if doubtful:
             raise InputError(
                 f"{place}: {raw[0]:.15g} may be {what} or a number of seconds. Write {way}, or "
                 "give --time-unit s."
@@ -426,12 +427,12 @@ def _absurd(raw: RawTimes) -> bool:
     return raw.dtype.kind in "iu" and usual >= _COARSE and begin <= most < end
 
 
-def _step(whole: NDArray[Any], unit: int) -> Fraction | None:
+def _step(integers: NDArray[Any], unit: int) -> Fraction | None:
     """Return the distance of whole numbers of a unit in seconds, if it is the same everywhere."""
-    if len(whole) < 2:
+    if len(integers) < 2:
         return None
-    first = int(whole[1]) - int(whole[0])
-    return Fraction(first * unit, UNITS["s"]) if (np.diff(whole) == first).all() else None
+    first = int(integers[1]) - int(integers[0])
+    return Fraction(first * unit, UNITS["s"]) if (np.diff(integers) == first).all() else None
 
 
 def _scaled(raw: RawTimes, unit: int) -> Floats:
@@ -449,3 +450,110 @@ def simple(value: float, blur: float) -> Fraction:
         if abs(simple_ - near) <= blur:
             return simple_
     return near
+
+
+_ROUNDED = 3
+"""From so many instants on with different records, most times may be rounded."""
+
+
+def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return, for each time from the second on, whether it is the instant of the one before.
+
+    Integers and dates are one instant if they are equal. Floating-point times are one instant if
+    they differ by at most one unit in the last place, as clocks do that count k * 0.01.
+
+    Example:
+        >>> same_as_before(np.array([0.3, 0.1 + 0.2, 0.4])).tolist()
+        [True, False]
+    """
+    before, after = times[:-1], times[1:]
+    if times.dtype.kind != "f":
+        return np.asarray(before == after, np.bool_)
+    largest = np.maximum(np.abs(before), np.abs(after))
+    ulp = np.where(largest < np.finfo(np.float64).tiny, 0.0, np.spacing(largest))
+    return np.asarray(np.abs(after - before) <= ulp, np.bool_)
+
+
+def check_rising(times: Floats, what: str) -> None:
+    """Refuse times in seconds that go back.
+
+    Args:
+        times: The times in the order of the file.
+        what: The file and the signal, for messages.
+    """
+    back = (np.diff(times) < 0) & ~same_as_before(times)
+    if back.any():
+        at = int(back.argmax())
+        raise InputError(
+            f"{what}: expected times that increase, got {_text(times[at + 1])} s after "
+            f"{_text(times[at])} s"
+        )
+
+
+def one_record(
+    times: NDArray[Any],
+    values: NDArray[Any],
+    choice: SameTime | None,
+    what: str,
+    seconds: Floats | None = None,
+) -> tuple[NDArray[np.intp], str]:
+    """Keep one record of a signal for each instant.
+
+    Args:
+        times: The times of the records, shape (n,), which do not decrease.
+        values: The values, shape (n,); nan stands for a record without a number.
+        choice: Which record counts where records of one instant differ; None: that is an error.
+        what: The file and the signal, for messages.
+        seconds: The times in seconds, shape (n,); None: the times are seconds.
+
+    Returns:
+        The places of the records that are kept, and a note on those that differ and are left out;
+        empty if there are none.
+
+    Example:
+        >>> times, values = np.array([0.0, 1.0, 1.0]), np.array([5.0, 3.0, 3.0])
+        >>> one_record(times, values, None, "log.mf4, 'a'")
+        (array([0, 1]), '')
+        >>> one_record(times, np.array([5.0, 3.0, -3.0]), "last", "log.mf4, 'a'")
+        (array([0, 2]), "log.mf4, 'a': the last of 2 different records at 1 s counts")
+    """
+    same = same_as_before(times)
+    if not same.any():
+        return np.arange(len(times)), ""
+    before, after = values[:-1], values[1:]
+    unequal = before != after
+    if values.dtype.kind == "f":
+        unequal &= ~(np.isnan(before) & np.isnan(after))
+    starts = np.append(True, ~same)
+    group = np.cumsum(starts) - 1
+    differing = np.unique(group[1:][same & unequal])
+    at = times if seconds is None else seconds
+    ends = np.append(~same, True)
+    if not len(differing):
+        return np.nonzero(starts)[0], ""
+    (first,) = np.nonzero(starts)
+    place = int(first[differing[0]])
+    count = int((group == differing[0]).sum())
+    if choice is None:
+        change = place + int((same & unequal)[place:].argmax())
+        more = f" (and at {counted(len(differing) - 1, 'more time')})" * (len(differing) > 1)
+        way = "; choose with --same-time first or --same-time last"
+        if len(differing) >= _ROUNDED and 2 * len(differing) > len(first):
+            way = ", as if times were rounded. Write times that tell the records apart."
+        raise InputError(
+            f"{what}: expected one value at {_text(at[place])} s, got {number(values[change])} and "
+            f"{number(values[change + 1])}{more}{way}"
+        )
+    more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
+    note = f"the {choice} of {count} different records at {_text(at[place])} s{more} counts"
+    return np.nonzero(starts if choice == "first" else ends)[0], f"{what}: {note}"
+
+
+def common_instants(columns: list[Floats]) -> Floats:
+    """Return all times of several signals, with one time for each instant, in order."""
+    times = np.unique(np.concatenate([*columns, np.zeros(0)]))
+    return times[np.append(True, ~same_as_before(times))] if len(times) else times
+
+
+def _text(seconds: float) -> str:
+    return f"{seconds:.9g}"

@@ -261,14 +261,14 @@ def held(
         max_gap: The longest time in seconds for which a value holds; None: any.
         absent: The variables without an event, whose default holds for any time.
     """
-    found = {}
+    completed = {}
     for name, (times, values) in signals.items():
-        found[name] = times, values
+        completed[name] = times, values
         if times[-1] < end:
             silent = name not in absent and _longer(times[-1], end, max_gap)
             last = np.nan if silent else values[-1]
-            found[name] = np.append(times, end), np.append(values, last)
-    return found
+            completed[name] = np.append(times, end), np.append(values, last)
+    return completed
 
 
 def _longer(begin: float, end: float, most: Fraction | None) -> bool:

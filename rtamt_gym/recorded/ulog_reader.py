@@ -17,11 +17,10 @@ from pyulog.exceptions import ULogException
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.columns import Columns, SameTime
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
-from rtamt_gym.recorded.same_time import SameTime, check_rising, one_record
-from rtamt_gym.recorded.times import TIME
+from rtamt_gym.recorded.times import TIME, check_rising, one_record
 from rtamt_gym.tables import counted, number
 
 _STAMP = "timestamp"
@@ -63,9 +62,9 @@ class _Bytes:
 
     def read(self, size: int) -> bytes:
         """Return the next bytes."""
-        found = self._read(size)
-        self.cut |= len(found) < size and not (size == _HEADER and not found)
-        return found
+        data = self._read(size)
+        self.cut |= len(data) < size and not (size == _HEADER and not data)
+        return data
 
 
 class _Field(NamedTuple):
@@ -96,7 +95,7 @@ class ULogRecording(Recording):
     ) -> None:
         self.source, self._same_time = shown(source), same_time or "last"
         self._fields = _fields(log)
-        self._lines = [each.data[_STAMP] for each in log.data_list if _STAMP in each.data]
+        self._lines = [data.data[_STAMP] for data in log.data_list if _STAMP in data.data]
         self.names: Sequence[str] = [TIME, *self._fields]
         self._notes = _dropouts(log)
         if cut:
@@ -107,12 +106,12 @@ class ULogRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted fields."""
-        names = [each for each in (*wanted.numbers, *wanted.texts) if each != TIME]
-        fields = {each: self._fields[each] for each in names or list(self._fields)[:1]}
-        kept, notes = self._in_order(fields)
-        lines = [each.times for each in kept.values()]
+        names = [name for name in (*wanted.numbers, *wanted.texts) if name != TIME]
+        fields = {name: self._fields[name] for name in names or list(self._fields)[:1]}
+        ordered, notes = self._in_order(fields)
+        lines = [name.times for name in ordered.values()]
         micros = np.unique(np.concatenate([*lines, *([self._ends()] if wanted.ends else [])]))
-        arrays, invalid = at_instants(micros, {n: (f.times, f.values) for n, f in kept.items()})
+        arrays, invalid = at_instants(micros, {n: (f.times, f.values) for n, f in ordered.items()})
         rows = ArrayRecording(self.source, {TIME: micros / 1e6, **arrays}, invalid).read(wanted)
         return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
 
@@ -124,8 +123,8 @@ class ULogRecording(Recording):
 
     def _in_order(self, fields: Mapping[str, _Field]) -> tuple[dict[str, _Field], list[str]]:
         """Return the fields with times that increase, and what was left out for that."""
-        kept: dict[str, _Field] = {}
-        said: dict[str, None] = {}
+        ordered: dict[str, _Field] = {}
+        left_out: dict[str, None] = {}
         notes: list[str] = []
         for name, (topic, times, values) in fields.items():
             stamped = _stamped(times)
@@ -137,11 +136,11 @@ class ULogRecording(Recording):
             micros, numbers = times[stamped], np.asarray(values[stamped], np.float64)
             places, note = one_record(micros, numbers, self._same_time, f"'{name}'", micros / 1e6)
             notes += filter(None, [note])
-            kept[name] = _Field(topic, micros[places], numbers[places])
+            ordered[name] = _Field(topic, micros[places], numbers[places])
             if not stamped.all():
                 left = counted(int((~stamped).sum()), "record")
-                said[f"{topic}: {left} without a time"] = None
-        return kept, [*notes, *([f"left out: {', '.join(said)}"] if said else [])]
+                left_out[f"{topic}: {left} without a time"] = None
+        return ordered, [*notes, *([f"left out: {', '.join(left_out)}"] if left_out else [])]
 
 
 def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:
@@ -160,18 +159,18 @@ def _fields(log: ULog) -> dict[str, _Field]:
     instances: dict[str, dict[int, list[Any]]] = {}
     for data in log.data_list:
         instances.setdefault(data.name, {}).setdefault(data.multi_id, []).append(data)
-    found = {}
+    fields = {}
     for topic, several in instances.items():
         for instance, parts in several.items():
             for name, field in _joined(topic, parts).items():
                 if len(several) == 1:
-                    found[f"{topic}.{name}"] = field
-                    found[f"{topic}.{instance}.{name}"] = field
+                    fields[f"{topic}.{name}"] = field
+                    fields[f"{topic}.{instance}.{name}"] = field
                 else:
-                    found[f"{topic}.{instance}.{name}"] = field._replace(
+                    fields[f"{topic}.{instance}.{name}"] = field._replace(
                         topic=f"{topic}.{instance}"
                     )
-    return {shown(name): field for name, field in found.items()}
+    return {shown(name): field for name, field in fields.items()}
 
 
 def _joined(topic: str, parts: Sequence[Any]) -> dict[str, _Field]:
@@ -193,13 +192,13 @@ def _dropouts(log: ULog) -> list[str]:
     """Return what is to say of data that the autopilot could not write."""
     if not log.dropouts:
         return []
-    total = sum(each.duration for each in log.dropouts)
-    longest = max(log.dropouts, key=lambda each: each.duration)
+    total = sum(dropout.duration for dropout in log.dropouts)
+    longest = max(log.dropouts, key=lambda dropout: dropout.duration)
     after = f"after {number(longest.timestamp / 1e6)} s"
-    said = f"{number(total / 1e3)} s, {after}"
+    text = f"{number(total / 1e3)} s, {after}"
     if len(log.dropouts) > 1:
-        said = (
+        text = (
             f"{counted(len(log.dropouts), 'time')}, {number(total / 1e3)} s in all, the longest "
             f"{number(longest.duration / 1e3)} s {after}"
         )
-    return [f"the autopilot lost data: {said}; values hold meanwhile, unless --max-gap says less"]
+    return [f"the autopilot lost data: {text}; values hold meanwhile, unless --max-gap says less"]

@@ -16,7 +16,7 @@ from ulogs import Topic, Ulog
 
 from rtamt import InputError
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded.same_time import one_record, same_as_before
+from rtamt_gym.recorded.times import one_record, same_as_before
 
 Output = pytest.CaptureFixture[str]
 Rows = list[tuple[float, float]]
