@@ -48,7 +48,7 @@ def test_answers_are_those_of_all_traces(text: str) -> None:
 
 @pytest.mark.slow
 @given(one=texts, other=texts)
-def test_what_is_equal_or_implied_is_so_on_all_traces(one: str, other: str) -> None:
+def test_equal_and_implied_hold_on_all_traces(one: str, other: str) -> None:
     found = rtamt.check({"one": one, "other": other})
     traces = [t for n in (3, 4) for t in itertools.product(VALUES, repeat=n)]
     ways = {
@@ -115,7 +115,7 @@ def test_parts_that_decide_nothing_are_named(text: str, idle: list[tuple[str, st
     assert [(each.text, each.instead) for each in only(text).idle] == idle
 
 
-def test_what_demands_nothing_and_what_is_never_asked() -> None:
+def test_tautology_and_unreachable_implication() -> None:
     nothing = only("always[0:5](x > 1 implies x > 0)")
     assert (nothing.satisfiable.says, str(nothing.falsifiable)) == ("yes", "no")
     never = only("always[0:5]((x > 1 and x < 0) implies y > 0) and eventually[0:5](y < 0)")
@@ -129,7 +129,7 @@ def test_assumptions_hold_of_every_trace() -> None:
     assert (free.falsifiable.says, bound.falsifiable.says) == ("yes", "no")
 
 
-def test_what_is_not_linear_is_tried_and_else_unknown() -> None:
+def test_nonlinear_terms_are_tried_or_unknown() -> None:
     assert only("sqrt(x) > 2").falsifiable.says == "yes"
     unknown = only("x * y > 2 and x * y < 1 + x - x").satisfiable
     assert unknown.says in {"no", "unknown"}
@@ -137,7 +137,7 @@ def test_what_is_not_linear_is_tried_and_else_unknown() -> None:
     assert always == Answer("unknown", why="it is not linear (mul)")
 
 
-def test_what_hangs_on_rounding_is_found_by_rounding() -> None:
+def test_rounding_can_violate() -> None:
     answer = only("x + 1 > x").falsifiable  # not of reals, but of 2**53
     assert answer.trace is not None
     (x,) = answer.trace.columns["x"]
@@ -209,7 +209,7 @@ def test_nothing_to_check_is_refused() -> None:
     assert str(error.value) == "expected one specification or more, got an empty mapping"
 
 
-def test_without_the_solver_an_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_solver_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "z3", None)
     with pytest.raises(ModuleNotFoundError) as error:
         rtamt.check("x > 0")
@@ -220,14 +220,14 @@ def test_without_the_solver_an_error_names_the_extra(monkeypatch: pytest.MonkeyP
     assert importlib.import_module("rtamt").check is rtamt.check
 
 
-def test_a_witness_says_its_values_again_if_they_repeat() -> None:
+def test_unrolled_trace_repeats_its_end() -> None:
     witness = ExampleTrace({"x": (1.0, 2.0, 3.0)}, 3, 2)
     assert witness.unrolled("x") == [1.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0]
     assert ExampleTrace({"x": (1.0,)}, 1, 0).unrolled("x") == [1.0]
 
 
 @pytest.mark.slow
-def test_requirements_that_agree_only_while_nothing_is_asked() -> None:
+def test_requirements_compatible_only_without_triggers() -> None:
     found = rtamt.check(
         {"up": "always(m == 1 implies x > 1)", "down": "always(m == 1 implies x < 0)"}
     )
@@ -277,7 +277,7 @@ def test_functions_that_are_linear_are_decided(
     assert (found.satisfiable.says, found.falsifiable.says) == (satisfiable, falsifiable)
 
 
-def test_of_a_pair_that_is_not_linear_it_is_said_why_nobody_knows() -> None:
+def test_unknown_implication_has_a_reason() -> None:
     found = rtamt.check({"a": "x * y > z", "b": "y * x > z"})
     assert found.unknown == {("a", "b"): "it is not linear (mul)"}
     assert found.implied == {}
@@ -308,7 +308,7 @@ def test_a_name_that_is_no_text_is_refused() -> None:
     assert str(error.value) == "expected names of specifications as text, got int"
 
 
-def test_traces_of_other_requirements_on_which_a_term_is_no_number_are_no_witnesses() -> None:
+def test_shared_traces_with_nan_terms_are_not_reused() -> None:
     found = rtamt.check({"a": "x < 0", "b": "sqrt(x) > 2", "c": "sqrt(x) <= 2"})
     for name, each in found.requirements.items():
         for answer, expected in (
@@ -324,9 +324,7 @@ RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5
 
 
 @given(text=texts, rate=RATES)
-def test_answers_are_those_of_the_traces_that_keep_the_rate(
-    text: str, rate: tuple[float, float]
-) -> None:
+def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, float]) -> None:
     if "x" not in text:
         return
     found = rtamt.check(text, rates={"x": rate}).requirements["spec"]
@@ -486,7 +484,7 @@ def test_long_windows_are_answered(name: str) -> None:
                 assert judge(wanted, shorter, period).verdict is Verdict.UNDECIDED
 
 
-def test_a_trace_that_satisfies_for_ever_repeats_its_end() -> None:
+def test_endless_satisfaction_repeats_the_end() -> None:
     text = "always(req > 3 implies eventually[0:500](gnt > 3))"
     (found,) = rtamt.check(text, end="open").requirements.values()
     assert found.satisfiable.trace is not None
@@ -514,7 +512,7 @@ def test_a_long_no_is_proved() -> None:
         "eventually[0:4](x * y > 6 and x < 1 and eventually[0:4](x * y < -6))",
     ],
 )
-def test_points_are_found_for_terms_that_are_not_linear(text: str) -> None:
+def test_points_for_nonlinear_terms(text: str) -> None:
     (found,) = rtamt.check(text).requirements.values()
     assert (found.satisfiable.says, found.falsifiable.says) == ("yes", "yes")
 

@@ -54,7 +54,7 @@ def test_truths_are_the_signs_of_the_bounds(formula: Formula, trace: Trace) -> N
 
 
 @given(formula=formulas(depth=2), trace=traces(most=5), data=st.data())
-def test_a_trace_that_repeats_is_as_one_that_is_long_enough(
+def test_repeating_trace_matches_a_long_trace(
     formula: Formula, trace: Trace, data: st.DataObject
 ) -> None:
     n = length(trace)
@@ -65,7 +65,7 @@ def test_a_trace_that_repeats_is_as_one_that_is_long_enough(
     assert found(formula, trace, World.ENDLESS, loop) == holds(judged.robustness)
 
 
-def test_an_endless_trace_goes_on_where_one_that_ends_does_not() -> None:
+def test_endless_and_complete_traces_differ() -> None:
     trace = {"a": [1.0, -1.0]}
     both = parse("always(eventually[1:2](a > 0) and eventually[1:2](a < 0))").formula
     assert found(both, trace, World.ENDLESS, 2)
@@ -76,7 +76,7 @@ def test_an_endless_trace_goes_on_where_one_that_ends_does_not() -> None:
     assert not found(again, trace, World.ENDLESS, 1)
 
 
-def test_folds_without_bounds_are_those_of_a_longer_trace() -> None:
+def test_unbounded_folds_match_a_longer_trace() -> None:
     trace = {"a": [1.0, -1.0, 2.0, -1.0, -1.0, 3.0]}
     longer = {"a": trace["a"] + trace["a"][4:] * 20}
     for text in (
@@ -91,7 +91,7 @@ def test_folds_without_bounds_are_those_of_a_longer_trace() -> None:
             assert found(negated, trace, World.ENDLESS, 2) == holds(judged.robustness), text
 
 
-def test_on_a_trace_on_which_a_term_is_no_number_nobody_knows() -> None:
+def test_nan_terms_are_unknown_on_known_traces() -> None:
     graph = Graph()
     program = compile_program(parse("sqrt(x) > 2"))
     asked = truth(graph, unknown_samples(graph), program, 1, World.COMPLETE)
@@ -111,7 +111,7 @@ def test_the_newest_200_traces_are_known() -> None:
     ]
 
 
-def test_a_trace_on_which_a_term_is_no_number_is_no_witness() -> None:
+def test_trace_with_nan_term_reaches_no_goal() -> None:
     program = compile_program(parse("sqrt(x) > 2"))
     for value, expected in ((9.0, (True, False)), (1.0, (False, True)), (-1.0, (False, False))):
         for loop in (0, 1):
@@ -122,7 +122,7 @@ def test_a_trace_on_which_a_term_is_no_number_is_no_witness() -> None:
             assert said == expected, (value, loop)
 
 
-def test_a_plainer_trace_is_one_on_which_truths_hold() -> None:
+def test_simplified_trace_keeps_truths() -> None:
     graph = Graph()
     spec = parse("sqrt(x) < 2")
     asked = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.ENDLESS, loop=1)
@@ -133,7 +133,7 @@ def test_a_plainer_trace_is_one_on_which_truths_hold() -> None:
     assert simplified(trace, graph, [graph.no(asked)], plainness) == trace
 
 
-def test_long_traces_that_change_often_become_plainer_too() -> None:
+def test_long_traces_are_simplified() -> None:
     graph = Graph()
     spec = parse("always[0:38](x > 3 iff next(x <= 3))")
     program = compile_program(spec)

@@ -40,7 +40,7 @@ def test_an_equivalence_holds_on_all_traces_in_range(
         assert (found.says, found.samples) == ("yes", 0)  # all windows end
 
 
-def test_a_requirement_without_an_end_is_equal_as_far_as_was_asked() -> None:
+def test_unbounded_equivalence_states_its_samples() -> None:
     found = rtamt.equivalent("always(x < 3)", "not eventually(x >= 3)")
     assert str(found) == "yes, on all traces of up to 16 samples, their ends repeated"
     assert str(rtamt.equivalent("always[0:50](x < 3)", "always[0:5](x < 3)")) == (
@@ -53,7 +53,7 @@ WHOLES = ("always({})", "eventually({})", "not (x > 0 until ({}))", "always(x > 
 
 @settings(max_examples=examples(30))
 @given(whole=st.sampled_from(WHOLES), one=texts, other=texts, end=st.sampled_from(get_args(End)))
-def test_wholes_without_an_end_are_proved_equal_by_their_parts(
+def test_unbounded_equivalence_is_proved_by_parts(
     whole: str, one: str, other: str, end: End
 ) -> None:
     found = rtamt.equivalent(whole.format(one), whole.format(other), end=end)
@@ -76,7 +76,7 @@ def test_wholes_without_an_end_are_proved_equal_by_their_parts(
         ("always(x > 0 implies next(x > 1 or x > 2))", "always(x > 0 implies next(x > 1))"),
     ],
 )
-def test_what_differs_in_a_part_that_is_the_same_is_proved_the_same(one: str, other: str) -> None:
+def test_equal_parts_prove_equivalence(one: str, other: str) -> None:
     for end in get_args(End):
         assert str(rtamt.equivalent(one, other, end=end)) == "yes"
     checked = rtamt.check(f"a = {one}", same_as=f"a = {other}").same["a"]
@@ -111,7 +111,7 @@ def test_types_have_ranges_that_hold() -> None:
     assert found.satisfiable.says == "yes"
 
 
-def test_a_witness_keeps_its_range_where_its_values_do_not_matter() -> None:
+def test_values_without_effect_keep_their_range() -> None:
     text = "float x in [5, 9]; float y in [-4, -2]; x > 6 or y > -3"
     (found,) = rtamt.check(text).requirements.values()
     for answer in (found.satisfiable, found.falsifiable):

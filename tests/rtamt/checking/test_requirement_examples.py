@@ -109,7 +109,7 @@ def test_a_response_has_its_kinds_of_examples() -> None:
     assert not found.unknown
 
 
-def test_an_answer_at_the_last_moment_is_too_late_one_sample_later() -> None:
+def test_last_moment_is_too_late_one_sample_later() -> None:
     (last,) = (each for each in only(RESPONSE).examples if "last moment" in each.kinds)
     req, gnt = last.trace.columns["req"], last.trace.columns["gnt"]
     assert (req, gnt) == ((4, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 4))
@@ -143,7 +143,7 @@ def test_the_shortest_violation_is_the_shortest() -> None:
     assert shortest.trace.samples == 6
 
 
-def test_what_was_not_proved_to_be_the_shortest_is_not_called_so() -> None:
+def test_unproved_violation_is_not_called_shortest() -> None:
     long = only("eventually[0:80](x > 0)").violated[0]
     assert long.trace.samples == 81
     assert "a violation" in long.why
@@ -173,7 +173,7 @@ def test_what_is_assumed_holds_of_every_example() -> None:
         assert min(each.trace.columns["x"]) >= 2
 
 
-def test_a_requirement_without_an_end_may_have_examples_that_repeat() -> None:
+def test_unbounded_requirement_has_repeating_examples() -> None:
     found = only("always(eventually[1:2](x > 0) and eventually[1:2](x <= 0))")
     assert found.satisfied[0].trace.loop == 2
     assert found.satisfied[0].robustness is None
@@ -242,7 +242,7 @@ def test_an_equality_has_near_misses_on_either_side() -> None:
     "text",
     ["sqrt(x) < 2 and y > sqrt(x)", "sqrt(x) >= 2", "always[0:3](sqrt(x - 1) <= y or y > 2)"],
 )
-def test_examples_have_no_values_at_which_a_term_is_no_number(text: str) -> None:
+def test_examples_have_no_nan_terms(text: str) -> None:
     found = only(text, count=30)
     assert found.examples
     for each in found.examples:
@@ -266,7 +266,7 @@ def test_a_threshold_may_stand_on_either_side(text: str, at: float, just: float 
     assert shown == {(value,) for value in wanted}
 
 
-def test_a_sample_that_no_bound_in_decimals_adds_has_no_example() -> None:
+def test_period_without_decimal_bounds_has_fewer_examples() -> None:
     third = only("eventually[0:1](x > 0)", period=Fraction(1, 3), count=30)
     half = only("eventually[0:1](x > 0)", period=Fraction(1, 2), count=30)
     kinds = [{kind for each in found.examples for kind in each.kinds} for found in (third, half)]
@@ -275,7 +275,7 @@ def test_a_sample_that_no_bound_in_decimals_adds_has_no_example() -> None:
 
 
 @pytest.mark.parametrize("work", [0, 2000])
-def test_examples_for_which_there_is_no_work_left_are_judged_as_they_say(
+def test_examples_without_work_left_have_true_verdicts(
     monkeypatch: pytest.MonkeyPatch, work: int
 ) -> None:
     monkeypatch.setattr(simplify, "_WORK", work)

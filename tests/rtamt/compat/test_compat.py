@@ -49,9 +49,7 @@ def test_evaluate_gives_time_and_the_definition_at_every_sample(
 
 
 @given(formula=formulas(), trace=traces(most=16))
-def test_update_gives_the_value_at_t_minus_latency_and_before_that_the_one_of_the_samples_so_far(
-    formula: Formula, trace: Trace, backend: str
-) -> None:
+def test_update_is_late_by_the_latency(formula: Formula, trace: Trace, backend: str) -> None:
     n, late = length(trace), Monitor(formula).latency
     whole = robustness(formula, trace, n)
     so_far = [
@@ -71,9 +69,7 @@ def test_pastify_changes_nothing(formula: Formula, trace: Trace) -> None:
 
 
 @given(formula=formulas(), trace=traces(least=2), stop=st.integers(0, 12), rest=st.integers(0, 1))
-def test_a_variable_that_is_absent_keeps_its_value_and_an_unknown_one_is_ignored(
-    formula: Formula, trace: Trace, stop: int, rest: int
-) -> None:
+def test_absent_variables_keep_values(formula: Formula, trace: Trace, stop: int, rest: int) -> None:
     held = {name: list(values) for name, values in trace.items()}
     spec, robustnesses = declared(formula), []
     for i in range(length(trace)):
@@ -132,7 +128,7 @@ def test_get_value_gives_the_last_robustness_of_named_formulas(
 
 @settings(max_examples=examples(50))
 @given(p=formulas(2), q=formulas(2), trace=traces(most=16))
-def test_before_its_latency_a_named_formula_has_the_robustness_of_the_samples_so_far(
+def test_named_formula_before_its_latency(
     p: Formula, q: Formula, trace: Trace, backend: str
 ) -> None:
     spec = declared("c > 0", language=LANGUAGES[backend])
@@ -349,7 +345,7 @@ def test_explain_says_what_decided_the_first_sample() -> None:
     assert [cause.sample for cause in explanation.causes] == [1, 1]
 
 
-def test_a_formula_without_outputs_has_the_robustness_of_what_is_given() -> None:
+def test_robustness_of_formula_without_outputs() -> None:
     spec = rtamt.StlDiscreteTimeSpecification(rtamt.Semantics.OUTPUT_ROBUSTNESS)
     spec.declare_var("req", "float")
     spec.set_var_io_type("req", "input")
@@ -358,7 +354,7 @@ def test_a_formula_without_outputs_has_the_robustness_of_what_is_given() -> None
     assert spec.evaluate({"time": [0, 1], "req": [4, 1]}) == [[0, math.inf], [1, -math.inf]]
 
 
-def test_a_message_without_the_field_of_the_result_takes_no_sample() -> None:
+def test_message_without_result_field_error() -> None:
     spec = StlDiscreteTimeSpecification()
     spec.import_module(__name__, "Float")
     spec.declare_var("x", "float")
@@ -377,7 +373,7 @@ def test_a_message_without_the_field_of_the_result_takes_no_sample() -> None:
     assert spec.get_value("rob").level == 3.0
 
 
-def test_calls_about_names_that_are_not_declared_warn(caplog: pytest.LogCaptureFixture) -> None:
+def test_undeclared_names_warn(caplog: pytest.LogCaptureFixture) -> None:
     spec = declared("a > 0", ("a",))
     calls: list[tuple[Callable[[], None], str]] = [
         (lambda: spec.declare_var("a", "float"), "variable 'a' is declared again"),
@@ -412,7 +408,7 @@ def test_roles_are_set_and_undone() -> None:
     assert spec.var_io_dict == {"a": "undefined"}
 
 
-def test_without_a_period_every_time_but_the_same_is_a_violation() -> None:
+def test_period_0_counts_every_new_time() -> None:
     spec = declared("a > 0", ("a",))
     spec.sampling_period = 0
     for time in (0, 1, 1, 3):
@@ -420,7 +416,7 @@ def test_without_a_period_every_time_but_the_same_is_a_violation() -> None:
     assert spec.sampling_violation_counter == 2
 
 
-def test_the_earlier_names_of_the_dense_calls_do_the_same() -> None:
+def test_earlier_dense_names() -> None:
     def made() -> rtamt.STLCTSpecification:
         spec = rtamt.STLCTSpecification(is_pure_python=True)
         spec.declare_var("x", "float")
@@ -472,7 +468,7 @@ def test_no_breakpoint_has_a_zero_with_a_sign(formula: str) -> None:
     assert negative_zeros(told) == 0
 
 
-def test_a_step_from_one_zero_to_the_other_is_none_to_these_classes() -> None:
+def test_signs_of_zeros_are_not_steps() -> None:
     text = "(x >= 0 and x < 5) or (x - 5 > 0)"
     pairs = dense(text).evaluate(["x", [[0, 0], [1, 5], [2, 7], [3, 7]]])
     assert pairs[:2] == [[0.0, 0.0], [2.0, 2.0]]

@@ -25,7 +25,7 @@ bounded = formulas(dense=True).filter(lambda f: f.variables)
 
 @settings(max_examples=examples(50))
 @given(formula=formulas(endless=True, dense=True).filter(lambda f: f.variables), whole=signals())
-def test_evaluate_holds_every_signal_to_the_end_of_the_longest_and_gives_lists(
+def test_evaluate_holds_signals_to_the_last_time(
     formula: Formula, whole: Signals, backend: str
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
@@ -162,7 +162,7 @@ def test_signals_of_another_kind_are_refused(signal: object) -> None:
     assert str(raised.value) == expected + repr(signal)
 
 
-def test_operators_of_samples_and_a_future_without_end_are_refused_when_asked() -> None:
+def test_sample_operators_and_unbounded_future_errors() -> None:
     with pytest.raises(rtamt.RTAMTException, match="'prev'"):
         declared("prev(a > 0)").evaluate(["a", [(0.0, 1.0)]])
     spec = declared("a > 1 implies eventually(a > 2)")
@@ -209,7 +209,7 @@ def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs
 
 
 @given(formula=bounded, whole=signals(), shares=chunks())
-def test_update_gives_the_new_steps_and_the_value_at_the_settled_time(
+def test_update_returns_new_steps_and_settled_value(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: str
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
@@ -254,9 +254,7 @@ def test_with_final_update_the_calls_give_what_evaluate_does(
 
 @settings(max_examples=examples(50))
 @given(formula=bounded, whole=signals())
-def test_an_event_replaces_the_one_of_the_same_time_in_whatever_call(
-    formula: Formula, whole: Signals, backend: str
-) -> None:
+def test_event_replaces_event_of_same_time(formula: Formula, whole: Signals, backend: str) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
     told = []
     events = [(time, name, value) for name in whole for time, value in whole[name]]
@@ -278,7 +276,7 @@ def test_an_event_is_answered_at_its_own_time() -> None:
     assert update(spec, {"a": [(7.0, 2.5)]}) == [[5.0, -1.0], [7.0, -0.5]]
 
 
-def test_every_call_that_moves_time_gives_a_pair_though_the_value_stays() -> None:
+def test_each_settled_time_gives_a_pair() -> None:
     spec = declared("a > b")
     answers = [update(spec, {"a": [(t, 3.0)], "b": [(t, 1.0)]}) for t in (0.0, 1.0, 2.0)]
     assert answers == [[[0.0, 2.0]], [[1.0, 2.0]], [[2.0, 2.0]]]
@@ -287,7 +285,7 @@ def test_every_call_that_moves_time_gives_a_pair_though_the_value_stays() -> Non
     assert update(spec, {"b": [(5.0, 1.0)]}) == [[5.0, 2.0]]
 
 
-def test_until_a_window_is_over_update_gives_the_robustness_of_the_trace_so_far() -> None:
+def test_update_before_a_window_is_over() -> None:
     spec = declared("always[0:2](a >= 3)")
     spec.pastify()
     answers = [update(spec, {"a": [(t, v)]}) for t, v in [(0.0, 9.0), (1.0, 5.0), (1.5, 8.0)]]
@@ -319,7 +317,7 @@ def test_final_update_needs_events_of_every_variable() -> None:
     assert spec.final_update(["b", [[0.0, 1.0], [2.0, 2.0]]]) == [[0.0, 2.0], [2.0, 1.0]]
 
 
-def test_the_value_at_the_last_tick_that_a_clock_counts_comes_with_the_end() -> None:
+def test_value_at_the_last_tick() -> None:
     last = Fraction(2**62 - 1, 10**9)
     for time, told in ((last - 1, True), (last, False)):
         spec = declared("a > 0", ("a",))

@@ -111,7 +111,7 @@ def test_after_an_error_all_is_as_before() -> None:
     assert spec.update(2, [("a", 9.0)]) == twin.update(2, [("a", 9.0)])
 
 
-def test_the_way_out_of_a_bound_that_does_not_fit_is_one_of_these_classes() -> None:
+def test_bound_error_names_set_sampling_period() -> None:
     text = (
         "STL:1:7: bound 1.5 s is not a multiple of the period 1 s (1.5 steps)\n"
         "  always[0:1.5](a > 1)\n"
@@ -129,7 +129,7 @@ def test_the_way_out_of_a_bound_that_does_not_fit_is_one_of_these_classes() -> N
         assert str(caught.value) == text
 
 
-def test_a_nan_is_refused_with_what_each_call_can_do_about_it() -> None:
+def test_nan_error_for_each_call() -> None:
     spec = declared("a > b", ("a", "b"))
     spec.update(0, [("a", 3.0), ("b", 1.0)])
     trace = {"a": [1.0, 1.0], "b": [0.0, float("nan")]}
@@ -178,7 +178,7 @@ def test_hints_name_the_released_classes(formula: str, hint: str) -> None:
     assert str(caught.value).endswith(f"\n  hint: {hint}")
 
 
-def test_the_dense_classes_name_the_monitor_that_has_another_resolution() -> None:
+def test_dense_resolution_errors_name_dense_monitor() -> None:
     spec = StlDenseTimeSpecification()
     spec.declare_var("a", "float")
     spec.spec = "once[0:0.0000000015](a > 1)"
@@ -229,9 +229,7 @@ def test_the_native_machines_are_asked_for_by_language() -> None:
         ([[0.0, 1], [math.inf, 2]], "expected a finite time at event 1 of 'x', got inf"),
     ],
 )
-def test_times_that_are_none_are_refused_by_every_call(
-    call: str, events: list[list[Any]], said: str
-) -> None:
+def test_wrong_times_error_for_each_call(call: str, events: list[list[Any]], said: str) -> None:
     spec = declared_dense("x > 0 and y > 0", ("x", "y"))
     with pytest.raises(rtamt.RTAMTException) as error:
         getattr(spec, call)(["x", events], ["y", [[0.0, 1.0], [3.0, 1.0]]])
@@ -295,7 +293,7 @@ UNDECLARED = [
 
 @pytest.mark.parametrize("kind", CLASSES)
 @pytest.mark.parametrize(("text", "parts", "place", "hint"), UNDECLARED)
-def test_the_first_such_name_is_shown_where_it_stands(
+def test_undeclared_name_error_shows_its_place(
     kind: Kind, text: str, parts: list[str], place: str, hint: str
 ) -> None:
     spec = made(kind, text, "x")
@@ -317,7 +315,7 @@ def test_calls_and_the_text_may_each_declare_a_part(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("word", ["min", "max", "rise", "fall", "abs", "sqrt", "log", "s", "ms"])
-def test_words_that_the_language_takes_as_names_are_variables(word: str) -> None:
+def test_language_words_as_variables(word: str) -> None:
     for text in (f"{word} > 1 and a > 2", f"float b\nonce({word} - 1 > 0) and (a > 2 or b > 99)"):
         discrete = made(rtamt.StlDiscreteTimeSpecification, text, word, "a")
         discrete.parse()
@@ -330,7 +328,7 @@ def test_words_that_the_language_takes_as_names_are_variables(word: str) -> None
         assert discrete.get_value(word) == [3.0]
 
 
-def test_ignored_data_of_a_name_like_an_absent_variable_is_told_in_the_log_once(
+def test_ignored_similar_name_warns_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     said = "the data of 'sped' is ignored: no variable has that name; did you mean 'speed'?"
@@ -347,7 +345,7 @@ def test_ignored_data_of_a_name_like_an_absent_variable_is_told_in_the_log_once(
     assert caplog.messages == [said, said]
 
 
-def test_data_beside_that_of_all_variables_is_ignored_in_silence(
+def test_extra_data_is_ignored_silently(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     discrete = made(rtamt.StlDiscreteTimeSpecification, "speed1 < 30", "speed1")

@@ -35,7 +35,7 @@ def test_the_table_is_whole() -> None:
 
 
 @pytest.mark.parametrize("kind", ["offline", "online", "dense offline", "dense online"])
-def test_results_are_those_of_the_released_library_where_it_is_right(kind: str) -> None:
+def test_results_match_the_released_library(kind: str) -> None:
     for case in RELEASED["cases"]:
         if case["kind"] == kind:
             assert measure(case) == case["result"], case
@@ -48,7 +48,7 @@ def test_every_public_name_is_there() -> None:
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_public_name_of_a_class_is_there_but_for_its_inside(name: str) -> None:
+def test_public_names_of_released_classes(name: str) -> None:
     spec, released = getattr(rtamt, name)(), set(RELEASED["names"][name])
     time = "Discrete" if "Discrete" in name else "Dense"
     absent = {word for word in released if not hasattr(spec, word)}
@@ -163,7 +163,7 @@ def test_offline_says_what_is_wrong_with_the_data() -> None:
         assert str(raised.value) == expected + got
 
 
-def test_the_classes_are_loaded_when_first_asked_for() -> None:
+def test_classes_are_imported_on_first_use() -> None:
     code = (
         "import sys, rtamt; assert 'rtamt.compat' not in sys.modules; "
         "from rtamt import StlDiscreteTimeSpecification; assert 'antlr4' not in sys.modules"
@@ -180,7 +180,7 @@ Spec = StlDiscreteTimeSpecification | StlDenseTimeSpecification
 
 
 @pytest.mark.parametrize("kind", [StlDiscreteTimeSpecification, StlDenseTimeSpecification])
-def test_the_formulas_are_there_in_order_with_horizon_and_variables(kind: type[Spec]) -> None:
+def test_ast_lists_formulas_with_horizon(kind: type[Spec]) -> None:
     spec = kind()
     assert list(spec.ast.specs) == []
     for name, role in (("a", "input"), ("b", "output"), ("c", "neither"), ("p", "output")):
@@ -213,7 +213,7 @@ def test_the_horizon_is_in_the_unit_of_the_specification() -> None:
 
 
 @given(formula=formulas(dense=True, endless=True))
-def test_a_formula_alone_has_the_horizon_and_the_variables_of_its_specification(
+def test_ast_of_a_single_formula(
     formula: Formula,
 ) -> None:
     parsed = rtamt.parse(str(formula))
@@ -230,7 +230,7 @@ class Float:
         self.value = 0.0
 
 
-def test_a_field_stands_under_the_name_of_its_message() -> None:
+def test_ast_names_messages_of_fields() -> None:
     spec = StlDiscreteTimeSpecification()
     spec.import_module(__name__, "Float")
     spec.declare_var("req", "Float")

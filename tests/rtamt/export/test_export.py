@@ -79,9 +79,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
 @pytest.mark.parametrize("fmi", [2, 3])
 @settings(max_examples=examples(30))
 @given(drawn=texts(), trace=traces())
-def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
-    fmi: Fmi, drawn: Drawn, trace: Trace
-) -> None:
+def test_parameters_match_recompiled_constants(fmi: Fmi, drawn: Drawn, trace: Trace) -> None:
     try:
         EpisodeMonitor(drawn.text, 1)
     except SpecificationError:  # a constant term that is no number
@@ -112,7 +110,7 @@ def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, tra
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_named_formulas_without_an_end_are_judged_as_far_as_the_run_has_come(fmi: Fmi) -> None:
+def test_unbounded_named_formulas_match_episode_monitor(fmi: Fmi) -> None:
     text = """
     const float limit = 30
     slow = always(speed < limit)
@@ -198,7 +196,7 @@ def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
     assert [each[0] for each in settled[3:]] == [5.0, 5.0]
 
 
-def test_a_named_formula_over_the_whole_trace_has_what_is_known_so_far() -> None:
+def test_dense_named_formula_over_the_trace_so_far() -> None:
     text = (
         "low = always(x < 5); seen = eventually[0:1](x > 2); done = eventually(seen); once(x > 3)"
     )
@@ -220,7 +218,7 @@ def test_a_named_formula_over_the_whole_trace_has_what_is_known_so_far() -> None
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_what_no_monitor_can_wait_for_is_as_if_the_run_ended_now(fmi: Fmi) -> None:
+def test_unbounded_formula_as_if_the_run_ended_now(fmi: Fmi) -> None:
     text = "done = always(x > 0 implies eventually(y > 0)); near = once[0:1](x > 0); done and near"
     steps = ((0.0, 1.0, -1.0), (2.0, 1.0, -2.0), (3.0, -1.0, 4.0), (3.5, 1.0, -3.0))
     with exported(text, fmi, dense=True) as unit:
@@ -305,7 +303,7 @@ def test_inputs_have_the_defaults_of_the_text_until_they_are_set(fmi: Fmi) -> No
 
 
 @BOTH
-def test_what_a_new_monitor_says_before_the_first_sample(fmi: Fmi) -> None:
+def test_outputs_before_the_first_sample(fmi: Fmi) -> None:
     with exported("once(x > 0) and true", fmi, period=1) as unit:
         unit.begin()
         found = unit.get("robustness", "lower", "upper", "verdict")
@@ -346,7 +344,7 @@ def test_a_constant_in_a_bound_can_be_read_and_not_set(fmi: Fmi) -> None:
 
 
 @BOTH
-def test_a_term_of_constants_that_is_no_number_fails_the_initialization(fmi: Fmi) -> None:
+def test_nan_constant_fails_initialization(fmi: Fmi) -> None:
     heard = Heard()
     with exported("const float k = 4; sqrt(k - 1) < x", fmi, heard, period=1) as unit:
         with pytest.raises(FMICallException):
@@ -373,7 +371,7 @@ def test_a_longer_step_takes_several_samples_of_held_inputs(fmi: Fmi) -> None:
 
 
 @BOTH
-def test_of_shorter_steps_those_take_a_sample_in_which_one_falls(fmi: Fmi) -> None:
+def test_shorter_steps_take_due_samples(fmi: Fmi) -> None:
     with exported("always(x > 0)", fmi, period=1) as unit:
         unit.begin()
         for k, (x, least) in enumerate([(5, 5), (1, 5), (2, 5), (3, 5), (4, 4), (0, 4)]):

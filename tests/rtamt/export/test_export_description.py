@@ -119,9 +119,7 @@ def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Fmi) 
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_before_the_first_step_outputs_depend_on_the_constants_alone(
-    tmp_path: Path, fmi: Fmi
-) -> None:
+def test_initial_outputs_depend_only_on_constants(tmp_path: Path, fmi: Fmi) -> None:
     constants = "const float v = 1; const float T = 2; const float w = 3"
     text = f"{constants}; a = x > v; eventually[0:T](a and y > w)"
     export_fmu(text, tmp_path / "one.fmu", period=1, fmi=fmi)
@@ -167,7 +165,7 @@ def test_one_of_several_requirements_is_exported(tmp_path: Path) -> None:
     assert names[5:] == ["gap", "apart"]
 
 
-def test_every_named_formula_is_an_output_which_says_of_what_time_it_is(tmp_path: Path) -> None:
+def test_named_formula_outputs_state_their_time(tmp_path: Path) -> None:
     path = tmp_path / "slow.fmu"
     export_fmu(
         """

@@ -201,7 +201,7 @@ def test_a_bound_moves_by_a_sample_in_its_own_unit() -> None:
     ]
 
 
-def test_a_period_that_no_decimal_writes_leaves_the_bounds_that_one_writes() -> None:
+def test_period_of_a_third_keeps_decimal_bounds() -> None:
     found = mutants("always[0:1](x)", Fraction(1, 3), kinds=["bound", "window"])
     assert changes(found) == ["[0:1] -> [0:2]", "[0:1] -> [0:10]"]
 
@@ -216,7 +216,7 @@ def test_numbers_move_by_a_unit_of_their_last_digit() -> None:
     ]
 
 
-def test_a_constant_is_moved_where_it_is_declared_or_as_it_was_given() -> None:
+def test_constants_move_in_declaration_or_value() -> None:
     text = "const float T = 2\nconst float LOW = -0.5\nalways[0:T](x > LOW) and x > LOW"
     found = mutants(text, kinds=["bound", "threshold"])
     assert [str(each) for each in found] == [
@@ -236,7 +236,7 @@ def test_a_constant_is_moved_where_it_is_declared_or_as_it_was_given() -> None:
     assert str(given[1].specification.formula) == "always[0:6](x > -0.5) and x > -0.5"
 
 
-def test_a_formula_that_is_named_twice_is_changed_once_for_both() -> None:
+def test_shared_formula_changes_for_both_uses() -> None:
     text = "p = x > 1\nq = z > 0\nboth = always(p) and eventually(p)\nother = always(q)"
     both = rtamt.parse(text).requirements["both"]
     found = mutants(both, kinds=["direction"])
@@ -262,7 +262,7 @@ def test_the_most_are_the_first_of_each_kind_in_turn() -> None:
     assert {each.kind for each in mutants(text, most=len(kinds))} == {*kinds}
 
 
-def test_text_of_several_lines_says_the_place_and_keeps_comments() -> None:
+def test_places_in_several_lines_with_comments() -> None:
     text = "// v < 35\nslow =\n  v < 35 // km/h\n  and  v >= 0\nalways(slow)"
     found = mutants(text, kinds=["junction", "part"])
     assert [str(each) for each in found] == [
@@ -287,7 +287,7 @@ def test_apart_fails_where_requirement_and_mutant_differ() -> None:
         assert differ == (one is not other)
 
 
-def test_bounds_are_exchanged_with_other_bounds_that_are_constants() -> None:
+def test_constant_bounds_are_exchanged() -> None:
     text = "const float a = 2; const float b = 3; always[0:a](x > 1 and eventually[a:b](y > 0))"
     found = [str(m) for m in mutants(text, kinds=["constant"]) if "[" in str(m)]
     assert found == ["1:48 [0:a] -> [0:b]", "1:72 [a:b] -> [b:b]", "1:74 [a:b] -> [a:a]"]
@@ -316,7 +316,7 @@ def verdict(spec: Specification, trace: Trace, end: End, options: Any) -> Verdic
     st.sampled_from(get_args(SemanticsName)),
     st.sampled_from(["raise", "unknown"]),
 )
-def test_what_is_noticed_is_what_verdicts_say_one_by_one(
+def test_noticed_matches_single_verdicts(
     formula: Formula, trace: Trace, end: End, semantics: SemanticsName, policy: str
 ) -> None:
     spec = Specification.of(formula)

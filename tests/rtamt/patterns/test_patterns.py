@@ -178,7 +178,7 @@ def test_a_pattern_is_an_ordinary_formula_with_a_sentence(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["any", "last", "held", "kept", "recurrence"])
-def test_the_end_of_a_trace_cuts_no_window_that_looks_back(name: str) -> None:
+def test_end_mode_keeps_verdicts_of_past_windows(name: str) -> None:
     formula, _ = DEFINITIONS[name]
 
     @given(_columns)
