@@ -19,7 +19,7 @@ from rtamt import StateError
 
 
 @contextmanager
-def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:  # noqa: ANN401
+def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:
     """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
 
     There is one callback in a process: one that was set before is called first, and is set again at
@@ -35,7 +35,7 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
     controller = _called_from_python(before)
     failed: Exception | None = None
 
-    def control(model: Any, stepped: Any) -> None:  # noqa: ANN401
+    def control(model: Any, stepped: Any) -> None:
         nonlocal failed
         if controller is not None:
             controller(model, stepped)
@@ -62,7 +62,7 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
     last()
 
 
-def _called_from_python(controller: Any) -> Any:  # noqa: ANN401
+def _called_from_python(controller: Any) -> Any:
     """Return a function that calls a controller with model and data; None if there is none."""
     if not isinstance(controller, CFuncPtr):
         return controller

@@ -88,8 +88,8 @@ class StepMonitor(PanelValues):
 
     def __init__(
         self,
-        model: Any,  # noqa: ANN401 - MuJoCo is not typed
-        data: Any,  # noqa: ANN401
+        model: Any,
+        data: Any,
         specs: SpecsLike,
         signals: Mapping[str, StepSignal],
         *,

@@ -56,12 +56,7 @@ class SignalColumns:
     """
 
     def __init__(
-        self,
-        signals: Sequence[ParsedSignal],
-        env: Batch,
-        *,
-        same_step: bool,
-        compare: bool = True,
+        self, signals: Sequence[ParsedSignal], env: Batch, *, same_step: bool, compare: bool = True
     ) -> None:
         self._signals = signals
         played: Any = env  # recorded episodes have no environment
@@ -79,9 +74,9 @@ class SignalColumns:
 
     def step(
         self,
-        obs: Any,  # noqa: ANN401
-        actions: Any,  # noqa: ANN401
-        rewards: Any,  # noqa: ANN401
+        obs: Any,
+        actions: Any,
+        rewards: Any,
         infos: dict[str, Any],
         begun: Lanes | None = None,
     ) -> Floats:
@@ -104,7 +99,7 @@ class SignalColumns:
             table[begun, column] = _at_reset(signal, read, reset, begun)[begun]
         return table
 
-    def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
+    def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:
         """Read the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
         self._singles.forget()
@@ -161,7 +156,7 @@ class SignalColumns:
             )
 
 
-def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
+def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:
     """Return the column of a reset: the numbers of the reset, or the default."""
     if signal.default is None:
         try:
@@ -182,7 +177,7 @@ def _without_nan(signal: ParsedSignal, read: _Read) -> _Read:
     if not signal.refuses_nan:
         return read
 
-    def read_numbers(step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
+    def read_numbers(step: Step, lanes: Lanes) -> Any:
         column = np.asarray(read(step, lanes))
         if np.isnan(column[lanes]).any():
             raise signal.is_nan()
@@ -201,7 +196,7 @@ def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], 
     index = path[0] if path and isinstance(path[0], tuple) else path
     where = (slice(None), *index)
 
-    def pick(batch: Any) -> Any:  # noqa: ANN401
+    def pick(batch: Any) -> Any:
         for part in parts:
             batch = batch[part]
         return np.asarray(batch)[where]
@@ -236,7 +231,7 @@ def _present(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Lanes
     return lanes
 
 
-def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:  # noqa: ANN401
+def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:
     if not signal.path:
         return signal.numbers(rewards, num)
     where: tuple[Any, ...] = (slice(None), *signal.path)
@@ -249,7 +244,7 @@ def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:  # noqa:
         ) from None
 
 
-def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401
+def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Any:
     values: Any = infos
     path = list(signal.path)
     while path and isinstance(values, Mapping):
@@ -288,7 +283,7 @@ class _Singles:
     rewards, and observations and infos are shared with the step.
     """
 
-    def __init__(self, env: Any, *, same_step: bool) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, *, same_step: bool) -> None:
         self._env = env
         base = getattr(env, "unwrapped", None)
         self._envs: list[Any]
@@ -351,7 +346,7 @@ class _EachRead:
         column[lanes] = self._numbers(step, values, num)
         return column
 
-    def _numbers(self, step: Step, values: list[Any], num: int) -> Any:  # noqa: ANN401
+    def _numbers(self, step: Step, values: list[Any], num: int) -> Any:
         try:
             numbers = np.array(values)
         except ValueError:  # arrays of several shapes
@@ -430,7 +425,7 @@ class _BatchRead:
 class _Hidden:
     """Stands for an environment of a vector environment that cannot be looked into."""
 
-    def __init__(self, env: Any, lane: int, why: str) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, lane: int, why: str) -> None:
         self._hidden = env, lane, why
 
     def __getattr__(self, name: str) -> NoReturn:

@@ -30,7 +30,7 @@ def check_pair(model: object, data: object) -> None:
         )
 
 
-def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:  # noqa: ANN401
+def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:
     """Return the function that reads a signal from ``data``.
 
     Raises:
@@ -42,22 +42,21 @@ def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:  # noqa:
     return lambda *_: signal.number(signal.call(model, data))
 
 
-def bind_simulation(signal: ParsedSignal, simulation: Any) -> MovingRead:  # noqa: ANN401
+def bind_simulation(signal: ParsedSignal, simulation: Any) -> MovingRead:
     """Return the function that reads a signal from ``simulation.data``, which may be replaced."""
     return MovingRead(
-        lambda: simulation.data,
-        lambda: bind_signal(signal, simulation.model, simulation.data),
+        lambda: simulation.data, lambda: bind_signal(signal, simulation.model, simulation.data)
     )
 
 
-def derive(model: Any, data: Any) -> None:  # noqa: ANN401
+def derive(model: Any, data: Any) -> None:
     """Derive positions, sensors, contacts and forces from the state, which does not change."""
     warmstart = data.qacc_warmstart.copy()  # some versions of MuJoCo write it here
     mujoco.mj_forward(model, data)
     data.qacc_warmstart[:] = warmstart
 
 
-def _bind_selector(what: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+def _bind_selector(what: str, selector: Selector, model: Any, data: Any) -> Number:
     if selector.source == "time":
         index_in(what, selector, 1)
         return lambda *_: float(data.time)
@@ -89,7 +88,7 @@ def index_in(what: str, selector: Selector, size: int) -> int:
     return path[0]
 
 
-def field_of(what: str, selector: Selector, holder: Any) -> Any:  # noqa: ANN401
+def field_of(what: str, selector: Selector, holder: Any) -> Any:
     """Return the array of a named object's field, in a model or its data.
 
     Raises:
@@ -106,7 +105,7 @@ def field_of(what: str, selector: Selector, holder: Any) -> Any:  # noqa: ANN401
     return getattr(named, field)
 
 
-def fields_of(named: Any) -> list[str]:  # noqa: ANN401
+def fields_of(named: Any) -> list[str]:
     """Return the fields of a named object that are arrays of the simulation, not copies."""
 
     def is_view(field: str) -> bool:
@@ -118,14 +117,14 @@ def fields_of(named: Any) -> list[str]:  # noqa: ANN401
     return [field for field in dir(named) if not field.startswith("_") and is_view(field)]
 
 
-def _named(what: str, selector: Selector, kind: str, wanted: str, holder: Any) -> Any:  # noqa: ANN401
+def _named(what: str, selector: Selector, kind: str, wanted: str, holder: Any) -> Any:
     try:
         return getattr(holder, kind)(wanted)
     except KeyError as error:
         raise InputError(f"{what}: {selector} names no {kind}: {error.args[0]}") from None
 
 
-def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
     if selector.field not in {"", "force"} or selector.path:
         raise InputError(
             f"{what}: {selector} reads nothing of a contact; write "
@@ -157,7 +156,7 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:  #
     return lambda *_: 1.0 if touching() else 0.0
 
 
-def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401
+def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:
     """The geom of this name, or all geoms of the body of this name."""
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
     if geom >= 0:

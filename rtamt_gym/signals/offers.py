@@ -102,7 +102,7 @@ _COUNTS = {"joint": "njnt", "camera": "ncam", "actuator": "nu"}
 """MuJoCo's name for the number of objects of a kind, if it is not "n" and the kind."""
 
 
-def _in_mujoco(model: Any, data: Any) -> dict[str, Offer]:  # noqa: ANN401
+def _in_mujoco(model: Any, data: Any) -> dict[str, Offer]:
     offer = {"time": Offer([Selector("time")])}
     for word in MUJOCO:
         array = getattr(data, word, None)
@@ -119,7 +119,7 @@ def _in_mujoco(model: Any, data: Any) -> dict[str, Offer]:  # noqa: ANN401
     return offer
 
 
-def _named(model: Any, data: Any, kind: str) -> Offer:  # noqa: ANN401
+def _named(model: Any, data: Any, kind: str) -> Offer:
     from rtamt_gym.signals.mujoco import fields_of
 
     offer = Offer()
@@ -133,7 +133,7 @@ def _named(model: Any, data: Any, kind: str) -> Offer:  # noqa: ANN401
     return offer
 
 
-def _elements(whole: Selector, array: Any) -> list[Selector]:  # noqa: ANN401
+def _elements(whole: Selector, array: Any) -> list[Selector]:
     """Return the selectors of the numbers in an array; a single number needs no index."""
     if array.size == 1:
         return [whole]

@@ -129,7 +129,7 @@ def read_period(env: AnyEnv) -> float | None:
     return None if source is None else source[0]
 
 
-def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
+def find_period(simulation: Any) -> tuple[float, str] | None:
     """Return the seconds between two steps of a simulation and the attribute that states them."""
     for path, inner in simulations(simulation):
         stated = _stated(inner)
@@ -140,7 +140,7 @@ def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - 
     return None
 
 
-def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - any environment
+def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:
     """Yield an environment and the environment that it holds, with their paths.
 
     A path is empty or ends with a dot. The inner environment must have the same actions: with other
@@ -202,7 +202,7 @@ def why_no_period(env: AnyEnv) -> str:
     return f"there is no dt, tau or config['policy_frequency'] in {where}"
 
 
-def conflicting_times(simulation: Any) -> str:  # noqa: ANN401
+def conflicting_times(simulation: Any) -> str:
     """Return the contradictory times of a step as a clause; empty without a conflict."""
     for path, inner in simulations(simulation):
         if conflict := _stated(inner).conflict:
@@ -210,7 +210,7 @@ def conflicting_times(simulation: Any) -> str:  # noqa: ANN401
     return ""
 
 
-def warn_of_unverified_period(env: Any) -> None:  # noqa: ANN401 - an environment, of whatever form
+def warn_of_unverified_period(env: Any) -> None:
     """Warn if the period of an environment is an `unverified_period`."""
     time = unverified_period(env)
     if time is not None:
@@ -224,7 +224,7 @@ def warn_of_unverified_period(env: Any) -> None:  # noqa: ANN401 - an environmen
         )
 
 
-def unverified_period(env: Any) -> StatedTime | None:  # noqa: ANN401 - an environment, of whatever form
+def unverified_period(env: Any) -> StatedTime | None:
     """Return the period of an environment if it is a ``dt`` or ``tau`` that nothing verifies.
 
     In many simulators ``dt`` is the time of a physics step, of which an action takes several. A
@@ -295,7 +295,7 @@ def frames_per_action(config: Mapping[str, Any]) -> int | None:
     return frames
 
 
-def _stated(simulation: Any) -> _Stated:  # noqa: ANN401
+def _stated(simulation: Any) -> _Stated:
     """Read every time that an environment states, and compare them."""
     config = getattr(simulation, "config", None)
     config = config if isinstance(config, Mapping) else {}
@@ -324,7 +324,7 @@ def _stated(simulation: Any) -> _Stated:  # noqa: ANN401
     return _Stated(first, assumed=not controls)
 
 
-def _times(simulation: Any, config: Mapping[str, Any], kind: _Kind) -> list[StatedTime]:  # noqa: ANN401
+def _times(simulation: Any, config: Mapping[str, Any], kind: _Kind) -> list[StatedTime]:
     """Read the times of a kind from attributes, of which most may be in capitals, and ``config``.
 
     A ``dt`` in a configuration may be anything, and is not read.
@@ -346,7 +346,7 @@ def _spellings(name: str) -> tuple[str, ...]:
     return (name,) if _NAMES[name][0] == "step" else (name, name.upper())
 
 
-def _attribute(simulation: Any, name: str) -> float | None:  # noqa: ANN401
+def _attribute(simulation: Any, name: str) -> float | None:
     value = getattr(simulation, name, None)
     if name == "control_timestep" and callable(value):  # as in dm_control
         value = value()
@@ -406,7 +406,7 @@ class StepCount(SimulationClock):
     what = "the steps that its TimeLimit counts"
 
     @classmethod
-    def of(cls, env: Any, period: float) -> StepCount | None:  # noqa: ANN401
+    def of(cls, env: Any, period: float) -> StepCount | None:
         """Return the count of the innermost `TimeLimit`; None without one."""
         limit: Any = None
         while isinstance(env, gym.Wrapper):
@@ -422,7 +422,7 @@ class StepCount(SimulationClock):
         return (self.simulation._elapsed_steps or 0) * self.period  # noqa: SLF001 - no public count
 
 
-def clock_of(simulation: Any) -> SimulationClock | None:  # noqa: ANN401 - an environment without wrappers
+def clock_of(simulation: Any) -> SimulationClock | None:
     """Return the clock of a simulation of MuJoCo or highway-env; None for all others."""
     mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
     if mujoco is not None and isinstance(getattr(simulation, "data", None), mujoco.MjData):

@@ -61,7 +61,7 @@ class ElementRead:
 
     index: Any
 
-    def __call__(self, obs: Any, _action: Any, _reward: Any, _info: Any) -> float:  # noqa: ANN401
+    def __call__(self, obs: Any, _action: Any, _reward: Any, _info: Any) -> float:
         """Read the element."""
         return float(obs[self.index])
 
@@ -169,7 +169,7 @@ class Batched:
         self.__qualname__ = f"batched({getattr(function, '__qualname__', None) or repr(function)})"
         self.__doc__ = function.__doc__
 
-    def __call__(self, step: Any) -> Any:  # noqa: ANN401 - a `Step` of a batch; an array
+    def __call__(self, step: Any) -> Any:
         """Call the function."""
         return self.function(step)
 
@@ -182,7 +182,7 @@ class Batched:
     def __hash__(self) -> int:
         return hash(self.function)
 
-    def __reduce__(self) -> Any:  # noqa: ANN401 - as `pickle` has it
+    def __reduce__(self) -> Any:
         # A decorator takes the name of the function, under which pickle would look up the function.
         name = getattr(self.function, "__qualname__", "")
         if getattr(sys.modules.get(self.__module__), name, None) is self:
@@ -233,7 +233,7 @@ def batch_of_one(
 ) -> Step:
     """Return the step of one environment as a vector environment of one returns it."""
 
-    def stacked(space: spaces.Space[Any], value: Any) -> Any:  # noqa: ANN401
+    def stacked(space: spaces.Space[Any], value: Any) -> Any:
         if value is None:
             return None
         room: Any = create_empty_array(space, 1)
@@ -352,7 +352,7 @@ class ParsedSignal:
         if not self.refuses_nan:
             return read
 
-        def read_number(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
+        def read_number(obs: object, action: object, reward: object, info: Any) -> float:
             value = read(obs, action, reward, info)
             if math.isnan(value):
                 raise self.is_nan()
@@ -366,7 +366,7 @@ class ParsedSignal:
         if isinstance(self.reads, Batched):
             shown, does = env.observation_space, env.action_space
 
-            def read_batch(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
+            def read_batch(obs: Any, action: Any, reward: Any, info: Any) -> float:
                 batch = batch_of_one(Step(obs, action, reward, info, env), shown, does, env)
                 return float(self.numbers(self.call(batch), 1)[0])
 
@@ -387,7 +387,7 @@ class ParsedSignal:
         if self.row is not None and not self.maybe_at_reset:
             return read
 
-        def read_or_default(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
+        def read_or_default(obs: object, action: object, reward: object, info: Any) -> float:
             try:
                 return read(obs, action, reward, info)
             except AbsentError as error:
@@ -422,7 +422,7 @@ class ParsedSignal:
             " if nothing is known of it then",
         )
 
-    def call(self, *args: object) -> Any:  # noqa: ANN401 - whatever a callable gives
+    def call(self, *args: object) -> Any:
         """Call the function; whatever it raises becomes an `InputError` that names the signal."""
         try:
             return cast("Callable[..., Any]", self.reads)(*args)
@@ -545,7 +545,7 @@ def unknown_at_reset(signals: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many
+def own_signals(env: Any) -> Mapping[str, Any]:
     """Return the attribute ``signals`` of an environment, such as ``{"speed": "obs[0]"}``."""
     own = getattr(getattr(env, "unwrapped", env), "signals", None)
     return own if isinstance(own, Mapping) else {}

@@ -42,14 +42,14 @@ def _bind_action(signal: ParsedSignal, env: Env) -> Read:
     return lambda _obs, action, _reward, _info: _number_at(action, path)
 
 
-def _number_at(value: Any, path: tuple[Any, ...]) -> float:  # noqa: ANN401
+def _number_at(value: Any, path: tuple[Any, ...]) -> float:
     for part in path:
         value = value[part]
     return float(value)
 
 
 def _bind_reward(signal: ParsedSignal, _env: Env) -> Read:
-    def read(_obs: object, _action: object, reward: Any, _info: object) -> float:  # noqa: ANN401
+    def read(_obs: object, _action: object, reward: Any, _info: object) -> float:
         value = reward
         try:
             for part in signal.path:
@@ -120,7 +120,7 @@ def _bind_vehicle(signal: ParsedSignal, env: Env) -> Number:
     return read
 
 
-def _of_mujoco(example: str, **syntax: Any) -> Source:  # noqa: ANN401
+def _of_mujoco(example: str, **syntax: Any) -> Source:
     return Source(example=example, bind=_bind_mujoco, **syntax)
 
 
@@ -160,7 +160,7 @@ MUJOCO: Final = {
 """A MuJoCo simulation: its state, and its named objects."""
 
 VEHICLE: Final = {
-    "vehicle": Source(example="vehicle.speed", bind=_bind_vehicle, field="required", common=True),
+    "vehicle": Source(example="vehicle.speed", bind=_bind_vehicle, field="required", common=True)
 }
 """A simulation of highway-env."""
 
@@ -192,7 +192,7 @@ def _bind_agent(  # a function of the module, for pickle
     place: int,
     agents: Mapping[str, Hashable],
     signal: ParsedSignal,
-    env: Any,  # noqa: ANN401 - of PettingZoo's form
+    env: Any,
     *,
     hold: bool,
 ) -> Read:
@@ -203,7 +203,7 @@ def _bind_agent(  # a function of the module, for pickle
     )
     read = row.bind(signal, seat)
 
-    def read_part(*parts: Any) -> float:  # noqa: ANN401
+    def read_part(*parts: Any) -> float:
         part = parts[place]
         if agent in part:
             own: list[Any] = [None] * len(parts)

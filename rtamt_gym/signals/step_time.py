@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 from rtamt import StateError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.signals.periods import (
-    SimulationClock,
-    StatedTimes,
-    StepCount,
-    clock_of,
-    simulations,
-)
+from rtamt_gym.signals.periods import SimulationClock, StatedTimes, StepCount, clock_of, simulations
 
 ReadPeriod = Callable[[Any], float | None]
 """Returns the period that an environment states now."""
@@ -63,7 +57,7 @@ class StepTime:
 
     def __init__(
         self,
-        env: Any,  # noqa: ANN401
+        env: Any,
         period: float,
         read: ReadPeriod,
         *,
@@ -172,7 +166,7 @@ class StepTimes:
         make: Returns the `StepTime` of an environment or a vector; None if there is no period.
     """
 
-    def __init__(self, env: Any, make: Callable[[Any], StepTime] | None) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, make: Callable[[Any], StepTime] | None) -> None:
         base = env.unwrapped
         self._shared: StepTime | None = None
         self._times: Sequence[StepTime] = ()

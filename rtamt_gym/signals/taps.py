@@ -27,13 +27,13 @@ class Tap(gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self.seen: tuple[Any, Any, Any, Any] = None, None, None, {}
 
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Reset the environment."""
         obs, info = self.env.reset(**options)
         self.seen = obs, None, None, info
         return obs, info
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step the environment."""
         result = self.env.step(action)
         self.seen = result[0], action, result[1], result[4]
@@ -71,12 +71,12 @@ class VectorTap(StaysOpen, VectorWrapper):
         self.actions: Any = None
         self.result: Any = None
 
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Reset the environment."""
         obs, infos = self.shown = self.env.reset(**options)
         return obs, infos
 
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:  # noqa: ANN401
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step the environment."""
         self.actions = actions
         result = self.result = self.env.step(actions)
@@ -92,13 +92,7 @@ _RESCALING = (
 """Wrappers that keep the shape of observations and change their units."""
 
 
-def rescaling(
-    env: Any,  # noqa: ANN401 - an environment, or many
-    signals: Sequence[ParsedSignal],
-    *,
-    below: bool,
-    rescaled: bool,
-) -> Any:  # noqa: ANN401
+def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescaled: bool) -> Any:
     """Return the innermost wrapper that rescales observations, if signals are read beneath it.
 
     Args:
@@ -154,7 +148,7 @@ def rescaling(
     )
 
 
-def tapped(rescaler: Any) -> Any:  # noqa: ANN401
+def tapped(rescaler: Any) -> Any:
     """Return the tap between a wrapper and its environment; add one if necessary."""
     inner = rescaler.env
     if not isinstance(inner, Tap | VectorTap):
@@ -162,7 +156,7 @@ def tapped(rescaler: Any) -> Any:  # noqa: ANN401
     return inner
 
 
-def _innermost(env: Any) -> Any:  # noqa: ANN401
+def _innermost(env: Any) -> Any:
     rescaler = None
     while isinstance(env, gym.Wrapper | VectorWrapper):
         if isinstance(env, _RESCALING):
@@ -171,7 +165,7 @@ def _innermost(env: Any) -> Any:  # noqa: ANN401
     return rescaler
 
 
-def _in_each(env: Any) -> str | None:  # noqa: ANN401
+def _in_each(env: Any) -> str | None:
     """Return the name of the rescaling wrapper in an environment of a `SyncVectorEnv`."""
     base = getattr(env, "unwrapped", env)
     inside: Collection[Any] = base.envs if isinstance(base, SyncVectorEnv) else ()

@@ -8,11 +8,7 @@ if TYPE_CHECKING:
     from rtamt_gym.signals.signals import batched
     from rtamt_gym.wrappers.vector_forms import SharedBuffers, as_vector_env
 
-__all__ = [
-    "SharedBuffers",
-    "as_vector_env",
-    "batched",
-]
+__all__ = ["SharedBuffers", "as_vector_env", "batched"]
 
 if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(

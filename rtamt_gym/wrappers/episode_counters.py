@@ -77,7 +77,7 @@ def _statistics(infos: dict[str, Any]) -> dict[str, Any] | None:
     return episode if isinstance(episode, dict) and "r" in episode else None
 
 
-def _with_return(episode: dict[str, Any], paid: Any) -> dict[str, Any]:  # noqa: ANN401 - one, or many
+def _with_return(episode: dict[str, Any], paid: Any) -> dict[str, Any]:
     # A copy: the wrapper that made the statistics may keep them.
     return {**episode, "r": paid, "r_env": episode.get("r_env", episode["r"])}
 
@@ -85,14 +85,14 @@ def _with_return(episode: dict[str, Any], paid: Any) -> dict[str, Any]:  # noqa:
 class _LastStep:
     """An environment whose step repeats the last step with other flags."""
 
-    def __init__(self, *result: Any) -> None:  # noqa: ANN401 - as step returns
+    def __init__(self, *result: Any) -> None:
         self._result = result
 
     def step(self, _action: object) -> tuple[Any, ...]:
         return None, *self._result
 
 
-def _forget_in_monitor(monitor: Any) -> float:  # noqa: ANN401 - Stable-Baselines3 is not imported
+def _forget_in_monitor(monitor: Any) -> float:
     monitor.total_steps -= 1
     reward: float = monitor.rewards.pop()
     return reward

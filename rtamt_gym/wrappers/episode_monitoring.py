@@ -136,7 +136,7 @@ class EpisodeMonitoring(Monitoring):
         if time is None:
             return feed
 
-        def compare_and_feed(*step: Any) -> Assessment:  # noqa: ANN401 - the arguments of a `Read`
+        def compare_and_feed(*step: Any) -> Assessment:
             time.step(panel.samples - 1 - time.samples if substeps else 1)
             if not time.left:
                 self._feed = feed
@@ -250,7 +250,7 @@ class _Recorded(ParsedSignal):
     def _recording(self, read: Read) -> Read:
         newest, name = self.newest, self.name
 
-        def read_and_record(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
+        def read_and_record(obs: Any, action: Any, reward: Any, info: Any) -> float:
             value = newest[name] = read(obs, action, reward, info)
             return value
 

@@ -281,7 +281,7 @@ class StlMonitor(
         """Whether it takes samples inside of the environment's steps."""
         return self._substeps
 
-    def _set_env(self, env: Any) -> None:  # noqa: ANN401
+    def _set_env(self, env: Any) -> None:
         super()._set_env(env)
         if self._substeps:
             self._inside.inside.env = env
@@ -319,7 +319,7 @@ class _SpecWithFunction(EnvSpec):
         return super().to_json()
 
 
-def single_env(env: Any) -> gym.Env[Any, Any]:  # noqa: ANN401 - whatever is given
+def single_env(env: Any) -> gym.Env[Any, Any]:
     """Return the environment; raise an `InputTypeError` if it is not a single one of Gymnasium."""
     many = isinstance(env, VectorEnv) or is_pool(env)
     if isinstance(env, gym.Env) and not many:

@@ -102,7 +102,7 @@ class Monitoring(Observing):
 
     def _set_up(
         self,
-        env: Any,  # noqa: ANN401 - an environment, or many
+        env: Any,
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None,
         reading: Reading,
@@ -198,7 +198,7 @@ class Monitoring(Observing):
                 )
         return ChangedConstants(after, panel)
 
-    def _make_panel(self, specs: Mapping[str, Specification]) -> Any:  # noqa: ANN401 - of one, or many
+    def _make_panel(self, specs: Mapping[str, Specification]) -> Any:
         """Return monitors of the specifications."""
         raise NotImplementedError
 
@@ -256,7 +256,7 @@ class Monitoring(Observing):
         self._follow_monitors(self._panel.monitors, self._panel.track_obligations)
         self._bind_signals()
 
-    def _step_time(self, env: Any, period: float) -> StepTime:  # noqa: ANN401 - one, or many
+    def _step_time(self, env: Any, period: float) -> StepTime:
         return StepTime(
             env,
             period,
@@ -297,7 +297,7 @@ class Monitoring(Observing):
         return self._of_monitors.nan == "unknown"
 
     @contextmanager
-    def tapped(self, tap: Any) -> Iterator[None]:  # noqa: ANN401 - an environment, or many
+    def tapped(self, tap: Any) -> Iterator[None]:
         """Step ``tap``, which steps the environment, in this context, and end no episode.
 
         Open ends cause no warnings in the context.
@@ -313,7 +313,7 @@ class Monitoring(Observing):
             self._set_env(env)
             self._on_violation, self._on_satisfaction, self._warns_of_open_end = before
 
-    def _set_env(self, env: Any) -> None:  # noqa: ANN401 - an environment, or many
+    def _set_env(self, env: Any) -> None:
         self.env = env
 
     def values(self) -> MonitorValues[Any]:
@@ -405,17 +405,17 @@ class Monitoring(Observing):
         raise NotImplementedError
 
 
-def _clock_times(env: Any) -> list[float]:  # noqa: ANN401 - an environment, of whatever form
+def _clock_times(env: Any) -> list[float]:
     clocks = [clock_of(level) for level in _levels(env)]
     return [clock.read() for clock in clocks if clock is not None]
 
 
-def _is_rebuilt(level: Any) -> bool:  # noqa: ANN401
+def _is_rebuilt(level: Any) -> bool:
     """Whether copying calls the constructor."""
     return getattr(type(level), "__setstate__", None) is EzPickle.__setstate__
 
 
-def _levels(env: Any, seen: set[int] | None = None) -> Iterator[Any]:  # noqa: ANN401
+def _levels(env: Any, seen: set[int] | None = None) -> Iterator[Any]:
     """Yield an environment, its wrappers, and the environments that they hold."""
     seen = set() if seen is None else seen
     if id(env) in seen:
@@ -462,7 +462,7 @@ def _listed(operators: list[list[Obligation]]) -> str:
     return ", ".join(str(each.formula) for of_spec in operators for each in of_spec) or "none"
 
 
-def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or many
+def _refuse_monitored(env: Any) -> None:
     where = ""
     while env is not None:
         if isinstance(env, Monitoring):

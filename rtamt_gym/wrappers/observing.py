@@ -58,7 +58,7 @@ class Observing:
 
     def _set_up_observations(
         self,
-        env: Any,  # noqa: ANN401 - an environment, or many
+        env: Any,
         observe: Observe | None,
         clip: float,
         monitors: Mapping[str, tuple[Any, Any]],
@@ -139,7 +139,7 @@ class Observing:
         """
         return [] if self._state is None else self._state.names(self._shown_specs)
 
-    def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
+    def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:
         """Return the observation, or a batch of them, with the features."""
         return obs if self._state is None else append(obs, self._state.read(values))
 
@@ -149,7 +149,7 @@ class Observing:
             self._observed_watch.reset(self._shown_robustness(values), lanes)
             self._warn_of_clip()
 
-    def _watch_step(self, values: MonitorValues[Any], ended: Any) -> None:  # noqa: ANN401 - a bool, or many
+    def _watch_step(self, values: MonitorValues[Any], ended: Any) -> None:
         """Count the features of a step, which has ended some episodes."""
         watch = self._observed_watch
         if watch is None:
@@ -173,10 +173,7 @@ class Observing:
                 warnings.warn(watch.report, UserWarning, stacklevel=caller_level())
 
     def _append_to_final(
-        self,
-        infos: dict[str, Any],
-        values: MonitorValues[Any] | None,
-        ended: Lanes | None,
+        self, infos: dict[str, Any], values: MonitorValues[Any] | None, ended: Lanes | None
     ) -> None:
         """Append features to ``final_obs``, the observations from before the resets in a step.
 
@@ -199,7 +196,7 @@ def _horizons(monitors: Mapping[str, tuple[Any, Any]]) -> tuple[int | None, ...]
     return tuple(judge.program.latency for _, judge in monitors.values())
 
 
-def _refuse_twice(env: Any, name: str, observe: Observe) -> None:  # noqa: ANN401 - an environment, or many
+def _refuse_twice(env: Any, name: str, observe: Observe) -> None:
     while isinstance(env, gym.Wrapper | VectorWrapper):
         if isinstance(env, Observing) and env._state is not None:  # noqa: SLF001 - the same class
             inner = type(env).__name__
@@ -345,7 +342,7 @@ def appended_space(
     )
 
 
-def append(observation: Any, numbers: NDArray[np.float32]) -> Any:  # noqa: ANN401
+def append(observation: Any, numbers: NDArray[np.float32]) -> Any:
     """Return an observation or a batch of them, arrays or dictionaries, with features."""
     if isinstance(observation, dict):
         return {**observation, KEY: numbers}

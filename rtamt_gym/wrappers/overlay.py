@@ -129,7 +129,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         self._record()
         return result
 
-    def render(self) -> Any:  # noqa: ANN401 - a frame, or a list of frames
+    def render(self) -> Any:
         """Return the frames of the environment with the panel."""
         frames: Any = self.env.render()
         sights = list(self._sights)

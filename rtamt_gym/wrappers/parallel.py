@@ -21,8 +21,13 @@ from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.sources import agent_sources
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import MonitorOptions, OnSatisfaction, OwnOptions, Violations
-from rtamt_gym.wrappers.reward import Rewarding, ShapingOptions, find_or_make
+from rtamt_gym.wrappers.monitoring import OnSatisfaction, OwnOptions, Violations
+from rtamt_gym.wrappers.reward import (
+    Rewarding,
+    ShapingOptions,
+    StlMonitorOptions,
+    find_or_make,
+)
 
 if TYPE_CHECKING or find_spec("pettingzoo"):
     from pettingzoo.utils import ParallelEnv
@@ -41,7 +46,7 @@ class ParallelWrapper(ParallelEnv):  # type: ignore[misc]  # it has no types
 
     env: Any
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the environment has
+    def __getattr__(self, name: str) -> Any:
         """Return the attribute of the environment."""
         if name.startswith("_") or name == "env":
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -54,25 +59,25 @@ class ParallelWrapper(ParallelEnv):  # type: ignore[misc]  # it has no types
         return agents
 
     @property
-    def unwrapped(self) -> Any:  # noqa: ANN401 - the environment inside of all wrappers
+    def unwrapped(self) -> Any:
         """The environment inside of all wrappers."""
         return self.env.unwrapped
 
-    def observation_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
+    def observation_space(self, agent: Any) -> gym.Space[Any]:
         """Return the observation space of an agent, the same object at every call."""
         space: gym.Space[Any] = self.env.observation_space(agent)
         return space
 
-    def action_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
+    def action_space(self, agent: Any) -> gym.Space[Any]:
         """Return the action space of an agent, the same object at every call."""
         space: gym.Space[Any] = self.env.action_space(agent)
         return space
 
-    def state(self) -> Any:  # noqa: ANN401 - an array, for most environments
+    def state(self) -> Any:
         """Return the global state of the environment."""
         return self.env.state()
 
-    def render(self) -> Any:  # noqa: ANN401 - depends on its mode
+    def render(self) -> Any:
         """Render the environment."""
         return self.env.render()
 
@@ -153,7 +158,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
     @documents_options("episodes")
     def __init__(
         self,
-        env: Any,  # noqa: ANN401 - of PettingZoo's form
+        env: Any,
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
@@ -316,7 +321,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         return {**infos, **reported}
 
 
-def _agents(env: Any) -> dict[str, Hashable]:  # noqa: ANN401 - of PettingZoo's form, it is hoped
+def _agents(env: Any) -> dict[str, Hashable]:
     """Return the agents of an environment, by the names that selectors use.
 
     Raises:
@@ -339,12 +344,6 @@ def _agents(env: Any) -> dict[str, Hashable]:  # noqa: ANN401 - of PettingZoo's 
             f"expected possible_agents, which selectors name, in {env}, got {agents!r}"
         )
     return {str(agent): agent for agent in agents}
-
-
-class ParallelMonitorOptions(MonitorOptions, total=False):
-    """The keyword arguments of `ParallelStlMonitor`."""
-
-    history: bool
 
 
 class ParallelStlReward(Rewarding, ParallelWrapper):
@@ -372,7 +371,7 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
 
     def __init__(
         self,
-        env: Any,  # noqa: ANN401 - of PettingZoo's form
+        env: Any,
         specs: SpecsLike | None = None,
         signals: Mapping[str, SignalLike] | None = None,
         *,
@@ -385,7 +384,7 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
         priorities: Mapping[str, Priority] | None = None,
         bonus: float = 0.0,
         penalty: float = 0.0,
-        **monitor: Unpack[ParallelMonitorOptions],
+        **monitor: Unpack[StlMonitorOptions],
     ) -> None:
         """Find the monitor of the environment or make one, and check the numbers.
 

@@ -50,7 +50,6 @@ class ShapingOptions(ShapingNumbers):
 class StlMonitorOptions(MonitorOptions, total=False):
     """The keyword arguments of `StlMonitor`."""
 
-    substeps: bool
     history: bool
 
 
@@ -62,11 +61,7 @@ class Rewarding(Observing):
     """The number of changes of constants that it has followed."""
 
     def _set_up(
-        self,
-        env: Any,  # noqa: ANN401 - an environment, or many
-        options: ShapingOptions,
-        observe: Observe | None = None,
-        num: int = 1,
+        self, env: Any, options: ShapingOptions, observe: Observe | None = None, num: int = 1
     ) -> None:
         monitors = self._monitor.monitors
         self._shaping = shaping = Shaping.of(list(monitors), **options)
@@ -159,7 +154,7 @@ class Rewarding(Observing):
 
 def find_or_make(
     kind: type[_M],
-    env: Any,  # noqa: ANN401 - an environment, or many
+    env: Any,
     specs: SpecsLike | None,
     signals: Mapping[str, SignalLike] | None,
     options: MonitorOptions,

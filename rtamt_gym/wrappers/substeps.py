@@ -48,7 +48,7 @@ class Inside:
                 )
         self.reads = [signal.bind(env) for signal in signals]
 
-    def step(self, action: Any, take: Take) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
+    def step(self, action: Any, take: Take) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step the environment, and call ``take`` after every step of its simulation.
 
         Args:
@@ -93,7 +93,7 @@ class SubSteps:
         """Take sample 0."""
         return self._feed_first(None, None, None, {})
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step the environment, and take a sample after every step of its simulation.
 
         Raises:
@@ -122,7 +122,7 @@ _Follow = Callable[[Take, Any], _Undo]
 """Arranges that a sample is taken after every step of a simulation, with the action of the step."""
 
 
-def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
+def _follower(simulation: Any) -> _Follow:
     config = getattr(simulation, "config", None)
     if isinstance(config, Mapping) and "simulation_frequency" in config:
         return partial(_follow_road, simulation)
@@ -147,12 +147,12 @@ def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
 class _Loop:
     """`MujocoEnv._step_mujoco_simulation`, one ``mj_step`` at a time."""
 
-    def __init__(self, simulation: Any) -> None:  # noqa: ANN401
+    def __init__(self, simulation: Any) -> None:
         self._simulation = simulation
         self._takes: list[tuple[Take, Any]] = []
         self._stepped = False
 
-    def follow(self, take: Take, action: Any) -> _Undo:  # noqa: ANN401
+    def follow(self, take: Take, action: Any) -> _Undo:
         # Not through __dict__: Python reads attributes faster if nobody has asked for it.
         simulation = self._simulation
         around = simulation._step_mujoco_simulation  # noqa: SLF001
@@ -171,7 +171,7 @@ class _Loop:
         self._takes.pop()
         return self._stepped
 
-    def __call__(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
+    def __call__(self, ctrl: Any, n_frames: int) -> None:
         mujoco = sys.modules["mujoco"]  # a simulation of it has loaded it
         step, takes = mujoco.mj_step, self._takes
         model, data = self._simulation.model, self._simulation.data
@@ -184,7 +184,7 @@ class _Loop:
         mujoco.mj_rnePostConstraint(model, data)
 
 
-def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:  # noqa: ANN401
+def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:
     road = simulation.road  # every reset makes a new one
     step = road.step
     stepped = False

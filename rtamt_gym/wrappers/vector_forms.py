@@ -22,9 +22,7 @@ _Result = tuple[Any, Any, Any, Any, dict[str, Any]]
 
 
 def as_vector_env(
-    env: Any,  # noqa: ANN401 - whatever is given
-    *,
-    final_obs: Literal["held"] | None = None,
+    env: Any, *, final_obs: Literal["held"] | None = None
 ) -> VectorEnv[Any, Any, Any]:
     """Return the environments as a vector environment of Gymnasium; `VectorEnv` is returned as is.
 
@@ -70,7 +68,7 @@ def as_vector_env(
     raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 
-def is_pool(env: Any) -> bool:  # noqa: ANN401 - whatever is given
+def is_pool(env: Any) -> bool:
     """Return whether it is EnvPool's ``gym.Env``, which holds many environments."""
     base = env.unwrapped if isinstance(env, gym.Env) else None
     return all(hasattr(base, name) for name in ("all_env_ids", "is_async", "recv", "send"))
@@ -79,7 +77,7 @@ def is_pool(env: Any) -> bool:  # noqa: ANN401 - whatever is given
 class _AdaptedVectorEnv(StaysOpen, VectorEnv[Any, Any, Any]):
     """The base of the adapters: spaces of one and of all, and a name for messages."""
 
-    def __init__(self, env: Any, num: int, mode: AutoresetMode) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, num: int, mode: AutoresetMode) -> None:
         self.adapted = env
         self.num_envs = num
         self.metadata = {"autoreset_mode": mode}
@@ -91,7 +89,7 @@ class _AdaptedVectorEnv(StaysOpen, VectorEnv[Any, Any, Any]):
 
     __repr__ = __str__
 
-    def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401
+    def close_extras(self, **kwargs: Any) -> None:
         self.adapted.close(**kwargs)
 
 
@@ -116,10 +114,7 @@ class _PoolVectorEnv(_AdaptedVectorEnv):
         super().__init__(env, len(pool.all_env_ids), AutoresetMode.NEXT_STEP)
 
     def reset(
-        self,
-        *,
-        seed: int | list[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         if seed is not None:
             raise InputError(
@@ -130,7 +125,7 @@ class _PoolVectorEnv(_AdaptedVectorEnv):
         result: tuple[Any, dict[str, Any]] = self.adapted.reset()
         return result
 
-    def step(self, actions: Any) -> _Result:  # noqa: ANN401
+    def step(self, actions: Any) -> _Result:
         result: _Result = self.adapted.step(actions)
         return result
 
@@ -151,7 +146,7 @@ class PufferVectorEnv(_AdaptedVectorEnv):
     terminated: Any
     truncated: Any
 
-    def __init__(self, env: Any, final_obs: Literal["held"] | None = None) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, final_obs: Literal["held"] | None = None) -> None:
         native, driver, num = env.emulated is False, env.driver_env, int(env.num_agents)
         batch = getattr(env, "agents_per_batch", num)
         if batch != num:
@@ -179,17 +174,14 @@ class PufferVectorEnv(_AdaptedVectorEnv):
         super().__init__(env, num, AutoresetMode.SAME_STEP if native else AutoresetMode.NEXT_STEP)
 
     def reset(
-        self,
-        *,
-        seed: int | list[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Reset all; without a seed, PufferLib's own default applies."""
         _refuse_options("PufferLib", options)
         self.adapted.async_reset(*(() if seed is None else (seed,)))
         return self._receive()[0], {}
 
-    def step(self, actions: Any) -> _Result:  # noqa: ANN401
+    def step(self, actions: Any) -> _Result:
         """Step all; the infos hold last observations only, for native environments."""
         self.adapted.send(np.asarray(actions))
         before = self._held if self._holds else None
@@ -259,7 +251,7 @@ class SharedBuffers:
         self._shared = shared
         self._newest: tuple[Any, ...] | None = None
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "_shared":  # a protocol asks for it
             raise AttributeError(name)
         return getattr(self._shared.adapted, name)
@@ -270,7 +262,7 @@ class SharedBuffers:
         obs, _ = self.envs.reset(seed=any_seed)
         self._keep(obs, self._shared.infos)
 
-    def send(self, actions: Any) -> None:  # noqa: ANN401
+    def send(self, actions: Any) -> None:
         """Step all environments; `recv` returns the result."""
         obs, rewards, terminated, truncated, infos = self.envs.step(actions)
         shared = self._shared
@@ -300,7 +292,7 @@ class SharedBuffers:
         obs, *_, infos, _, _ = self.recv()
         return obs, infos
 
-    def step(self, actions: Any) -> tuple[Any, ...]:  # noqa: ANN401
+    def step(self, actions: Any) -> tuple[Any, ...]:
         """Step all environments; return the first five results of `recv`."""
         self.send(actions)
         return self.recv()[:5]
@@ -309,13 +301,13 @@ class SharedBuffers:
         """Close the environments."""
         self.envs.close()
 
-    def _keep(self, obs: Any, infos: list[Any]) -> None:  # noqa: ANN401
+    def _keep(self, obs: Any, infos: list[Any]) -> None:
         shared, num = self._shared, self._shared.num_envs
         flags = shared.terminated, shared.truncated
         self._newest = obs, shared.rewards, *flags, infos, np.arange(num), np.ones(num, np.bool_)
 
 
-def _last_infos(infos: dict[str, Any], ended: Any) -> list[dict[str, list[float]]]:  # noqa: ANN401
+def _last_infos(infos: dict[str, Any], ended: Any) -> list[dict[str, list[float]]]:
     """Return the dictionary about the episodes that have ended, if there are any."""
     if not ended.any():
         return []

@@ -152,10 +152,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self.terminal: MonitorValues[Floats] | None = None
 
     def reset(
-        self,
-        *,
-        seed: int | list[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Reset the environments and their monitors; with ``reset_mask`` only where it is true.
 
@@ -213,15 +210,12 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             self._watch_reset(values, mask)
         return obs, infos
 
-    def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - as the environment takes
+    def close(self, **kwargs: Any) -> None:
         """Close the environments; episodes that have not ended are recorded as truncated."""
         self._abandon(np.ones(self.num_envs, np.bool_))
         super().close(**kwargs)
 
-    def step(
-        self,
-        actions: Any,  # noqa: ANN401
-    ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step the environments and update the monitors with one sample of each.
 
         Raises:
@@ -312,7 +306,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
                     f"with StlMonitor, or take {name}='report'"
                 )
 
-    def _require_flags(self, terminated: Any, truncated: Any) -> None:  # noqa: ANN401
+    def _require_flags(self, terminated: Any, truncated: Any) -> None:
         """Check the type of the ends in the first step."""
         if self._has_flags:
             return
@@ -348,9 +342,9 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
 
     def _read(
         self,
-        obs: Any,  # noqa: ANN401
-        actions: Any,  # noqa: ANN401
-        rewards: Any,  # noqa: ANN401
+        obs: Any,
+        actions: Any,
+        rewards: Any,
         infos: dict[str, Any],
         begun: Lanes | None,
         resets: Lanes | None,
@@ -432,11 +426,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             self._assumed = assumed([names[place] for place in held], windows)
 
     def _conclude(
-        self,
-        infos: dict[str, Any],
-        ended: Lanes,
-        terminated: Any,  # noqa: ANN401
-        truncated: Any,  # noqa: ANN401
+        self, infos: dict[str, Any], ended: Lanes, terminated: Any, truncated: Any
     ) -> None:
         """Add the keys of last infos, and record the episodes."""
         panel, at = self._panel, ended.nonzero()[0]
@@ -474,9 +464,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
 
 
 def _with_ends(
-    certain: list[tuple[Lanes, str]],
-    terminated: Any,  # noqa: ANN401
-    truncated: Any,  # noqa: ANN401
+    certain: list[tuple[Lanes, str]], terminated: Any, truncated: Any
 ) -> tuple[Any, Any]:
     """Return the flags with the ends that certain verdicts make, where none has terminated."""
     for lanes, how in certain:

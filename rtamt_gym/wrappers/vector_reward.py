@@ -104,10 +104,7 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
         self._returns = np.zeros(env.num_envs)
 
     def reset(
-        self,
-        *,
-        seed: int | list[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Reset environments; the sample of a reset gives the first potential."""
         mask = None if options is None else options.get("reset_mask")
@@ -121,10 +118,7 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
         self._watch_reset(values, mask)
         return self._observed(obs, values), infos
 
-    def step(
-        self,
-        actions: Any,  # noqa: ANN401
-    ) -> tuple[Any, Floats, Any, Any, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Floats, Any, Any, dict[str, Any]]:
         """Step the environments and shape the rewards."""
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         own = np.array(rewards, np.float64)
