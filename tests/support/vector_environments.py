@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -29,6 +30,24 @@ def make_monitored_pole() -> gym.Env[Any, Any]:
 
 def sync(makes: Sequence[Make], mode: AutoresetMode) -> Envs:
     return SyncVectorEnv(list(makes), autoreset_mode=mode)
+
+
+def both(
+    one: Callable[..., gym.Env[Any, Any]],
+    many: Callable[..., Any],
+    makes: Sequence[Make],
+    autoreset: AutoresetMode,
+    /,
+    *arguments: Any,  # noqa: ANN401 - those of the wrappers
+    **options: Any,  # noqa: ANN401
+) -> tuple[Any, SyncVectorEnv]:
+    """Environments that are wrapped together, and the same wrapped one by one."""
+
+    def wrapped(make: Make) -> gym.Env[Any, Any]:
+        return one(make(), *arguments, **options)
+
+    singles = SyncVectorEnv([partial(wrapped, make) for make in makes], autoreset_mode=autoreset)
+    return many(sync(makes, autoreset), *arguments, **options), singles
 
 
 def native(num: int) -> Envs:

@@ -61,12 +61,29 @@ def observing(case: Case) -> Env:
     return StlReward(env, mode="potential", observe="state")
 
 
-wraps = pytest.mark.parametrize("wrap", [monitored, shaped, observing])
+def showing_state(case: Case) -> Env:
+    return case.monitored(observe="state", clip=0.5)
+
+
+def showing_obligations(case: Case) -> Env:
+    return case.monitored(observe="obligations", clip=0.5)
+
+
+def pairs(*wraps: Wrap) -> pytest.MarkDecorator:
+    """Run a test with environments in these wrappers; nothing can be appended to a picture."""
+    flat = [*CASES[:3], CASES[-1]]
+    return pytest.mark.parametrize(
+        ("case", "wrap"),
+        [
+            pytest.param(case, wrap, id=f"{case.env_id.split(':')[-1]}-{wrap.__name__}")
+            for wrap in wraps
+            for case in (flat if wrap in {showing_state, showing_obligations} else CASES)
+        ],
+    )
 
 
 @pytest.mark.slow(keep=8)
-@cases
-@pytest.mark.parametrize("wrap", [monitored, of_instants, shaped, observing])
+@pairs(monitored, of_instants, shaped, observing, showing_state, showing_obligations)
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
 @pytest.mark.filterwarnings("ignore:clip=1 flattens what observe='state' appends:UserWarning")
 def test_gymnasium_checks(case: Case, wrap: Wrap) -> None:
@@ -95,8 +112,7 @@ def test_only_reward_and_info_change(case: Case) -> None:
 
 
 @pytest.mark.slow(keep=6)
-@cases
-@wraps
+@pairs(monitored, shaped, observing, showing_state, showing_obligations)
 def test_made_again_from_spec_and_json(case: Case, wrap: Wrap) -> None:
     env = wrap(case)
     expected = rollout(env)
@@ -104,23 +120,33 @@ def test_made_again_from_spec_and_json(case: Case, wrap: Wrap) -> None:
     for spec in (env.spec, EnvSpec.from_json(env.spec.to_json())):
         again = gym.make(spec)
         assert str(again) == str(env)
+        assert again.observation_space == env.observation_space
         assert equal(rollout(again), expected)
         again.close()
 
 
 @pytest.mark.slow(keep=8)
-@cases
-@pytest.mark.parametrize("wrap", [monitored, observing])
+@pairs(monitored, observing, showing_state, showing_obligations)
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copy_in_mid_episode_continues(case: Case, wrap: Wrap, clone: Callable[[Env], Env]) -> None:
     env = shaped(case)
-    if wrap is monitored or not is_picture(env):  # pickle refuses the lambda of FlattenObservation
+    if wrap is not observing or not is_picture(env):  # pickle refuses FlattenObservation
         env = wrap(case)
     rollout(env, steps=4)
     copy = restored(clone(env), env)
     assert copy.get_wrapper_attr("samples") == env.get_wrapper_attr("samples") == 5
     assert equal(continued(copy, 11, 6), continued(env, 11, 6))
     assert equal(copy.get_wrapper_attr("stl_episodes"), env.get_wrapper_attr("stl_episodes"))
+
+
+@pytest.mark.slow(keep=6)
+@pairs(showing_state, showing_obligations)
+def test_second_episode_shows_what_the_first_one_did(case: Case, wrap: Wrap) -> None:
+    env = wrap(case)
+    first = rollout(env)
+    assert equal(rollout(env), first)
+    env.reset(seed=7)
+    assert equal(env.reset(seed=7, options=None)[0], first[0][0])
 
 
 @cases

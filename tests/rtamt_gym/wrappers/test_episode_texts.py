@@ -36,10 +36,6 @@ CUT = (
     'at_termination="cut" leaves it open, "failure" violates it, "complete" is for this; an '
     "environment that goes on after its success shows what the window needs"
 )
-NO_DEPTH = (
-    'cost="depth" has no depth to measure under semantics="boolean", where a robustness is +inf or '
-    '-inf; take cost="violation"'
-)
 
 
 def own_success() -> Replay:
@@ -215,46 +211,6 @@ def test_a_success_that_the_environment_reports_is_kept_and_said_once() -> None:
 
 
 # ---- errors ----
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (
-            {"at_termination": "truncate"},
-            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'truncate'",
-        ),
-        (
-            {"at_termination": "open"},
-            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'open'",
-        ),
-        (
-            {"at_truncation": None},
-            "expected at_truncation='complete' or 'cut' or 'open', got None",
-        ),
-        (
-            {"at_truncation": "failure"},
-            "expected at_truncation='complete' or 'cut' or 'open', got 'failure'",
-        ),
-        (
-            {"cost": "indicator"},
-            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'indicator'",
-        ),
-        (
-            {"cost": "depth", "semantics": "boolean"},
-            NO_DEPTH,
-        ),
-    ],
-)
-def test_an_option_that_does_not_fit_is_refused(options: dict[str, Any], text: str) -> None:
-    with pytest.raises(InputError) as caught:
-        StlMonitor(Replay([3, 3]), INVARIANT, X, **options)
-    assert str(caught.value) == text
-    with pytest.raises(InputError) as caught:
-        VectorStlMonitor(
-            sync([lambda: Replay([3, 3])], AutoresetMode.DISABLED), INVARIANT, X, **options
-        )
-    assert str(caught.value) == text
 
 
 @pytest.mark.parametrize("cost", ["violation", "depth"])

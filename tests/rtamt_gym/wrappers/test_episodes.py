@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from profiles import examples
 from replay import Replay, X
 from scripts import Case, Script, Scripted, cases, variables
-from vector_environments import MODES, Envs, difference, sync
+from vector_environments import MODES, Envs, both, difference, sync
 
 import rtamt
 from rtamt import SpecificationError
@@ -214,11 +214,7 @@ def test_vector_rewards_and_infos_match_single_rewards(
     mode: AutoresetMode, case: Case, shape: str, observe: str | None
 ) -> None:
     options = shaped(case, shape, observe=observe)
-    bare = [functools.partial(Scripted, scripts) for scripts in case.lanes]
-    singles = [
-        functools.partial(lambda make: StlReward(make(), case.specs, **options), make)
-        for make in bare
-    ]
+    makes = [functools.partial(Scripted, scripts) for scripts in case.lanes]
 
     def play(envs: Envs) -> list[tuple[Any, ...]]:
         shown: list[tuple[Any, ...]] = [envs.reset()]
@@ -229,8 +225,8 @@ def test_vector_rewards_and_infos_match_single_rewards(
                 shown.append(envs.reset(options={"reset_mask": ended}))
         return shown
 
-    together = play(VectorStlReward(sync(bare, mode), case.specs, **options))
-    assert difference(together, play(sync(singles, mode))) == ""
+    together, singles = both(StlReward, VectorStlReward, makes, mode, case.specs, **options)
+    assert difference(play(together), play(singles)) == ""
 
 
 @silently

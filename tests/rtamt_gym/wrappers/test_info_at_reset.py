@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
-from vector_environments import MODES, difference, sync, trajectory
+from vector_environments import MODES, both, difference, trajectory
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, VectorStlMonitor, simulate
@@ -76,12 +76,8 @@ def test_the_first_sample_is_what_the_info_of_the_reset_has(first: int) -> None:
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_many_environments_read_it_lane_by_lane(mode: AutoresetMode) -> None:
     makes = [functools.partial(Told, first, length) for first, length in ((0, 3), (3, 2), (5, 4))]
-
-    def wrapped(make: functools.partial[Told]) -> gym.Env[Any, Any]:
-        return StlMonitor(make(), SPECS, SIGNALS, on_violation="report", details=True)
-
-    together = VectorStlMonitor(sync(makes, mode), SPECS, SIGNALS, details=True)
-    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
+    options: dict[str, Any] = {"on_violation": "report", "details": True}
+    together, singles = both(StlMonitor, VectorStlMonitor, makes, mode, SPECS, SIGNALS, **options)
     assert difference(trajectory(together, 30), trajectory(singles, 30)) == ""
 
 

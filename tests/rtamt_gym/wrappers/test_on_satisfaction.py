@@ -8,7 +8,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from environments import Env
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import RecordEpisodeStatistics
@@ -16,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from parallel_environments import Crew
 from replay import Replay, X, run
-from vector_environments import Make, difference, sync, trajectory
+from vector_environments import Make, both, difference, sync, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import ParallelStlMonitor, StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
@@ -119,17 +118,13 @@ def test_the_episode_of_all_agents_ends(how: Any) -> None:  # noqa: ANN401
     assert infos["b"]["is_success"] is True
 
 
-def series_env(values: list[float], end: str) -> Env:
-    return Replay(values, end)
-
-
 @pytest.mark.slow(keep=6)
 @pytest.mark.parametrize("how", ["terminate", "truncate"])
 @pytest.mark.parametrize("on_violation", ["report", "terminate", "truncate"])
 @pytest.mark.parametrize("reward", [False, True])
 def test_many_environments_end_as_each_does(how: str, on_violation: str, *, reward: bool) -> None:
     makes: list[Make] = [
-        functools.partial(series_env, series, end)
+        functools.partial(Replay, series, end)
         for series, end in (
             (SERIES, "terminated"),
             ([6.0, 2.0, 2.0], "truncated"),
@@ -138,22 +133,15 @@ def test_many_environments_end_as_each_does(how: str, on_violation: str, *, rewa
         )
     ]
     options: Any = {**OPTIONS, "on_satisfaction": how, "on_violation": on_violation}
-    shape: Any = {"mode": "potential", "bonus": 2.0, "penalty": 1.0, "clip": 9.0} if reward else {}
-    one: Any = functools.partial(StlReward if reward else StlMonitor, **shape)
-    many: Any = functools.partial(VectorStlReward if reward else VectorStlMonitor, **shape)
-
-    def wrapped(make: Make) -> Env:
-        made: Env = one(make(), SPECS, X, **options)
-        return made
-
-    mode = AutoresetMode.DISABLED
-    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
-    together = many(sync(makes, mode), SPECS, X, **options)
+    if reward:
+        options |= {"mode": "potential", "bonus": 2.0, "penalty": 1.0, "clip": 9.0}
+    one, many = (StlReward, VectorStlReward) if reward else (StlMonitor, VectorStlMonitor)
+    together, singles = both(one, many, makes, AutoresetMode.DISABLED, SPECS, X, **options)
     assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
 
 
 def test_environments_that_reset_by_themselves_cannot_be_ended() -> None:
-    makes: list[Make] = [functools.partial(series_env, SERIES, "terminated")]
+    makes: list[Make] = [functools.partial(Replay, SERIES, "terminated")]
     with pytest.raises(InputError) as caught:
         VectorStlMonitor(
             sync(makes, AutoresetMode.NEXT_STEP), SPECS, X, period=1, on_satisfaction="truncate"

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
 from replay import Replay, X, shaping_options
-from vector_environments import MODES, Make, difference, sync, trajectory
+from vector_environments import MODES, Make, both, difference, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import StlReward, VectorStlReward
@@ -156,10 +156,6 @@ def test_outcomes_of_arrays_are_those_of_floats(
     )
 
 
-def series_env(values: list[float], end: str) -> gym.Env[Any, Any]:
-    return Replay(values, end)
-
-
 @pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
@@ -168,17 +164,12 @@ def test_many_environments_pay_what_each_does(
     mode: Mode, end: str, autoreset: AutoresetMode
 ) -> None:
     makes: list[Make] = [
-        functools.partial(series_env, series, end)
+        functools.partial(Replay, series, end)
         for series in ([2.0, 6.0, 3.0], [2.0, 3.0, 0.0, 6.0], [9.0, 2.0, 2.0, 2.0, 2.0, 2.0])
     ]
     options: Any = {**shaping_options(mode, *SPECS), **OPTIONS, "bonus": 5.0, "penalty": 4.0}
     options |= {"observe": "obligations"}
-
-    def wrapped(make: Make) -> gym.Env[Any, Any]:
-        return StlReward(make(), SPECS, X, **options)
-
-    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
-    together = VectorStlReward(sync(makes, autoreset), SPECS, X, **options)
+    together, singles = both(StlReward, VectorStlReward, makes, autoreset, SPECS, X, **options)
     assert difference(trajectory(together, 16), trajectory(singles, 16)) == ""
 
 

@@ -1,7 +1,8 @@
-"""What `StlMonitor` cannot monitor is refused when it is built, and says the way out."""
+"""Errors of `StlMonitor` at construction, and errors that all wrappers share."""
 
 from __future__ import annotations
 
+import functools
 from fractions import Fraction
 from typing import Any
 
@@ -9,13 +10,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import MaxAndSkipObservation, TransformReward
+from replay import Replay, X
+from vector_environments import sync
 
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt_gym import StlMonitor
+from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
-X = {"x": "obs[0]"}
+ARGUMENTS: Any = ("always(abs(x) < 1)", X)
 
 
 class Timeless(gym.Env[Any, Any]):
@@ -26,6 +30,51 @@ class Timeless(gym.Env[Any, Any]):
 
     def __str__(self) -> str:
         return "<Timeless>"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"on_violation": "stop"},
+            "expected on_violation='terminate' or 'truncate' or 'report', got 'stop'",
+        ),
+        ({"view": "now"}, "expected view='episode' or 'step', got 'now'"),
+        ({"nan": "skip"}, "expected nan='raise' or 'hold' or 'unknown', got 'skip'"),
+        (
+            {"cost": "square"},
+            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
+        ),
+        (
+            {"buffer_length": -1},
+            "expected buffer_length= as an integer, 0 or more, got -1",
+        ),
+        (
+            {"at_termination": "open"},
+            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'open'",
+        ),
+        ({"at_truncation": None}, "expected at_truncation='complete' or 'cut' or 'open', got None"),
+        (
+            {"at_truncation": "failure"},
+            "expected at_truncation='complete' or 'cut' or 'open', got 'failure'",
+        ),
+        (
+            {"cost": "depth", "semantics": "boolean"},
+            (
+                'cost="depth" has no depth to measure under semantics="boolean", where a '
+                'robustness is +inf or -inf; take cost="violation"'
+            ),
+        ),
+    ],
+)
+def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str) -> None:
+    make = functools.partial(Replay, [3, 3])
+    envs = sync([make], AutoresetMode.NEXT_STEP)
+    wrappers: list[tuple[Any, Any]] = [(StlMonitor, make()), (VectorStlMonitor, envs)]
+    for wrapper, env in wrappers:
+        with pytest.raises(InputError) as caught:
+            wrapper(env, "always(x > 1)", X, **arguments)
+        assert str(caught.value) == message
 
 
 @pytest.mark.parametrize(
@@ -90,23 +139,6 @@ class Timeless(gym.Env[Any, Any]):
                 "0 to 0; it is Box(shape=(1,), dtype=float64)"
             ),
         ),
-        (
-            {"on_violation": "stop"},
-            InputError,
-            "expected on_violation='terminate' or 'truncate' or 'report', got 'stop'",
-        ),
-        ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
-        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold' or 'unknown', got 'skip'"),
-        (
-            {"cost": "square"},
-            InputError,
-            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
-        ),
-        (
-            {"buffer_length": -1},
-            InputError,
-            "expected buffer_length= as an integer, 0 or more, got -1",
-        ),
     ],
 )
 def test_what_cannot_be_monitored_is_refused_at_construction(
@@ -143,3 +175,55 @@ def test_a_bound_that_is_no_multiple_of_the_period_is_refused() -> None:
 def test_a_future_without_end_is_refused_in_the_step_view() -> None:
     with pytest.raises(SpecificationError, match="eventually"):
         StlMonitor(Timeless(), "x > 1 implies eventually(x < 1)", X, view="step")
+
+
+# ---- one environment, many, and several agents ----
+
+
+def refusal(wrapper: Any, env: object, **options: Any) -> str:  # noqa: ANN401 - a wrapper's class
+    with pytest.raises(InputTypeError) as caught:
+        wrapper(env, *ARGUMENTS, **options)
+    return str(caught.value)
+
+
+def test_many_environments_need_a_vector_wrapper() -> None:
+    envs = gym.make_vec("CartPole-v1", 2)
+    expected = (
+        f"expected an environment of Gymnasium, got {envs!r}; "
+        "VectorStlMonitor and VectorStlReward are for many environments at once"
+    )
+    assert refusal(StlMonitor, envs) == expected
+    assert refusal(StlReward, envs, mode="add") == expected
+
+
+def test_one_environment_needs_a_scalar_wrapper() -> None:
+    env = gym.make("CartPole-v1")
+    expected = (
+        f"expected a vector environment of Gymnasium, got {env!r}; "
+        "StlMonitor and StlReward are for one environment"
+    )
+    assert refusal(VectorStlMonitor, env) == expected
+    assert refusal(VectorStlReward, env, mode="add") == expected
+
+
+def test_several_agents_need_a_parallel_wrapper() -> None:
+    class Agents:
+        possible_agents = ("first", "second")
+
+        def __repr__(self) -> str:
+            return "<Agents>"
+
+    assert refusal(StlMonitor, Agents()) == (
+        "expected an environment of Gymnasium, got <Agents>; "
+        "ParallelStlMonitor is for several agents"
+    )
+
+
+def test_a_name_is_no_environment_yet() -> None:
+    assert refusal(StlMonitor, "CartPole-v1") == (
+        "expected an environment of Gymnasium, got 'CartPole-v1'; make it with gym.make"
+    )
+    assert refusal(VectorStlMonitor, "CartPole-v1") == (
+        "expected a vector environment of Gymnasium, got 'CartPole-v1'; make it with gym.make_vec, "
+        "envpool.make_gymnasium or pufferlib.vector.make"
+    )

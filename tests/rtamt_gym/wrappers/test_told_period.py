@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import MaxAndSkipObservation
 from parallel_environments import Crew
 from road_environments import RoadEnv
-from vector_environments import MODES, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Make, both, difference, native, sync, trajectory
 
 from rtamt import InputError, SpecificationError, StateError
 from rtamt_gym import (
@@ -109,11 +109,8 @@ def test_the_period_is_printed_described_and_in_the_info_of_a_reset() -> None:
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_many_environments_tell_it_where_episodes_begin(mode: AutoresetMode) -> None:
-    def wrapped() -> gym.Env[Any, Any]:
-        return StlMonitor(pole(), TIMED, X, on_violation="report")
-
-    together = VectorStlMonitor(sync([pole] * 3, mode), TIMED, X)
-    singles = sync([wrapped] * 3, mode)
+    how: dict[str, Any] = {"on_violation": "report"}
+    together, singles = both(StlMonitor, VectorStlMonitor, [pole] * 3, mode, TIMED, X, **how)
     shown = trajectory(together, 40)
     assert difference(shown, trajectory(singles, 40)) == ""
     told = [row[-1].get("_stl_period", np.zeros(3, bool)) for row in shown]

@@ -13,7 +13,7 @@ import pytest
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
-from vector_environments import MODES, Make, difference, sync, trajectory
+from vector_environments import MODES, Make, both, difference, sync, trajectory
 
 import rtamt
 from rtamt import InputError
@@ -95,12 +95,10 @@ def test_a_reset_without_the_key_says_so_and_proposes_no_number() -> None:
 def test_many_environments_are_asked_at_every_reset(mode: AutoresetMode) -> None:
     makes = [functools.partial(Distances, length, at_reset=True) for length in (2, 3)]
     signals: dict[str, Any] = {"d": "info['d']"}
-
-    def wrapped(make: Any) -> Any:  # noqa: ANN401
-        return StlMonitor(make(), "always(d < 3)", signals, on_violation="report")
-
-    together = VectorStlMonitor(sync(makes, mode), "always(d < 3)", signals)
-    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
+    how: dict[str, Any] = {"on_violation": "report"}
+    together, singles = both(
+        StlMonitor, VectorStlMonitor, makes, mode, "always(d < 3)", signals, **how
+    )
     assert difference(trajectory(together, 12), trajectory(singles, 12)) == ""
 
     class Later(Distances):
@@ -160,12 +158,8 @@ def test_lanes_begin_unknown_as_single_environments_do(mode: AutoresetMode) -> N
     makes = [functools.partial(Distances, length) for length in (2, 3)]
     signals = {**UNKNOWN, "d": ("info['d']", None)}
     text = "always[0:1](u < 1) and eventually(d < 1)"
-
-    def wrapped(make: Any) -> Any:  # noqa: ANN401
-        return StlMonitor(make(), text, signals, on_violation="report")
-
-    together = VectorStlMonitor(sync(makes, mode), text, signals)
-    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
+    how: dict[str, Any] = {"on_violation": "report"}
+    together, singles = both(StlMonitor, VectorStlMonitor, makes, mode, text, signals, **how)
     assert difference(trajectory(together, 12), trajectory(singles, 12)) == ""
 
 

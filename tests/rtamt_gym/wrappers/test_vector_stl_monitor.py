@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from environments import CASES, Case
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import DictInfoToList
 from replay import Replay, X
-from vector_environments import MODES, Envs, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Make, both, difference, native, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 from rtamt_gym.judging.costs import Cost
@@ -24,21 +24,7 @@ from rtamt_gym.wrappers.monitoring import OnViolation
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 
 
-def both(
-    makes: Sequence[Make],
-    mode: AutoresetMode,
-    specs: Any,  # noqa: ANN401
-    signals: dict[str, Any],
-    **options: Any,  # noqa: ANN401
-) -> tuple[VectorStlMonitor, Envs]:
-    """Monitored as one, and one by one."""
-    options = {"on_violation": "report", **options}
-
-    def wrapped(make: Make) -> gym.Env[Any, Any]:
-        return StlMonitor(make(), specs, signals, **options)
-
-    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
-    return VectorStlMonitor(sync(makes, mode), specs, signals, **options), singles
+monitored = functools.partial(both, StlMonitor, VectorStlMonitor, on_violation="report")
 
 
 # Of highway-env's environments the quick one will do.
@@ -68,7 +54,7 @@ def test_trajectories_and_infos_are_those_of_environments_wrapped_one_by_one(
         specs, name = {}, next(iter(signals))
         specs = {"low": f"{name} < 0.5", "calms": f"{name} > 0 implies eventually[0:0.5]({name}<0)"}
         signals = {name: signals[name]}
-    together, singles = both(
+    together, singles = monitored(
         bare(case), mode, specs, signals, view=view, details=True, cost="depth", period=0.1
     )
     steps = 14 if "parking" in case.env_id else 30
@@ -115,8 +101,9 @@ def test_every_outcome_of_several_specifications_is_that_of_single_environments(
 ) -> None:
     # When an instant violates a goal without a deadline is known at the end alone.
     specs = SPECS if cost in {"latched", "first"} else SPECS | {"peak": "eventually[0:2](x > 3.5)"}
-    together, singles = both(replays(end), mode, specs, SIGNALS, cost=cost, details=True, period=1)
-    assert isinstance(singles, SyncVectorEnv)
+    together, singles = monitored(
+        replays(end), mode, specs, SIGNALS, cost=cost, details=True, period=1
+    )
     assert difference(trajectory(together, 30), trajectory(singles, 30)) == ""
     samples = [env.get_wrapper_attr("samples") for env in singles.envs]
     assert together.samples.tolist() == samples
@@ -132,7 +119,7 @@ def test_every_outcome_of_several_specifications_is_that_of_single_environments(
 def test_what_the_last_sample_violates_comes_before_what_the_end_violates() -> None:
     makes = [functools.partial(Replay, [3, 3, 0])]
     specs = {"peak": "eventually(x > 5)", "high": "always(x > 1)"}
-    together, singles = both(makes, AutoresetMode.DISABLED, specs, X)
+    together, singles = monitored(makes, AutoresetMode.DISABLED, specs, X)
     shown = trajectory(together, 2)
     assert difference(shown, trajectory(singles, 2)) == ""
     assert [record["violated_by"] for record in together.stl_episodes] == ["high"]
@@ -140,7 +127,7 @@ def test_what_the_last_sample_violates_comes_before_what_the_end_violates() -> N
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
 def test_a_violation_ends_an_episode_where_the_caller_resets(on_violation: OnViolation) -> None:
-    together, singles = both(
+    together, singles = monitored(
         replays(), AutoresetMode.DISABLED, SPECS, SIGNALS, on_violation=on_violation, period=1
     )
     assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
@@ -159,7 +146,7 @@ def test_the_environments_own_success_is_kept(mode: AutoresetMode) -> None:
 
     makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 3))]
     signals = {**X, "v": ("info['speed']", 0.0)}
-    together, singles = both(makes, mode, "always(x > 1 and v < 9)", signals)
+    together, singles = monitored(makes, mode, "always(x > 1 and v < 9)", signals)
     assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
 
 
@@ -170,7 +157,7 @@ def test_success_is_added_for_environments_that_do_not_report_their_own() -> Non
         return env
 
     makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 0))]
-    together, singles = both(makes, AutoresetMode.NEXT_STEP, "always(x > 1)", X)
+    together, singles = monitored(makes, AutoresetMode.NEXT_STEP, "always(x > 1)", X)
     assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
 
 
@@ -184,7 +171,9 @@ def test_observations_and_infos_may_be_nested(mode: AutoresetMode) -> None:
         "w": ("info['list'][0]", 0.5),
     }
     specs = "always(x + n + a + v + w < 9)"
-    together, singles = both([functools.partial(Nested, n) for n in (2, 3)], mode, specs, signals)
+    together, singles = monitored(
+        [functools.partial(Nested, n) for n in (2, 3)], mode, specs, signals
+    )
     assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
 
 
@@ -230,7 +219,7 @@ def own(step: Step) -> Any:  # noqa: ANN401
 @modes
 def test_a_callable_reads_each_environment(mode: AutoresetMode) -> None:
     signals = {"h": height, "i": own, "r": (lambda step: step.reward, 0.0)}
-    together, singles = both(replays(), mode, "always(h + i + r > 1)", signals)
+    together, singles = monitored(replays(), mode, "always(h + i + r > 1)", signals)
     assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
 
 
@@ -298,7 +287,7 @@ def test_a_nan_may_keep_the_last_value_of_its_environment(mode: AutoresetMode, v
     nan = float("nan")
     traces = [[3.0, nan, 0.5, nan, nan], [2.0, 2.0, nan], [4.0, nan, nan, 0.0, 3.0, nan, 2.0]]
     text = "x > 1 implies eventually[0:2](x < 1)"
-    vector, singles = both(
+    vector, singles = monitored(
         [functools.partial(Replay, values) for values in traces],
         mode,
         f"always({text})" if view == "episode" else text,

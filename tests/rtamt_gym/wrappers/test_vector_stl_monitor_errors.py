@@ -40,22 +40,6 @@ WAY_OUT = (
             ),
         ),
         (
-            {"on_violation": "stop"},
-            InputError,
-            "expected on_violation='terminate' or 'truncate' or 'report', got 'stop'",
-        ),
-        ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
-        (
-            {"cost": "square"},
-            InputError,
-            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
-        ),
-        (
-            {"buffer_length": -1},
-            InputError,
-            "expected buffer_length= as an integer, 0 or more, got -1",
-        ),
-        (
             {"specs": "theta < 1"},
             SpecificationError,
             (

@@ -14,7 +14,7 @@ from environments import CASES
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import DtypeObservation
 from replay import Replay, X, shaping_options
-from vector_environments import MODES, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Make, both, difference, native, sync, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward
@@ -45,12 +45,9 @@ def compare(
 ) -> str:
     """Where the environments shaped as one differ from those shaped one by one."""
     options = {"on_violation": "report", **options}
-
-    def wrapped(make: Make) -> gym.Env[Any, Any]:
-        return StlReward(make(), specs, signals, **options)
-
-    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
-    together = VectorStlReward(sync(makes, autoreset), specs, signals, **options)
+    together, singles = both(
+        StlReward, VectorStlReward, makes, autoreset, specs, signals, **options
+    )
     assert together.observation_space == singles.observation_space
     assert together.single_observation_space == singles.single_observation_space
     return difference(trajectory(together, 16), trajectory(singles, 16))

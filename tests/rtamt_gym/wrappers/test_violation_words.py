@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from parallel_environments import Crew
 from replay import Replay, X, run
-from vector_environments import difference, sync, trajectory
+from vector_environments import both, difference, sync, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import (
@@ -88,18 +88,11 @@ CAST = [[3.0, 2.0, 3.0, 1.0, 3.0], [3.0, 3.0, 0.0, 3.0, 3.0], [2.0, 3.0, 3.0, 3.
 @pytest.mark.parametrize("words", [MIXED, {"a": "truncate", "b": "report", "c": "terminate"}])
 def test_vector_monitor_ends_as_wrapped_environments_do(words: dict[str, str]) -> None:
     options: dict[str, Any] = {**OPTIONS, "on_violation": words}
-
-    def bare(series: list[float]) -> gym.Env[Any, Any]:
-        return Replay(series, "terminated")
-
-    def wrapped(series: list[float]) -> gym.Env[Any, Any]:
-        return StlMonitor(bare(series), SPECS, X, **options)
-
-    def of(make: Any) -> Any:  # noqa: ANN401
-        return sync([functools.partial(make, each) for each in CAST], AutoresetMode.DISABLED)
-
-    outside = VectorStlMonitor(of(bare), SPECS, X, **options)
-    assert not difference(trajectory(outside, 9), trajectory(of(wrapped), 9))
+    makes = [functools.partial(Replay, series, "terminated") for series in CAST]
+    outside, singles = both(
+        StlMonitor, VectorStlMonitor, makes, AutoresetMode.DISABLED, SPECS, X, **options
+    )
+    assert not difference(trajectory(outside, 9), trajectory(singles, 9))
     ends = {(each["env"], each["terminated"]): each["samples"] for each in outside.stl_episodes}
     if words is MIXED:
         assert ends[0, False] == 4  # b at sample 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from replay import Replay, X, run, shaping_options
-from vector_environments import difference
+from vector_environments import both, difference, trajectory
 
 import rtamt
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
@@ -100,27 +101,13 @@ def test_many_environments_say_what_one_says_of_zeros(
     }
     texts = bare if view == "step" else {name: f"always({text})" for name, text in bare.items()}
     options: Any = {"period": 1, "cost": cost, "view": view, "details": True}
-
-    def make(row: Any) -> Any:  # noqa: ANN401
-        return lambda: Replay(row.tolist())
-
-    def monitored(row: Any) -> Any:  # noqa: ANN401
-        return lambda: StlMonitor(Replay(row.tolist()), texts, X, on_violation="report", **options)
-
-    many = VectorStlMonitor(
-        SyncVectorEnv([make(r) for r in traces], autoreset_mode=mode), texts, X, **options
+    makes = [functools.partial(Replay, row.tolist()) for row in traces]
+    envs = both(
+        StlMonitor, VectorStlMonitor, makes, mode, texts, X, on_violation="report", **options
     )
-    alone = SyncVectorEnv([monitored(r) for r in traces], autoreset_mode=mode)
-    shown: list[list[Any]] = []
-    zeros = 0
-    for envs in (many, alone):
-        shown.append([envs.reset(seed=3)])
-        for _ in range(9):
-            shown[-1].append(envs.step(np.zeros((6, 1))))
-            ended = np.logical_or(*shown[-1][-1][2:4])
-            if mode is AutoresetMode.DISABLED and ended.any():
-                shown[-1].append(envs.reset(options={"reset_mask": ended}))
+    shown = [trajectory(each, 9) for each in envs]
     assert difference(shown[0], shown[1]) == ""
+    zeros = 0
     for first, second in zip(*shown, strict=True):
         for key in ("robustness", "stl_lower", "stl_upper"):
             assert np.array_equal(np.signbit(first[-1][key]), np.signbit(second[-1][key])), key

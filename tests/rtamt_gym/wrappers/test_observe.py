@@ -1,24 +1,21 @@
-"""`observe="state"` of the monitors: what it appends, in every kind of environment."""
+"""`observe="state"` and `observe="obligations"`: the numbers that they append."""
 
 from __future__ import annotations
 
 import functools
 import pickle
 from collections.abc import Callable, Mapping
-from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from environments import CASES, Case, Env, continued, equal, restored, rollout
+from environments import CASES, Case, Env, equal, rollout
 from gymnasium import spaces
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import TimeLimit
 from replay import Replay, X
-from vector_environments import MODES, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Make, both, difference, native, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
@@ -86,53 +83,9 @@ def test_the_state_is_that_which_the_reward_shows(case: Case) -> None:
     assert equal([step[1:] for step in shown], [step[1:] for step in own])
 
 
-@pytest.mark.slow(keep=2)
-@cases
-@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
-def test_gymnasium_finds_no_fault(case: Case) -> None:
-    check_env(observing(case), skip_render_check=True)
-
-
-@pytest.mark.slow(keep=2)
-@cases
-def test_the_environment_is_made_again_from_its_specification_and_from_json(case: Case) -> None:
-    env = observing(case)
-    expected = rollout(env)
-    assert env.spec is not None
-    for spec in (env.spec, EnvSpec.from_json(env.spec.to_json())):
-        again = gym.make(spec)
-        assert str(again) == str(env)
-        assert again.observation_space == env.observation_space
-        assert equal(rollout(again), expected)
-        again.close()
-
-
-@pytest.mark.slow(keep=2)
-@cases
-@pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_in_mid_episode_continues_as_the_original(
-    case: Case, clone: Callable[[Env], Env]
-) -> None:
-    env = observing(case)
-    rollout(env, steps=4)
-    copy = restored(clone(env), env)
-    assert equal(continued(copy, 11, 6), continued(env, 11, 6))
-
-
-@pytest.mark.slow(keep=2)
-@cases
-def test_a_reset_shows_what_the_first_one_did(case: Case) -> None:
-    env = observing(case)
-    first = rollout(env)
-    assert equal(rollout(env), first)
-    env.reset(seed=7)
-    again, _ = env.reset(seed=7, options=None)
-    assert equal(again, first[0][0])
-
-
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("case", CASES[:2], ids=lambda case: case.env_id)
-def test_many_environments_show_what_each_does(case: Case, autoreset: AutoresetMode) -> None:
+def test_vector_state_matches_single_environments(case: Case, autoreset: AutoresetMode) -> None:
     makes: list[Make] = [
         functools.partial(gym.make, case.env_id, max_episode_steps=n) for n in (5, 30)
     ]
@@ -159,7 +112,7 @@ def make_placed(values: list[float], end: str) -> Env:
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
 @pytest.mark.parametrize("ending", ["complete", "failure"])
 @pytest.mark.parametrize("view", ["episode", "step"])
-def test_many_dictionaries_show_what_each_does(
+def test_vector_dictionaries_match_single_environments(
     view: str, end: str, ending: str, autoreset: AutoresetMode
 ) -> None:
     makes: list[Make] = [
@@ -178,12 +131,9 @@ def same(
 ) -> None:
     """Environments monitored as one show what those monitored one by one do."""
     options |= {"observe": "state", "clip": 2.0, "on_violation": "report"}
-
-    def wrapped(make: Make) -> Env:
-        return StlMonitor(make(), specs, signals, **options)
-
-    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
-    together = VectorStlMonitor(sync(makes, autoreset), specs, signals, **options)
+    together, singles = both(
+        StlMonitor, VectorStlMonitor, makes, autoreset, specs, signals, **options
+    )
     assert together.observation_space == singles.observation_space
     assert together.single_observation_space == singles.single_observation_space
     assert difference(trajectory(together, 16), trajectory(singles, 16)) == ""
@@ -258,6 +208,9 @@ def test_what_is_appended_twice_is_refused() -> None:
         "observe='state' of StlReward would append what observe='state' of the StlMonitor inside "
         "of it has appended already; give observe= to one of them"
     )
+    assert "observe='obligations' of StlReward would append what observe='state'" in refused(
+        lambda: StlReward(env, mode="add", observe="obligations")
+    )
     envs = VectorStlMonitor(native(2), "always(x > 1)", X, observe="state")
     assert refused(lambda: VectorStlReward(envs, mode="add", observe="state")) == (
         "observe='state' of VectorStlReward would append what observe='state' of the "
@@ -294,3 +247,172 @@ def test_signals_read_the_observation_of_the_environment() -> None:
         "signal 'x': obs[4] does not fit: the observation space has 4 elements there, 0 to 3; it "
         "is Box(shape=(4,), dtype=float32)"
     )
+
+
+# ---- pending obligations ----
+
+
+obligation_cases = pytest.mark.parametrize("case", CASES[:3], ids=lambda case: case.env_id)
+
+
+def with_obligations(case: Case, **options: Any) -> Env:  # noqa: ANN401
+    return case.monitored(**{"observe": "obligations", "clip": 0.5, **options})
+
+
+def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:  # noqa: ANN401
+    """Of each sample what is appended behind the five numbers of the state."""
+    arguments: Any = {"period": 1, "on_violation": "report", "clip": 9.0}
+    env = StlMonitor(Replay(series, "none"), text, X, observe="obligations", **arguments | options)
+    obs, _ = env.reset()
+    found = [obs[6:].tolist()]
+    for _ in series[1:]:
+        obs, *_ = env.step(np.array([0.5]))
+        assert env.observation_space.contains(obs)
+        found.append(obs[6:].tolist())
+    return found
+
+
+def clocks(text: str, series: list[float], **options: Any) -> list[float]:  # noqa: ANN401
+    return [round(numbers[0], 3) for numbers in shown(text, series, **options)]
+
+
+@pytest.mark.parametrize("arguments", [{}, {"view": "step"}])
+def test_a_patrol_counts_from_the_reset_and_from_every_visit(arguments: dict[str, Any]) -> None:
+    text = "eventually[0:4](x > 0)" if arguments else "always(eventually[0:4](x > 0))"
+    series = [-1.0, -2.0, -1.0, 3.0, 2.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 1.0]
+    assert clocks(text, series, **arguments) == [
+        *(0.2, 0.4, 0.6),
+        *(0.0, 0.0),
+        *(0.2, 0.4, 0.6, 0.8, 1.0, 1.0),
+        0.0,
+    ]
+    assert [margin for _, margin in shown(text, series, **arguments)] == series
+
+
+def test_an_answer_is_owed_from_the_oldest_request_on() -> None:
+    text = "always(x > 3 implies eventually[0:3](x < 0))"
+    series = [1.0, 4.0, 1.0, 4.0, -1.0, 1.0, 4.0, 1.0, 1.0, 1.0]
+    assert clocks(text, series) == [0.0, 0.25, 0.5, 0.75, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0]
+
+
+def test_a_duty_lasts_from_the_newest_request_on() -> None:
+    text = "always(x > 3 implies always[0:4](x > 0))"
+    series = [1.0, 4.0, 1.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    assert clocks(text, series) == [0.0, 1.0, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0]
+
+
+def test_what_must_be_held_is_counted_while_it_is() -> None:
+    text = "eventually(always[0:3](x > 0))"
+    series = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    assert clocks(text, series) == [0.25, 0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0]
+
+
+@obligation_cases
+def test_nothing_but_the_observation_changes(case: Case) -> None:
+    env, own = with_obligations(case), with_obligations(case, observe=None)
+    assert equal([step[1:] for step in rollout(env)], [step[1:] for step in rollout(own)])
+
+
+@obligation_cases
+def test_the_first_five_numbers_are_those_of_the_state(case: Case) -> None:
+    env, state = with_obligations(case), with_obligations(case, observe="state")
+    places = [
+        place
+        for place, what in enumerate(env.get_wrapper_attr("observed"))
+        if what.split(": ", 1)[1] in {"robustness", "lower", "upper", "time left", "verdict"}
+    ]
+    width = state.observation_space.shape[0] - len(places)  # type: ignore[index]
+    for (obs, *_), (expected, *_) in zip(rollout(env), rollout(state), strict=True):
+        assert obs[:width].tolist() == expected[:width].tolist()
+        assert obs[width:][places].tolist() == expected[width:].tolist()
+
+
+@obligation_cases
+def test_a_reward_around_shows_the_same(case: Case) -> None:
+    inside = rollout(with_obligations(case))
+    rewarded = StlReward(
+        TimeLimit(with_obligations(case, observe=None), 99),
+        mode="add",
+        observe="obligations",
+        clip=0.5,
+    )
+    assert equal([step[0] for step in rollout(rewarded)], [step[0] for step in inside])
+
+
+TEXTS = {
+    "patrol": "always(eventually[0:3](x > 2))",
+    "answer": "always(x > 3 implies eventually[1:4](x < 0))",
+    "dwell": "eventually(x < 9 and always[0:2](x > 0))",
+    "deep": "always(eventually[0:4](always[0:2](x > 0)))",
+    "wait": "always(x > 3 implies (x > 0 until[0:4] x > 5))",
+    "past": "always(x > 3 implies once[0:2](x < 0)) and eventually(x > 7)",
+}
+OWED_SERIES = [1.0, 4.0, -1.0, 2.0, 5.0, 6.0, 1.0, 1.0, 4.0, 1.0, -2.0, 3.0, 3.0, 3.0]
+
+
+@pytest.mark.slow(keep=4)
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("reward", [False, True])
+def test_vector_obligations_match_single_environments(
+    end: str, autoreset: AutoresetMode, *, reward: bool
+) -> None:
+    makes: list[Make] = [
+        functools.partial(Replay, values, end)
+        for values in (OWED_SERIES, OWED_SERIES[3:9], OWED_SERIES[5:8], OWED_SERIES[::-1])
+    ]
+    options: Any = {"observe": "obligations", "clip": 5.0, "on_violation": "report", "period": 1}
+    options |= {"at_termination": "complete"}
+    options |= {"mode": "potential"} if reward else {}
+    one, many = (StlReward, VectorStlReward) if reward else (StlMonitor, VectorStlMonitor)
+    together, singles = both(one, many, makes, autoreset, TEXTS, X, **options)
+    assert together.observation_space == singles.observation_space
+    assert difference(trajectory(together, 40), trajectory(singles, 40)) == ""
+
+
+def test_native_vector_environments_show_obligations_too() -> None:
+    envs = VectorStlMonitor(
+        native(3), "always(eventually[0:0.1](a > 0.01))", {"a": "obs[2]"}, observe="obligations"
+    )
+    obs, _ = envs.reset(seed=3)
+    assert envs.observation_space.contains(obs)
+    copy = pickle.loads(pickle.dumps(envs))
+    actions = np.ones(3, np.int64)
+    ahead = [envs.step(actions) for _ in range(12)]
+    assert difference([copy.step(actions) for _ in range(12)], ahead) == ""
+
+
+def test_sub_steps_count_for_clocks() -> None:
+    env = StlMonitor(
+        gym.make("HalfCheetah-v5"),
+        "always(eventually[0:1](pitch > 9))",
+        {"pitch": "qpos[2]"},
+        substeps=True,
+        observe="obligations",
+    )
+    env.reset(seed=1)
+    obs, *_ = env.step(np.zeros(6))
+    assert obs[-2] == np.float32(6 / 101)  # the sample of the reset and five of the step
+
+
+def test_costs_are_charged_beside_them() -> None:
+    options: Any = {"cost": "violation", "period": 1, "on_violation": "report"}
+    plain = StlMonitor(Replay(OWED_SERIES), TEXTS["answer"], X, **options)
+    env = StlMonitor(Replay(OWED_SERIES), TEXTS["answer"], X, observe="obligations", **options)
+    assert equal([step[1:] for step in rollout(env)], [step[1:] for step in rollout(plain)])
+
+
+def test_the_numbers_have_names() -> None:
+    env = StlMonitor(Replay([1.0]), TEXTS, X, period=1, observe="obligations")
+    assert env.observed[:8] == [
+        "patrol: robustness",
+        "patrol: lower",
+        "patrol: upper",
+        "patrol: time left",
+        "patrol: verdict",
+        "patrol: clock of eventually[0:3](x > 2)",
+        "patrol: margin of x > 2",
+        "answer: robustness",
+    ]
+    assert len(env.observed) == env.observation_space.shape[0] - 1  # type: ignore[index]
+    assert StlMonitor(Replay([1.0]), TEXTS, X, period=1).observed == []
