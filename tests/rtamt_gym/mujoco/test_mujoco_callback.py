@@ -42,7 +42,7 @@ def test_every_state_is_seen_once(integrator: str) -> None:
     model, data = arm(integrator)
     seen = []
 
-    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+    def look(_model: Any, data: Any) -> float:
         seen.append(data.qpos[0])
         return 0.0
 
@@ -75,7 +75,7 @@ def test_a_compiled_controller_goes_on_with_its_pointers_and_is_put_back(integra
     model, data = arm(integrator)
     given: list[tuple[int, int]] = []
 
-    def note(model: Any, data: Any) -> None:  # noqa: ANN401
+    def note(model: Any, data: Any) -> None:
         pointers = (ctypes.cast(each, ctypes.c_void_p).value for each in (model, data))
         given.append(tuple(each or 0 for each in pointers))  # type: ignore[arg-type]
 
@@ -109,7 +109,7 @@ def test_forwards_in_between_are_no_samples() -> None:
     assert monitor.samples == 21
 
 
-def try_state(model: Any, data: Any) -> None:  # noqa: ANN401
+def try_state(model: Any, data: Any) -> None:
     """Evaluate another state and put the old one back, as inverse kinematics does."""
     old = data.qpos.copy()
     data.qpos[:] = 5.0
@@ -205,7 +205,7 @@ def test_other_simulations_are_left_alone() -> None:
     env = gym.make("InvertedPendulum-v5")
     seen: list[float] = []
 
-    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+    def look(_model: Any, data: Any) -> float:
         # Late after a step, in time inside of the next one.
         seen.append(float(data.site("grip").xpos[2]))
         return 0.0
@@ -236,12 +236,12 @@ def test_two_monitors_may_be_attached() -> None:
     assert one.details == two.details
 
 
-def nothing(_model: Any, _data: Any) -> None:  # noqa: ANN401
+def nothing(_model: Any, _data: Any) -> None:
     """A controller that does nothing."""
 
 
 @pytest.mark.parametrize("before", [None, nothing])
-def test_the_slot_is_as_it_was_after_an_error_of_the_program(before: Any) -> None:  # noqa: ANN401
+def test_the_slot_is_as_it_was_after_an_error_of_the_program(before: Any) -> None:
     model, data = arm()
 
     def program() -> None:
@@ -261,7 +261,7 @@ def test_the_slot_is_as_it_was_after_an_error_of_the_program(before: Any) -> Non
 def test_an_error_of_a_signal_is_raised_at_the_end_and_not_through_mujoco() -> None:
     model, data = arm()
 
-    def read(_model: Any, data: Any) -> float:  # noqa: ANN401
+    def read(_model: Any, data: Any) -> float:
         return float("nan") if data.time > 0.045 else 0.0
 
     monitor = StepMonitor(model, data, "always(x < 1)", {"x": read})
@@ -332,7 +332,7 @@ def test_the_last_sample_is_derived_too_where_the_monitor_derives(integrator: st
     model, data = arm(integrator)
     seen: list[float] = []
 
-    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+    def look(_model: Any, data: Any) -> float:
         seen.append(float(data.sensor("rate").data[0]))
         return 0.0
 

@@ -135,7 +135,7 @@ def test_bounds_count_steps_with_a_period_of_1() -> None:
         ("qpos[8]", "signal 'x': qpos[8] does not fit: qpos has 8 elements, 0 to 7"),
     ],
 )
-def test_what_is_not_in_a_rollout_is_refused(reads: Any, message: str) -> None:  # noqa: ANN401
+def test_what_is_not_in_a_rollout_is_refused(reads: Any, message: str) -> None:
     model, _, _, states, _ = rolled_out("Euler")
     with pytest.raises(InputError) as refused:
         evaluate_rollouts(model, "always(x > 0)", {"x": reads}, states)

@@ -36,7 +36,7 @@ SIGNALS = {
 }
 
 
-def looks(model: Any) -> dict[str, Callable[[Any], float]]:  # noqa: ANN401
+def looks(model: Any) -> dict[str, Callable[[Any], float]]:
     """What the signals mean, read as one reads it without selectors."""
     pair = {model.geom("skin").id, model.geom("floor").id}
     return {
@@ -138,7 +138,7 @@ def test_what_is_derived_is_late_by_a_step_unless_it_is_derived_again(integrator
     model, _ = arm(integrator)
     scratch = mujoco.MjData(model)
 
-    def height(data: Any) -> float:  # noqa: ANN401
+    def height(data: Any) -> float:
         scratch.qpos[:] = data.qpos
         mujoco.mj_kinematics(model, scratch)
         return float(scratch.site("grip").xpos[2])
@@ -188,7 +188,7 @@ def test_a_controller_can_react_to_the_robustness() -> None:
     monitor = StepMonitor(model, data, "always(x < 0.5)", {"x": "qpos[0]"})
     seen = []
 
-    def retreat(_model: Any, data: Any) -> None:  # noqa: ANN401
+    def retreat(_model: Any, data: Any) -> None:
         seen.append(monitor.robustness)
         data.ctrl[0] = 0.1 if monitor.robustness > 0.4 else -0.1
 
@@ -277,7 +277,7 @@ def test_the_step_view_speaks_of_every_instant() -> None:
     assert monitor.violated_at == next(i for i, value in enumerate(expected) if value < 0)
 
 
-def height(_model: Any, data: Any) -> float:  # noqa: ANN401
+def height(_model: Any, data: Any) -> float:
     return float(data.qpos[4])
 
 

@@ -87,7 +87,7 @@ def test_a_model_and_its_data_are_expected_in_this_order() -> None:
     assert str(caught.value) == "expected an MjModel and its MjData, got MjData and MjModel"
 
 
-def disturbed(data: Any, model: Any, how: str) -> None:  # noqa: ANN401
+def disturbed(data: Any, model: Any, how: str) -> None:
     match how:
         case "reset":
             mujoco.mj_resetData(model, data)
@@ -102,10 +102,7 @@ def disturbed(data: Any, model: Any, how: str) -> None:  # noqa: ANN401
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("how", ["reset", "step", "timestep", "unstable"])
 def test_a_simulation_that_leaves_its_course_is_noticed_within_16_samples(
-    integrator: str,
-    how: str,
-    tmp_path: Any,  # noqa: ANN401
-    monkeypatch: pytest.MonkeyPatch,
+    integrator: str, how: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log about what is unstable
     model, data = arm(integrator)
@@ -180,7 +177,7 @@ def test_a_nan_ends_the_run_and_a_reset_begins_another() -> None:
     model, data = arm()
     values = [0.5, 0.5, math.nan, 0.5, 0.5]
 
-    def read(_model: Any, _data: Any) -> float:  # noqa: ANN401
+    def read(_model: Any, _data: Any) -> float:
         return values.pop(0)
 
     monitor = StepMonitor(model, data, "always(x < 1)", {"x": read})
@@ -197,7 +194,7 @@ def test_a_nan_ends_the_run_and_a_reset_begins_another() -> None:
 def test_a_nan_may_keep_the_last_value() -> None:
     values = [0.5, math.nan, math.nan, 0.25, math.nan]
 
-    def read(_model: Any, _data: Any) -> float:  # noqa: ANN401
+    def read(_model: Any, _data: Any) -> float:
         return values.pop(0)
 
     monitor = StepMonitor(*arm(), "always(x < 1)", {"x": read}, nan="hold")
@@ -207,7 +204,7 @@ def test_a_nan_may_keep_the_last_value() -> None:
 
 
 def test_a_callable_that_gives_no_number_is_named() -> None:
-    def tell(_model: Any, _data: Any) -> str:  # noqa: ANN401
+    def tell(_model: Any, _data: Any) -> str:
         return "high"
 
     monitor = StepMonitor(*arm(), "always(x < 1)", {"x": tell})  # type: ignore[dict-item]
@@ -253,7 +250,7 @@ def test_a_controller_that_fails_ends_the_run_but_not_the_monitor() -> None:
     model, data = arm()
     monitor = StepMonitor(model, data, "always(x < 9)", X)
 
-    def fail(_model: Any, data: Any) -> None:  # noqa: ANN401
+    def fail(_model: Any, data: Any) -> None:
         if data.time > 0.045:
             raise ZeroDivisionError
 

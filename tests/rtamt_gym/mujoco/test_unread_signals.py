@@ -19,7 +19,7 @@ READ = {"angle": "joint:shoulder.qpos"}
 def counted(count: list[float]) -> dict[str, Any]:
     """Signals around the one that is read; the last counts how often it is called."""
 
-    def calls(_model: Any, data: Any) -> float:  # noqa: ANN401
+    def calls(_model: Any, data: Any) -> float:
         count.append(float(data.time))
         return len(count)
 
@@ -68,7 +68,7 @@ def test_a_run_records_them_as_those_of_the_simulation_itself() -> None:
     model, data = arm("Euler")
     signals: dict[str, Any] = {"speed": "qvel[0]", **READ, "rate": "ctrl[0]"}
 
-    def act(_model: Any, data: Any) -> None:  # noqa: ANN401
+    def act(_model: Any, data: Any) -> None:
         data.ctrl[0] = 1 - data.time
 
     run = simulate(StepMonitor(model, data, HELD, signals), policy=act, duration=0.3)

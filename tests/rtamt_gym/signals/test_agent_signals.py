@@ -52,7 +52,7 @@ READINGS: list[tuple[SignalLike, float]] = [
 
 @pytest.mark.parametrize("at", range(len(AGENTS)))
 @pytest.mark.parametrize(("reading", "number"), READINGS)
-def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at: int) -> None:  # noqa: ANN401
+def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at: int) -> None:
     written = ["scout_0: ", " scout_1 :", '"\'s:2": '][at]
     value = (written + reading[0], 5.0) if isinstance(reading, tuple) else written + reading
     signal = parse(value)
@@ -80,7 +80,7 @@ def test_a_callable_gets_the_step_of_all_agents(agents: list[str]) -> None:
 
 
 @pytest.mark.parametrize(("reading", "number"), READINGS)
-def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None:  # noqa: ANN401
+def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None:
     pair = isinstance(reading, tuple)
     text = f"scout_1: {reading[0] if pair else reading}"
     value = (text, 0.0) if pair else text

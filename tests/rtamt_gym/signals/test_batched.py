@@ -40,15 +40,15 @@ def pole() -> gym.Env[Any, Any]:
     return gym.make("CartPole-v1", max_episode_steps=12)
 
 
-def poles(mode: AutoresetMode = AutoresetMode.NEXT_STEP) -> Any:  # noqa: ANN401
+def poles(mode: AutoresetMode = AutoresetMode.NEXT_STEP) -> Any:
     return sync([pole] * FOUR, mode)
 
 
-def native(num: int = FOUR) -> Any:  # noqa: ANN401
+def native(num: int = FOUR) -> Any:
     return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
 
 
-def first(envs: Any, seed: int = 3) -> Any:  # noqa: ANN401
+def first(envs: Any, seed: int = 3) -> Any:
     return envs.reset(seed=seed)[1]["robustness"].tolist()
 
 
@@ -95,11 +95,11 @@ class Told(gym.Env[Any, Any]):
     def __init__(self, number: int) -> None:
         self.number = number
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
         super().reset(seed=seed, options=options)
         return self.shown(), {"begun": True}
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401
+    def step(self, action: Any) -> Any:
         info = {"deep": {"n": 0.5 * self.number}, "name": "told"}
         return self.shown(), float(action[0]), False, False, info
 
@@ -107,7 +107,7 @@ class Told(gym.Env[Any, Any]):
         return {"at": self.number, "deep": np.full(2, self.number, np.float32)}
 
 
-def of_told(step: Step) -> Any:  # noqa: ANN401
+def of_told(step: Step) -> Any:
     value = step.obs["at"] + 10.0 * step.obs["deep"][1] + 100.0 * step.env.unwrapped.number
     if step.action is None:
         return value if step.info == {"begun": True} and step.reward is None else -1.0
@@ -164,7 +164,7 @@ def test_an_info_that_is_one_for_all_is_that_of_each() -> None:
         action_space = spaces.MultiDiscrete([2, 2])
         metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
-        def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+        def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ARG002
             own = np.array([1.0, 2.0])
             return own[:, None].astype(np.float32), {
                 "own": own,
@@ -197,7 +197,7 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
 def test_arrays_of_several_shapes_are_no_numbers() -> None:
     sizes = iter([1, 3, 2])
 
-    def read(_: Step) -> Any:  # noqa: ANN401
+    def read(_: Step) -> Any:
         return np.zeros(next(sizes, 1))
 
     envs = VectorStlMonitor(native(3), SPEC, {"x": read})
@@ -218,7 +218,7 @@ def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:
 def test_a_marked_function_is_called_once_a_step_after_its_first_calls() -> None:
     sizes: list[int] = []
 
-    def count(step: Step) -> Any:  # noqa: ANN401
+    def count(step: Step) -> Any:
         sizes.append(len(step.obs))
         return step.obs[:, 0]
 
@@ -269,7 +269,7 @@ def test_a_marked_function_that_mixes_environments_is_refused(
 
 
 def test_what_mixes_environments_at_steps_alone_is_refused_there() -> None:
-    def mixed(step: Step) -> Any:  # noqa: ANN401
+    def mixed(step: Step) -> Any:
         if step.action is None:
             return step.obs[:, 0]
         return step.obs[:, 0] * len(step.obs)
@@ -305,7 +305,7 @@ def test_an_evaluation_reads_both_kinds_alike_however_many_run_side_by_side(n_en
 def test_one_environment_gives_a_batch_of_one() -> None:
     shapes = []
 
-    def look(step: Step) -> Any:  # noqa: ANN401
+    def look(step: Step) -> Any:
         shapes.append((step.obs["deep"].shape, step.obs["at"].shape, step.info))
         return step.obs["deep"][:, 0]
 
@@ -329,7 +329,7 @@ def test_recorded_episodes_are_read_at_once_by_a_marked_function() -> None:
     }
     sizes = []
 
-    def difference_of(step: Step) -> Any:  # noqa: ANN401
+    def difference_of(step: Step) -> Any:
         assert step.env is None
         sizes.append(len(step.obs))
         return step.obs[:, 0] - step.obs[:, 1]

@@ -76,7 +76,7 @@ def acted(step: Step) -> float:
     return float(step.action[0])
 
 
-def paid(step: Step) -> Any:  # noqa: ANN401
+def paid(step: Step) -> Any:
     return step.reward
 
 
@@ -89,9 +89,7 @@ def paid(step: Step) -> Any:  # noqa: ANN401
     ],
 )
 def test_a_function_of_what_no_reset_has_is_told_to_say_it(
-    run: Callable[[Any], None],
-    read: Any,  # noqa: ANN401
-    message: str,
+    run: Callable[[Any], None], read: Any, message: str
 ) -> None:
     with pytest.raises(rtamt.RtamtError) as caught:
         run(read)
@@ -116,18 +114,18 @@ def test_an_error_at_a_step_names_the_signal(run: Callable[[Any], None]) -> None
 
 
 def test_an_error_at_a_step_of_many_environments_names_the_signal() -> None:
-    def read(step: Step) -> Any:  # noqa: ANN401
+    def read(step: Step) -> Any:
         return 0.0 if step.reward is None else 1.0 / step.reward["x"]
 
     with pytest.raises(InputError, match=r"^signal 'x': .*read raised IndexError: invalid index"):
         vector(read)
 
 
-def monitored(model: Any, data: Any, read: Callable[..., float]) -> None:  # noqa: ANN401
+def monitored(model: Any, data: Any, read: Callable[..., float]) -> None:
     StepMonitor(model, data, "always(z < 1)", {"z": read}).run(1)
 
 
-def rolled(model: Any, data: Any, read: Callable[..., float]) -> None:  # noqa: ANN401
+def rolled(model: Any, data: Any, read: Callable[..., float]) -> None:
     simulate((model, data), "always(z < 1)", {"z": read}, duration=1)
 
 
@@ -140,7 +138,7 @@ def test_an_error_in_a_loop_of_mujoco_names_the_signal(loop: Callable[..., None]
     data = mujoco.MjData(model)
     given = []
 
-    def height(model: Any, data: Any) -> float:  # noqa: ANN401
+    def height(model: Any, data: Any) -> float:
         given.append((model, data))
         return float(data.qpos[99 if len(given) > 3 else 0])
 
@@ -182,7 +180,7 @@ def test_an_interrupt_is_not_an_error_of_the_signal() -> None:
 
 
 def test_a_callable_that_takes_the_step_for_the_observation_is_told_what_it_is_given() -> None:
-    def place(obs: Any) -> float:  # noqa: ANN401 - as a newcomer writes it
+    def place(obs: Any) -> float:
         return obs[0]  # type: ignore[no-any-return]  # the whole observation
 
     env = StlMonitor(gym.make("CartPole-v1"), "always(x < 1)", {"x": place})

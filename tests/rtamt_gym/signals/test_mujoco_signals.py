@@ -21,7 +21,7 @@ from rtamt_gym.signals.signals import ParsedSignal
 from rtamt_gym.signals.sources import MUJOCO
 
 
-def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:  # noqa: ANN401
+def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:
     return bind_signal(ParsedSignal.parse("x", selector, MUJOCO), model, data)
 
 
@@ -68,7 +68,7 @@ def test_a_selector_reads_what_mujoco_has_under_that_name(
     assert read() == expected(data)
 
 
-def contacts(model: Any, data: Any, one: set[int], two: set[int]) -> tuple[float, float]:  # noqa: ANN401
+def contacts(model: Any, data: Any, one: set[int], two: set[int]) -> tuple[float, float]:
     """Whether geoms of the two sets push each other, and how strongly."""
     touch, total, wrench = 0.0, 0.0, np.zeros(6)
     for i in range(data.ncon):
@@ -184,10 +184,7 @@ UNFIT = [
         "body:hand.xpos[3]",
         ("signal 'x': body:hand.xpos[3] does not fit: body:hand.xpos has 3 elements, 0 to 2"),
     ),
-    (
-        "sensor:rate[1]",
-        "signal 'x': sensor:rate[1] does not fit: sensor:rate has 1 element, [0]",
-    ),
+    ("sensor:rate[1]", "signal 'x': sensor:rate[1] does not fit: sensor:rate has 1 element, [0]"),
     ("act[0]", "signal 'x': act[0] does not fit: act has no elements"),
     ("body:hand.xpos", "signal 'x': expected one index, body:hand.xpos[0], got body:hand.xpos"),
     ("qpos[0][0]", "signal 'x': expected one index, qpos[0], got qpos[0][0]"),
@@ -223,7 +220,7 @@ def test_what_is_derived_again_leaves_the_warm_start(monkeypatch: pytest.MonkeyP
     before = data.qacc_warmstart.copy()
     forward = mujoco.mj_forward
 
-    def as_in_older_versions(model: Any, data: Any) -> None:  # noqa: ANN401
+    def as_in_older_versions(model: Any, data: Any) -> None:
         forward(model, data)
         data.qacc_warmstart[:] = data.qacc
 

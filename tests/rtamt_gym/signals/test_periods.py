@@ -30,7 +30,7 @@ class Bare(gym.Env[Any, Any]):
     observation_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
     action_space: spaces.Space[Any] = spaces.Box(-1.0, 1.0, (2,))
 
-    def reset(self, **_: Any) -> Any:  # noqa: ANN401
+    def reset(self, **_: Any) -> Any:
         return np.zeros(1), {}
 
     def __str__(self) -> str:
@@ -114,7 +114,7 @@ def test_an_environment_that_holds_one_has_its_period() -> None:
     ],
     ids=["nothing", "without", "two", "other actions", "deeper", "skips"],
 )
-def test_the_period_of_what_an_environment_holds_is_not_guessed(inside: Any) -> None:  # noqa: ANN401
+def test_the_period_of_what_an_environment_holds_is_not_guessed(inside: Any) -> None:
     message = (
         "specification 'spec' has bounds in time, but <Bare> does not say how long a step lasts: "
         "there is no dt, tau or config['policy_frequency'] in it, or in an environment inside it; "
@@ -147,7 +147,7 @@ class Made:
         self.made.append(Closing(self.make()))
         return self.made[-1]
 
-    def __reduce__(self) -> Any:  # noqa: ANN401
+    def __reduce__(self) -> Any:
         return type(self), (self.make,)
 
 
@@ -269,7 +269,7 @@ def test_highway_verdicts_count_the_time_of_the_physics() -> None:
 
 @pytest.mark.parametrize("wrap", [StlMonitor, StlReward])
 @pytest.mark.parametrize("period", [None, 1, 0.1])
-def test_highway_action_without_physics_error(wrap: Any, period: float | None) -> None:  # noqa: ANN401
+def test_highway_action_without_physics_error(wrap: Any, period: float | None) -> None:
     how = {"mode": "add"} if wrap is StlReward else {}
     for text in ("always[0:1](d < 9)", "always(d < 9)"):
         with pytest.raises(InputError) as caught:
@@ -299,7 +299,7 @@ def test_highway_action_without_physics_error_elsewhere() -> None:
 # ---- control rates ----
 
 
-def stating(**times: Any) -> Any:  # noqa: ANN401 - an environment with attributes of its own
+def stating(**times: Any) -> Any:
     env = Bare()
     vars(env).update(times)
     return env
@@ -324,7 +324,7 @@ def stating(**times: Any) -> Any:  # noqa: ANN401 - an environment with attribut
     ],
     ids=lambda value: re.sub(r" at 0x\w+", "", str(value)),
 )
-def test_control_rate_precedes_physics_step(times: Any, period: float, name: str) -> None:  # noqa: ANN401
+def test_control_rate_precedes_physics_step(times: Any, period: float, name: str) -> None:
     found: Any = find_period(stating(**times))
     assert found == (pytest.approx(period), name)
 
@@ -336,10 +336,7 @@ def test_control_rate_precedes_physics_step(times: Any, period: float, name: str
             {"control_hz": 30, "dt": 0.01},
             "control_hz (0.0333333 s) is not a multiple of dt (0.01 s)",
         ),
-        (
-            {"control_freq": 100, "dt": 0.1},
-            "control_freq (0.01 s) is not a multiple of dt (0.1 s)",
-        ),
+        ({"control_freq": 100, "dt": 0.1}, "control_freq (0.01 s) is not a multiple of dt (0.1 s)"),
         (
             {"control_freq": 30, "sim_freq": 100},
             "control_freq (0.0333333 s) is not a multiple of sim_freq (0.01 s)",
@@ -352,7 +349,7 @@ def test_control_rate_precedes_physics_step(times: Any, period: float, name: str
     ],
     ids=str,
 )
-def test_contradicting_times_error(times: Any, reason: str) -> None:  # noqa: ANN401
+def test_contradicting_times_error(times: Any, reason: str) -> None:
     env = stating(**times)
     assert read_period(env) is None
     assert why_no_period(env).startswith(reason)
@@ -375,7 +372,7 @@ def test_unverified_dt_warns() -> None:
     )
 
     class Counted(Point):
-        def step(self, _: Any) -> Any:  # noqa: ANN401
+        def step(self, _: Any) -> Any:
             return np.zeros(1), 0.0, False, True, {}
 
     def run() -> object:

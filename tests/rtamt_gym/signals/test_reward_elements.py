@@ -22,33 +22,33 @@ SERIES = [0.0, 0.0, 0.0, 0.0]
 class Objectives(Replay):
     """The reward of step k is (k, 10 k)."""
 
-    def step(self, action: object) -> Any:  # noqa: ANN401
+    def step(self, action: object) -> Any:
         obs, reward, *rest = super().step(action)
         return obs, np.array([reward, 10 * reward]), *rest
 
 
 class ObjectivesOfAll(VectorWrapper):
-    def step(self, actions: Any) -> Any:  # noqa: ANN401
+    def step(self, actions: Any) -> Any:
         obs, rewards, *rest = super().step(actions)
         return obs, np.stack([rewards, 10 * rewards], axis=1), *rest
 
 
 class ObjectivesOfAgents(Crew):
-    def step(self, actions: dict[str, Any]) -> Any:  # noqa: ANN401
+    def step(self, actions: dict[str, Any]) -> Any:
         obs, rewards, *rest = super().step(actions)
         return obs, {agent: np.array([1.0, 10.0]) for agent in rewards}, *rest
 
 
-def monitor_one(selector: str, **options: Any) -> Any:  # noqa: ANN401
+def monitor_one(selector: str, **options: Any) -> Any:
     return StlMonitor(Objectives(SERIES), SPEC, {"r": (selector, 0.0)}, **options)
 
 
-def monitor_many(selector: str, **options: Any) -> Any:  # noqa: ANN401
+def monitor_many(selector: str, **options: Any) -> Any:
     envs: Any = ObjectivesOfAll(sync([lambda: Replay(SERIES)] * 3, AutoresetMode.NEXT_STEP))
     return VectorStlMonitor(envs, SPEC, {"r": (selector, 0.0)}, **options)
 
 
-def monitor_agents(selector: str) -> Any:  # noqa: ANN401
+def monitor_agents(selector: str) -> Any:
     crew = ObjectivesOfAgents({"one": SERIES})
     return ParallelStlMonitor(crew, SPEC, {"r": (f"one: {selector}", 0.0)})
 

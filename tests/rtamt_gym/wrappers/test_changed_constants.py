@@ -64,7 +64,7 @@ def others(texts: dict[str, Named]) -> dict[str, str]:
     return {name: value for each in texts.values() for name, value in each.then.items()}
 
 
-def episode(env: gym.Env[Any, Any], **reset: Any) -> list[Any]:  # noqa: ANN401
+def episode(env: gym.Env[Any, Any], **reset: Any) -> list[Any]:
     """What an environment says in an episode of at most nine samples, up to an error."""
     shown: list[Any] = []
     try:
@@ -83,11 +83,11 @@ def episode(env: gym.Env[Any, Any], **reset: Any) -> list[Any]:  # noqa: ANN401
 Way = Callable[[Any, dict[str, str]], dict[str, Any]]
 
 
-def by_reset(env: Any, values: dict[str, str]) -> dict[str, Any]:  # noqa: ANN401, ARG001
+def by_reset(env: Any, values: dict[str, str]) -> dict[str, Any]:  # noqa: ARG001
     return {"options": {"constants": values}}
 
 
-def by_attribute(env: Any, values: dict[str, str]) -> dict[str, Any]:  # noqa: ANN401
+def by_attribute(env: Any, values: dict[str, str]) -> dict[str, Any]:
     env.set_wrapper_attr("constants", values)
     return {}
 
@@ -139,7 +139,7 @@ def test_other_constants_of_vectors_give_what_new_ones_give(
         given = {**arguments(case, texts, which), "on_violation": "report"}
         return VectorStlMonitor(sync(makes, mode), **given)
 
-    def shown(envs: VectorStlMonitor, **reset: Any) -> list[Any]:  # noqa: ANN401
+    def shown(envs: VectorStlMonitor, **reset: Any) -> list[Any]:
         rows: list[Any] = []
         try:
             rows.append(envs.reset(**reset))
@@ -182,7 +182,7 @@ def make_constant_pole(**constants: float) -> gym.Env[Any, Any]:
 def test_processes_say_what_one_process_says(mode: AutoresetMode, way: str) -> None:
     values = {"a": 0.02, "w": 0.1}
 
-    def shown(envs: Any, *, change: bool) -> list[Any]:  # noqa: ANN401
+    def shown(envs: Any, *, change: bool) -> list[Any]:
         try:
             rows: list[Any] = trajectory(envs, 12)
             options = {"constants": values} if change and way == "reset" else None
@@ -221,7 +221,7 @@ def test_each_environment_of_processes_has_its_own() -> None:
 @pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("observe", [None, "state", "obligations"])
 @pytest.mark.parametrize("mode", ["add", "progress", "terminal", "potential"])
-def test_rewards_and_observations_follow(observe: Any, mode: Any) -> None:  # noqa: ANN401
+def test_rewards_and_observations_follow(observe: Any, mode: Any) -> None:
     values = {"a": 0.02, "w": 0.1}
 
     def made(constants: dict[str, float]) -> StlReward[Any, Any]:
@@ -297,7 +297,7 @@ class Asked(gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self.asked: list[Any] = []
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
         self.asked.append(options)
         return self.env.reset(seed=seed, options=options)
 
@@ -340,7 +340,7 @@ def test_a_copy_in_the_middle_goes_its_own_way() -> None:
 
 
 def test_evaluation_is_under_the_constants_that_hold() -> None:
-    def made(a: float) -> Any:  # noqa: ANN401
+    def made(a: float) -> Any:
         return StlMonitor(
             make_pole(), "always(abs(theta) < a)", ANGLE, constants={"a": a}, on_violation="report"
         )
@@ -348,7 +348,7 @@ def test_evaluation_is_under_the_constants_that_hold() -> None:
     env = made(0.01)
     env.constants = {"a": 0.1}
 
-    def found(of: Any) -> str:  # noqa: ANN401
+    def found(of: Any) -> str:
         return str(evaluate_policy(lambda _: 1, of, episodes=8))
 
     expected = found(made(0.1))
@@ -421,10 +421,7 @@ PLACE = f"  {TEXT[1:]}\n{'^':>63}\n"
 )
 @ways
 def test_what_cannot_be_leaves_all_as_it_was(
-    way: Way,
-    values: Any,  # noqa: ANN401
-    kind: type[Exception],
-    said: str,
+    way: Way, values: Any, kind: type[Exception], said: str
 ) -> None:
     env, plain = make_constant_pole(), make_constant_pole()
     for each in (env, plain):

@@ -33,7 +33,7 @@ class Tour(Replay):
         self.tour = tour
         self.turn = -1
 
-    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+    def reset(self, **options: Any) -> Any:
         self.turn = (self.turn + 1) % len(self.tour)
         self.values = self.tour[self.turn]
         return super().reset(**options)
@@ -81,7 +81,7 @@ def raised(clip: float, below: int, seen: int, low: float, high: float) -> str:
     return said.replace(outside, f"below -{clip:g}, where no step towards satisfaction shows")
 
 
-def shaped(env: gym.Env[Any, Any], specs: Any = "always(x > 0)", **options: Any) -> Any:  # noqa: ANN401
+def shaped(env: gym.Env[Any, Any], specs: Any = "always(x > 0)", **options: Any) -> Any:
     return StlReward(env, specs, X, **{**OPTIONS, **options})
 
 
@@ -193,11 +193,11 @@ def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMod
     assert 0 < said < 6
 
 
-def watch(envs: Any, numbers: list[float], mode: str) -> None:  # noqa: ANN401
+def watch(envs: Any, numbers: list[float], mode: str) -> None:
     """Steps until ten episodes have ended, and lists what decided the rewards."""
     num, episodes = envs.num_envs, 0
 
-    def note(infos: dict[str, Any], lanes: Any, *, last: bool) -> None:  # noqa: ANN401
+    def note(infos: dict[str, Any], lanes: Any, *, last: bool) -> None:
         if last is (mode == "terminal"):
             for lane in np.flatnonzero(lanes):
                 states = {
@@ -281,7 +281,7 @@ def test_after_the_tenth_episode_nothing_is_counted(monkeypatch: pytest.MonkeyPa
     seen = []
     whole = Shaping.deciding
 
-    def counting(shaping: Shaping, values: Any) -> Any:  # noqa: ANN401
+    def counting(shaping: Shaping, values: Any) -> Any:
         seen.extend(values[0])
         return whole(shaping, values)
 
@@ -322,7 +322,7 @@ WATCHES: dict[str, Any] = {
 }
 
 
-def observe(env: Any, episodes: int) -> list[str]:  # noqa: ANN401
+def observe(env: Any, episodes: int) -> list[str]:
     """The warnings of so many episodes."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -363,12 +363,7 @@ def test_a_reward_says_it_of_what_it_shows_unless_it_says_it_of_what_it_pays() -
     (said,) = observe(env, 12)
     assert said.startswith("clip=1 flattens the reward")
     weighed = StlReward(
-        Replay(VALUES),
-        OBSERVED,
-        X,
-        mode="terminal",
-        weights={"near": 0.1, "far": 0.1},
-        **WATCHES,
+        Replay(VALUES), OBSERVED, X, mode="terminal", weights={"near": 0.1, "far": 0.1}, **WATCHES
     )
     assert observe(weighed, 12) == []
 
@@ -377,7 +372,7 @@ def test_a_reward_says_it_of_what_it_shows_unless_it_says_it_of_what_it_pays() -
 @pytest.mark.parametrize(
     "kind", [VectorStlMonitor, functools.partial(VectorStlReward, mode="terminal")]
 )
-def test_many_environments_count_together(mode: AutoresetMode, kind: Any) -> None:  # noqa: ANN401
+def test_many_environments_count_together(mode: AutoresetMode, kind: Any) -> None:
     envs = kind(sync([functools.partial(Replay, VALUES)] * 2, mode), OBSERVED, X, **WATCHES)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

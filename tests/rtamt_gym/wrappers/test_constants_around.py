@@ -37,18 +37,18 @@ def rewarded() -> StlReward[Any, Any]:
 class Crowd(ParallelWrapper):
     """A wrapper around an environment of several agents."""
 
-    def __init__(self, env: Any) -> None:  # noqa: ANN401
+    def __init__(self, env: Any) -> None:
         self.env = env
 
-    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:  # noqa: ANN401
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         return self.env.reset(seed, options)
 
 
-def crowd() -> Any:  # noqa: ANN401
+def crowd() -> Any:
     return Crowd(ParallelStlMonitor(Crew({"one": SERIES}), SPEC, {"x": "one: obs[0]"}, **OPTIONS))
 
 
-def around_all() -> Any:  # noqa: ANN401
+def around_all() -> Any:
     envs = sync([lambda: Replay(SERIES)] * 2, AutoresetMode.NEXT_STEP)
     return VectorWrapper(VectorStlMonitor(envs, SPEC, X, **OPTIONS))
 
@@ -99,7 +99,7 @@ def test_misspelt_names_and_wrong_values_are_errors_too(value: dict[str, Any]) -
 
 
 @pytest.mark.parametrize("value", [{"g": 9.81}, {"limit": 1.0}, {"limit": "1"}, [0.5], None])
-def test_other_attributes_of_this_name_are_left_alone(value: Any) -> None:  # noqa: ANN401
+def test_other_attributes_of_this_name_are_left_alone(value: Any) -> None:
     env: Any = Monitor(monitored())
     env.constants = value
     assert env.reset()[1]["robustness"] == 2.0
@@ -109,7 +109,7 @@ def test_wrapper_may_keep_the_constants_that_it_passes_on() -> None:
     class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
         constants: dict[str, float]
 
-        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+        def reset(self, **_: Any) -> Any:
             return self.env.reset(options={"constants": self.constants})
 
     env = Curriculum(Monitor(monitored()))
@@ -129,7 +129,7 @@ def make_inside() -> gym.Env[Any, Any]:
 
 
 @pytest.mark.parametrize("kind", [SyncVectorEnv, AsyncVectorEnv])
-def test_set_attr_of_vector_environments_reaches_monitors_inside(kind: Any) -> None:  # noqa: ANN401
+def test_set_attr_of_vector_environments_reaches_monitors_inside(kind: Any) -> None:
     envs = kind([make_inside] * 2)
     envs.set_attr("constants", {"limit": 0.5})
     assert envs.reset()[1]["robustness"].tolist() == [2.5, 2.5]

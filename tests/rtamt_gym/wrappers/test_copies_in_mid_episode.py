@@ -20,13 +20,7 @@ from road_environments import RoadEnv
 from vector_environments import difference
 
 from rtamt import StateError
-from rtamt_gym import (
-    ParallelStlMonitor,
-    StlMonitor,
-    StlReward,
-    VectorStlMonitor,
-    VectorStlReward,
-)
+from rtamt_gym import ParallelStlMonitor, StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
 Copy = Callable[[Any], Any]
 
@@ -49,11 +43,11 @@ class Counter(gym.Env[Any, Any]):
     control_timestep = 0.25
     count = 0
 
-    def reset(self, **_: Any) -> Any:  # noqa: ANN401
+    def reset(self, **_: Any) -> Any:
         self.count = 0
         return np.zeros(1), {}
 
-    def step(self, _: Any) -> Any:  # noqa: ANN401
+    def step(self, _: Any) -> Any:
         self.count += 1
         return np.full(1, float(self.count)), 0.0, False, self.count == 20, {}
 
@@ -79,7 +73,7 @@ class Carried(Rebuilt):
 class Road(RoadEnv):
     """Is copied by its constructor without `EzPickle`; its physics steps show that."""
 
-    def __reduce__(self) -> Any:  # noqa: ANN401
+    def __reduce__(self) -> Any:
         return type(self), (5,)
 
 
@@ -92,10 +86,10 @@ class Holds(gym.Env[Any, Any]):
     def __init__(self) -> None:
         self.inside = Rebuilt()
 
-    def reset(self, **_: Any) -> Any:  # noqa: ANN401
+    def reset(self, **_: Any) -> Any:
         return self.inside.reset()
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401
+    def step(self, action: Any) -> Any:
         return self.inside.step(action)
 
 
@@ -115,27 +109,27 @@ def wrapped() -> gym.Env[Any, Any]:
     return TransformReward(TimeLimit(Rebuilt(), 50), float)
 
 
-def monitored(make: Callable[[], Any]) -> Any:  # noqa: ANN401
+def monitored(make: Callable[[], Any]) -> Any:
     return StlMonitor(make(), SPEC, SIGNALS, on_violation="report")
 
 
-def rewarded() -> Any:  # noqa: ANN401
+def rewarded() -> Any:
     return StlReward(Rebuilt(), SPEC, SIGNALS, mode="add")
 
 
-def many() -> Any:  # noqa: ANN401
+def many() -> Any:
     return VectorStlMonitor(SyncVectorEnv([Counter, wrapped]), SPEC, SIGNALS)
 
 
-def many_rewarded() -> Any:  # noqa: ANN401
+def many_rewarded() -> Any:
     return VectorStlReward(SyncVectorEnv([Rebuilt] * 2), SPEC, SIGNALS, mode="add")
 
 
-def agents() -> Any:  # noqa: ANN401
+def agents() -> Any:
     return ParallelStlMonitor(RebuiltCrew(), SPEC, {"x": "a: obs[0]"})
 
 
-def act(env: Any) -> Any:  # noqa: ANN401
+def act(env: Any) -> Any:
     """A step whose action does nothing."""
     if isinstance(env, ParallelStlMonitor):
         return env.step({"a": np.zeros(1)})
@@ -203,7 +197,7 @@ def test_copy_between_episodes_has_the_usual_error(copied: Copy) -> None:
 
 @copies
 def test_restored_copy_goes_on(copied: Copy) -> None:
-    def lanes() -> Any:  # noqa: ANN401
+    def lanes() -> Any:
         return VectorStlMonitor(SyncVectorEnv([reacher] * 2), SPEC, SIGNALS)
 
     for env in (monitored(reacher), lanes()):

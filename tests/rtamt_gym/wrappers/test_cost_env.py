@@ -19,7 +19,7 @@ from rtamt_gym import CostEnv, StlMonitor, StlReward
 COSTS = ["violation", "depth", "latched", "first"]
 
 
-def monitored(values: list[float], cost: Any = "violation") -> StlMonitor[Any, Any]:  # noqa: ANN401
+def monitored(values: list[float], cost: Any = "violation") -> StlMonitor[Any, Any]:
     return StlMonitor(
         Replay(values),
         {"low": "always(x < 2)", "soon": "always(eventually[0:1](x < 1))"},

@@ -36,7 +36,7 @@ def of_instants(case: Case) -> Env:
     return case.monitored(view="step")
 
 
-def shaped(case: Case, **arguments: Any) -> Env:  # noqa: ANN401
+def shaped(case: Case, **arguments: Any) -> Env:
     """The environment with a reward that depends on all that a reward can depend on."""
     names = list(case.specs) if isinstance(case.specs, dict) else ["spec"]
     arguments = {
@@ -163,7 +163,7 @@ def test_reset_with_options_none_is_reset(case: Case) -> None:
     ("wrapper", "options"),
     [(StlMonitor, {"details": True}), (StlReward, {"mode": "add", "cost": "first"})],
 )
-def test_wrapper_spec_serves_a_registration(wrapper: Any, options: dict[str, Any]) -> None:  # noqa: ANN401
+def test_wrapper_spec_serves_a_registration(wrapper: Any, options: dict[str, Any]) -> None:
     case = CASES[0]
     gym.register(
         "WrappedCartPole-v0",

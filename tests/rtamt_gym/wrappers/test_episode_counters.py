@@ -55,8 +55,7 @@ class Derived(Monitor):
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
 @pytest.mark.parametrize("keeper", [Monitor, Derived, RecordEpisodeStatistics])
 def test_every_episode_is_counted_once_inside_as_outside(
-    keeper: Any,  # noqa: ANN401 - a class of wrappers
-    on_violation: OnViolation,
+    keeper: Any, on_violation: OnViolation
 ) -> None:
     replay = Fresh([])
     inside = keeper(replay)
@@ -102,7 +101,7 @@ def test_books_are_kept_by_a_wrapper_whose_environment_is_the_same_after_it() ->
 # ---- a reward ----
 
 
-def returns(keeper: Any) -> list[float]:  # noqa: ANN401
+def returns(keeper: Any) -> list[float]:
     held = keeper.episode_returns if isinstance(keeper, Monitor) else keeper.return_queue
     return list(held)
 
@@ -111,7 +110,7 @@ keepers = pytest.mark.parametrize("keeper", [Monitor, RecordEpisodeStatistics])
 SERIES = [3.0, 1.5, 4.0, 0.25, 9.0, 2.0]
 
 
-def shaped(env: Env, **options: Any) -> StlReward[Any, Any]:  # noqa: ANN401
+def shaped(env: Env, **options: Any) -> StlReward[Any, Any]:
     given = {"mode": "add", "clip": 9.0, "on_violation": "report", **options}
     return StlReward(env, "always(x > 1)", X, **given)
 

@@ -54,7 +54,7 @@ def bare() -> Envs:
     return sync([lambda: Replay([3, 3])], AutoresetMode.DISABLED)
 
 
-def warned(act: Any) -> list[str]:  # noqa: ANN401
+def warned(act: Any) -> list[str]:
     """The texts of the warnings, each of which points here."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -96,9 +96,7 @@ def test_a_warning_points_at_the_line_that_steps_whatever_wrappers_are_between()
     ],
 )
 def test_a_warning_that_is_an_error_leaves_the_episode_recorded(
-    make: Any,  # noqa: ANN401
-    at_termination: str | None,
-    text: str,
+    make: Any, at_termination: str | None, text: str
 ) -> None:
     options: Any = {"at_termination": at_termination}
     env = StlMonitor(make(), INVARIANT, X, **options)

@@ -45,19 +45,19 @@ quiet = [
 ]
 
 
-def silently(test: Any) -> Any:  # noqa: ANN401 - a test
+def silently(test: Any) -> Any:
     """Ignore the warnings about ends and clips."""
     return functools.reduce(lambda marked, mark: mark(marked), quiet, test)
 
 
-def arguments(case: Case, **options: Any) -> dict[str, Any]:  # noqa: ANN401
+def arguments(case: Case, **options: Any) -> dict[str, Any]:
     """The arguments of a wrapper; cases are dropped whose cost their formulas do not have."""
     charged = case.options.cost in ("violation", "depth")
     assume(not charged or chargeable(case.specs, case.options.view))
     return {**vars(case.options), "signals": variables(case.specs), "period": 1, **options}
 
 
-def shaped(case: Case, shape: str, **options: Any) -> dict[str, Any]:  # noqa: ANN401
+def shaped(case: Case, shape: str, **options: Any) -> dict[str, Any]:
     """The arguments of a reward."""
     if shape == "hierarchical":
         options["priorities"] = dict(zip(case.specs, LEVELS, strict=False))
@@ -84,12 +84,7 @@ def check(case: Case) -> None:
                 infos.append(info)
                 flags.append((terminated, truncated))
             expected = report(
-                case.specs,
-                script.trace,
-                script.flags,
-                case.options,
-                own=script.infos,
-                left=True,
+                case.specs, script.trace, script.flags, case.options, own=script.infos, left=True
             )
             assert mismatch(expected.infos, infos) == ""
             assert flags == expected.flags
@@ -318,7 +313,7 @@ def test_copy_of_a_vector_monitor_continues(mode: AutoresetMode, case: Case, bef
 # ---- costs of ends, of resets and of sub-steps ----
 
 
-def costs(text: str, values: list[float], cost: Cost, **options: Any) -> list[float]:  # noqa: ANN401
+def costs(text: str, values: list[float], cost: Cost, **options: Any) -> list[float]:
     """The costs of the steps, the same of one environment and of many."""
     options = {"period": 1, "cost": cost, "on_violation": "report", **options}
     env = StlMonitor(Replay(values), text, X, **options)

@@ -22,7 +22,7 @@ from rtamt_gym.options.evaluation import View
 STEPS = 12
 
 
-def recorded(case: Case, seed: int, **options: Any) -> Any:  # noqa: ANN401 - of simulate
+def recorded(case: Case, seed: int, **options: Any) -> Any:
     """The run of the same random actions, which `simulate` records by itself."""
     env = case.bare()
     space = deepcopy(env.action_space)  # highway-env draws from its own at reset

@@ -31,19 +31,19 @@ def make_rewarded_pole() -> gym.Env[Any, Any]:
     return StlReward(make_pole(), SAFE, ANGLE, mode="add", on_violation="report")
 
 
-def actions(num: int, steps: int) -> Any:  # noqa: ANN401
+def actions(num: int, steps: int) -> Any:
     return np.random.default_rng(3).integers(0, 2, (steps, num))
 
 
-def pool(*given: Any) -> Any:  # noqa: ANN401 - no VectorEnv for the type checker either
+def pool(*given: Any) -> Any:
     return Pool(*given)
 
 
-def shared_environments(*given: Any) -> Any:  # noqa: ANN401
+def shared_environments(*given: Any) -> Any:
     return SharedEnvironments(*given)
 
 
-def counters(num: int) -> Any:  # noqa: ANN401
+def counters(num: int) -> Any:
     return NativeCounters(num)
 
 
@@ -82,7 +82,7 @@ def test_a_pool_has_no_period_of_its_own() -> None:
         (functools.partial(pool, 4, None, 2), "one player in each environment"),
     ],
 )
-def test_pools_whose_environments_do_not_step_together_are_refused(make: Any, text: str) -> None:  # noqa: ANN401
+def test_pools_whose_environments_do_not_step_together_are_refused(make: Any, text: str) -> None:
     with pytest.raises(InputError, match=text):
         VectorStlMonitor(make(), SAFE, ANGLE)
 
@@ -96,7 +96,7 @@ def test_what_a_pool_cannot_do_at_a_reset_is_refused() -> None:
 
 
 @pytest.mark.parametrize("wrapper", [StlMonitor, functools.partial(StlReward, mode="add")])
-def test_wrappers_of_one_environment_refuse_a_pool(wrapper: Any) -> None:  # noqa: ANN401
+def test_wrappers_of_one_environment_refuse_a_pool(wrapper: Any) -> None:
     with pytest.raises(InputTypeError, match="VectorStlMonitor and VectorStlReward are for many"):
         wrapper(pool(2), SAFE, ANGLE)
 

@@ -32,7 +32,7 @@ HORIZONS = {"dry": None, "there": 4, "once": None}
 SERIES = [3.0, 1.5, 4.0, 0.5, 9.0, 2.0, 2.0]
 
 
-def observing(case: Case, **options: Any) -> Env:  # noqa: ANN401
+def observing(case: Case, **options: Any) -> Env:
     return case.monitored(**{"observe": "state", "clip": 0.5, **options})
 
 
@@ -99,7 +99,7 @@ class Placed(gym.ObservationWrapper[Any, Any, Any]):
         super().__init__(env)
         self.observation_space = spaces.Dict({"z": env.observation_space})
 
-    def observation(self, observation: Any) -> Any:  # noqa: ANN401
+    def observation(self, observation: Any) -> Any:
         return {"z": observation}
 
 
@@ -123,11 +123,7 @@ def test_vector_dictionaries_match_single_environments(
 
 
 def same(
-    makes: list[Make],
-    autoreset: AutoresetMode,
-    specs: Any,  # noqa: ANN401
-    signals: dict[str, Any],
-    **options: Any,  # noqa: ANN401
+    makes: list[Make], autoreset: AutoresetMode, specs: Any, signals: dict[str, Any], **options: Any
 ) -> None:
     """Environments monitored as one show what those monitored one by one do."""
     options |= {"observe": "state", "clip": 2.0, "on_violation": "report"}
@@ -185,7 +181,7 @@ def test_an_end_that_is_a_failure_shows_the_bound_that_it_sets() -> None:
 def test_a_reward_around_it_shapes_what_it_would_without() -> None:
     options: Any = {"mode": "potential", "clip": 3.0}
 
-    def monitored(**more: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401
+    def monitored(**more: Any) -> StlMonitor[Any, Any]:
         return StlMonitor(Replay(SERIES), SPECS, X, period=1, on_violation="report", **more)
 
     env = StlReward(TimeLimit(monitored(observe="state"), 99), **options)
@@ -227,7 +223,7 @@ def test_what_is_appended_twice_is_refused() -> None:
         ({"clip": np.inf}, "expected clip= as a finite number above 0, got inf"),
     ],
 )
-def test_options_that_say_nothing_are_refused(options: Any, message: str) -> None:  # noqa: ANN401
+def test_options_that_say_nothing_are_refused(options: Any, message: str) -> None:
     assert refused(lambda: StlMonitor(Replay([1]), "always(x > 1)", X, **options)) == message
     assert refused(lambda: VectorStlMonitor(native(2), "always(x > 1)", X, **options)) == message
 
@@ -255,11 +251,11 @@ def test_signals_read_the_observation_of_the_environment() -> None:
 obligation_cases = pytest.mark.parametrize("case", CASES[:3], ids=lambda case: case.env_id)
 
 
-def with_obligations(case: Case, **options: Any) -> Env:  # noqa: ANN401
+def with_obligations(case: Case, **options: Any) -> Env:
     return case.monitored(**{"observe": "obligations", "clip": 0.5, **options})
 
 
-def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:  # noqa: ANN401
+def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:
     """Of each sample what is appended behind the five numbers of the state."""
     arguments: Any = {"period": 1, "on_violation": "report", "clip": 9.0}
     env = StlMonitor(Replay(series, "none"), text, X, observe="obligations", **arguments | options)
@@ -272,7 +268,7 @@ def shown(text: str, series: list[float], **options: Any) -> list[list[float]]: 
     return found
 
 
-def clocks(text: str, series: list[float], **options: Any) -> list[float]:  # noqa: ANN401
+def clocks(text: str, series: list[float], **options: Any) -> list[float]:
     return [round(numbers[0], 3) for numbers in shown(text, series, **options)]
 
 

@@ -25,7 +25,7 @@ SERIES = [2.0, 6.0, 2.0, 2.0, 0.0, 2.0]
 OPTIONS: dict[str, Any] = {"period": 1, "at_termination": "complete"}
 
 
-def monitored(series: list[float], end: str = "none", **options: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401
+def monitored(series: list[float], end: str = "none", **options: Any) -> StlMonitor[Any, Any]:
     return StlMonitor(Replay(series, end), SPECS, X, **OPTIONS | options)
 
 
@@ -83,17 +83,9 @@ def test_a_violation_is_told_by_its_own_option() -> None:
 
 
 @pytest.mark.parametrize("how", ["terminate", "truncate"])
-def test_books_inside_count_the_episode(how: Any) -> None:  # noqa: ANN401
+def test_books_inside_count_the_episode(how: Any) -> None:
     inside = RecordEpisodeStatistics(Replay(SERIES, "none"))
-    env = StlReward(
-        inside,
-        SPECS,
-        X,
-        mode="replace",
-        bonus=3.0,
-        on_satisfaction=how,
-        **OPTIONS,
-    )
+    env = StlReward(inside, SPECS, X, mode="replace", bonus=3.0, on_satisfaction=how, **OPTIONS)
     last = run(env)[-1]
     assert (last["episode"]["l"], last["episode"]["r_env"]) == (2, 3.0)
     assert last["episode"]["r"] == pytest.approx(1.0 + 1.0 + 3.0)
@@ -102,7 +94,7 @@ def test_books_inside_count_the_episode(how: Any) -> None:  # noqa: ANN401
 
 
 @pytest.mark.parametrize("how", ["terminate", "truncate"])
-def test_the_episode_of_all_agents_ends(how: Any) -> None:  # noqa: ANN401
+def test_the_episode_of_all_agents_ends(how: Any) -> None:
     env = ParallelStlMonitor(
         Crew({"a": SERIES, "b": SERIES}), SPECS, {"x": "a: obs[0]"}, on_satisfaction=how, **OPTIONS
     )

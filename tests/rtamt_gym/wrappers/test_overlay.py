@@ -24,7 +24,7 @@ VALUES = [3.0, 2.0, 4.0, 0.5, 3.0, 3.0]
 SPECS = {"high": "always(x > 1)", "rises": "eventually[0:2](x > 3)"}
 
 
-def made(env: gym.Env[Any, Any], **options: Any) -> RobustnessOverlay[Any, Any]:  # noqa: ANN401
+def made(env: gym.Env[Any, Any], **options: Any) -> RobustnessOverlay[Any, Any]:
     monitored = StlMonitor(env, SPECS, X, period=0.5, on_violation="report")
     return RobustnessOverlay(monitored, **options)
 
@@ -43,7 +43,7 @@ def frames(env: gym.Env[Any, Any]) -> list[Picture]:
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("case", CASES[:1] + CASES[-2:-1], ids=lambda case: case.env_id)
-def test_an_episode_is_the_same_with_an_overlay(case: Any) -> None:  # noqa: ANN401
+def test_an_episode_is_the_same_with_an_overlay(case: Any) -> None:
     def monitored() -> gym.Env[Any, Any]:
         env = gym.make(case.env_id, render_mode="rgb_array")
         return StlMonitor(env, case.specs, case.signals, on_violation="report", details=True)
@@ -75,7 +75,7 @@ def test_the_picture_of_the_environment_is_not_drawn_on() -> None:
     canvas = np.zeros((100, 320, 3), np.uint8)
 
     class Kept(Painted):
-        def render(self) -> Any:  # noqa: ANN401
+        def render(self) -> Any:
             return canvas
 
     frames(made(Kept(VALUES), place="over"))
@@ -149,7 +149,7 @@ def test_it_is_made_again_from_its_specification_and_copied_mid_episode() -> Non
 def test_a_callable_signal_is_called_once_a_sample() -> None:
     calls: list[float] = []
 
-    def signal(step: Any) -> float:  # noqa: ANN401
+    def signal(step: Any) -> float:
         calls.append(float(step.obs[0]))
         return calls[-1]
 

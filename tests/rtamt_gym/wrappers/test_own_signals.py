@@ -44,7 +44,7 @@ class Drift(gym.Env[Any, Any]):
         self.at = self.np_random.normal(size=2)
         return self.at.copy(), {}
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:  # noqa: ANN401
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self.at = self.at + 0.1 * self.np_random.normal(size=2) + action[0]
         return self.at.copy(), 0.0, False, False, {}
 
@@ -53,7 +53,7 @@ def make() -> gym.Env[Any, Any]:
     return gym.wrappers.TimeLimit(Drift(), 20)
 
 
-def many() -> Any:  # noqa: ANN401 - as `gym.make_vec`
+def many() -> Any:
     envs = gym.vector.SyncVectorEnv([make, make])
     envs.signals = OWN  # type: ignore[attr-defined]  # as a native vector environment has it
     return envs
@@ -76,7 +76,7 @@ def test_what_is_not_given_is_read_as_the_environment_says(wrap: Callable[..., A
     assert not difference(trajectory_of(pickle.loads(pickle.dumps(wrap()))), given)
 
 
-def trajectory_of(env: Any) -> list[Any]:  # noqa: ANN401 - an environment, or many
+def trajectory_of(env: Any) -> list[Any]:
     if isinstance(env, gym.vector.VectorEnv):
         return list(trajectory(env, 8))
     shown: list[Any] = [env.reset(seed=7)]
@@ -94,7 +94,7 @@ def test_an_environment_is_made_again_with_its_own_signals() -> None:
         del gym.registry["Drift-v0"]
 
 
-def speed(step: Any) -> float:  # noqa: ANN401
+def speed(step: Any) -> float:
     return float(step.obs[1])
 
 
@@ -128,7 +128,7 @@ def test_simulate_reads_them_and_records_those_that_are_read() -> None:
 
 
 def test_agents_are_read_as_their_environment_says() -> None:
-    def said(env: Crew, *signals: Any) -> object:  # noqa: ANN401
+    def said(env: Crew, *signals: Any) -> object:
         return ParallelStlMonitor(env, "always(x < 2)", *signals, period=1).reset(seed=0)
 
     crew = {"a": [1.0, 3.0], "b": [0.0, 0.0]}

@@ -22,10 +22,7 @@ AGENTS = ["lead", "wing_0", "wing_1"]
 NUMBER = st.sampled_from([-2.0, -1.0, 0.0, 0.5, 1.0, 3.0])
 NUMBERS = st.lists(NUMBER, min_size=2, max_size=8)
 SPECS: dict[str, tuple[Any, dict[str, Any]]] = {
-    "apart": (
-        "always(x - y > -1.5)",
-        {"x": "lead: obs[0]", "y": "wing_0: obs[0]"},
-    ),
+    "apart": ("always(x - y > -1.5)", {"x": "lead: obs[0]", "y": "wing_0: obs[0]"}),
     "several": (
         {
             "answer": "always(x > 2 implies eventually[0:2](y < 1))",
@@ -42,7 +39,7 @@ SPECS: dict[str, tuple[Any, dict[str, Any]]] = {
 
 
 @st.composite
-def crews(draw: Any) -> Callable[[], Crew]:  # noqa: ANN401
+def crews(draw: Any) -> Callable[[], Crew]:
     agents = AGENTS[: draw(st.integers(2, 3))]
     numbers = {agent: draw(NUMBERS) for agent in agents}
     ends = {agent: draw(st.sampled_from(["terminated", "truncated"])) for agent in agents}
@@ -62,12 +59,9 @@ def crews(draw: Any) -> Callable[[], Crew]:  # noqa: ANN401
     details=st.booleans(),
 )
 def test_agents_are_monitored_together_as_one(
-    name: str,
-    make: Callable[[], Crew],
-    pushes: list[float],
-    **options: Any,  # noqa: ANN401
+    name: str, make: Callable[[], Crew], pushes: list[float], **options: Any
 ) -> None:
-    def act(agent: str, step: int) -> Any:  # noqa: ANN401
+    def act(agent: str, step: int) -> Any:
         return np.array([pushes[(3 * step + AGENTS.index(agent)) % len(pushes)]])
 
     specs, signals = SPECS[name]
@@ -95,7 +89,7 @@ LINE = {"lead": [5.0, 5.0, 5.0, 5.0, 5.0], "wing_0": [1.0, 2.0, 4.0, 4.0, 4.0]}
 GAP = {"x": "lead: obs[0]", "y": "wing_0: obs[0]"}
 
 
-def near(crew: Crew | None = None, **options: Any) -> ParallelStlMonitor:  # noqa: ANN401
+def near(crew: Crew | None = None, **options: Any) -> ParallelStlMonitor:
     """A monitor of a crew whose agents come too near at sample 2."""
     options = {"at_termination": "complete", **options}
     return ParallelStlMonitor(crew or Crew(LINE), "always(x - y >= 2)", GAP, **options)
@@ -110,7 +104,7 @@ def go(env: ParallelStlMonitor, steps: int = 1) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
-def test_a_violation_ends_the_episode_of_all_agents(on_violation: Any) -> None:  # noqa: ANN401
+def test_a_violation_ends_the_episode_of_all_agents(on_violation: Any) -> None:
     env = near(on_violation=on_violation, history=True)
     env.reset()
     assert env.agents == ["lead", "wing_0"]
@@ -234,7 +228,7 @@ def test_an_end_that_counts_as_success_unasked_is_told_once() -> None:
 class Successful(Crew):
     """A crew whose first agent reports a success of its own."""
 
-    def step(self, actions: dict[str, Any]) -> Any:  # noqa: ANN401
+    def step(self, actions: dict[str, Any]) -> Any:
         result = super().step(actions)
         result[4][self.possible_agents[0]]["is_success"] = "mine"
         return result
@@ -256,7 +250,7 @@ def test_a_success_of_the_environments_own_is_kept_and_told_once() -> None:
 class Vanishing(Crew):
     """A crew that is gone after one step, and says of nobody how."""
 
-    def step(self, actions: dict[str, Any]) -> Any:  # noqa: ANN401
+    def step(self, actions: dict[str, Any]) -> Any:
         result = super().step(actions)
         self.agents = []
         return result

@@ -120,10 +120,7 @@ class One(gym.Env[Any, Any]):
     ],
 )
 def test_what_cannot_be_monitored_is_refused(
-    crew: Any,  # noqa: ANN401
-    arguments: dict[str, Any],
-    error: type[RtamtError],
-    message: str,
+    crew: Any, arguments: dict[str, Any], error: type[RtamtError], message: str
 ) -> None:
     if arguments.pop("twice", False):
         crew = ParallelStlMonitor(crew, TEXT, GAP)

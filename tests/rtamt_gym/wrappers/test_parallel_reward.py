@@ -37,7 +37,7 @@ class Paid(OneOf):
         return seen, info["rewards"][self.whose], terminated, truncated, info
 
 
-def options(mode: str, **others: Any) -> dict[str, Any]:  # noqa: ANN401
+def options(mode: str, **others: Any) -> dict[str, Any]:
     found: dict[str, Any] = {"mode": mode, "clip": 2.0, "weights": {"goal": 0.5}, **GIVEN, **others}
     if mode == "verdict" and not (found.get("bonus") or found.get("penalty")):
         found["bonus"] = 2.0
@@ -136,7 +136,7 @@ def test_an_agent_that_leaves_is_paid_as_at_an_end(
         assert rewards.keys() == own.keys()
 
 
-def made(**given: Any) -> ParallelStlReward:  # noqa: ANN401
+def made(**given: Any) -> ParallelStlReward:
     crew = Crew({"lead": [3.0, 2.0, 1.0, 0.0], "wing": [0.0, 1.0, 1.0, 1.0]})
     return ParallelStlReward(crew, "always(x > low)", SIGNALS, mode="add", clip=9.0, **given)
 

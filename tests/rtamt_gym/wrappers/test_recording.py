@@ -35,7 +35,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     """What would be written: the numbers of the samples shown, by the name of the video."""
     shown: dict[str, list[int]] = {}
 
-    def keep(frames: Sequence[Picture], folder: str, *_: object, **named: Any) -> None:  # noqa: ANN401
+    def keep(frames: Sequence[Picture], folder: str, *_: object, **named: Any) -> None:
         *frames, last = frames  # the last one twice, see `RecordViolations`
         assert last is frames[-1]
         path = Path(folder) / f"{named['name_prefix']}-episode-{named['episode_index']}.mp4"
@@ -45,7 +45,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     return shown
 
 
-def made(env: gym.Env[Any, Any], folder: Path, **options: Any) -> RecordViolations[Any, Any]:  # noqa: ANN401
+def made(env: gym.Env[Any, Any], folder: Path, **options: Any) -> RecordViolations[Any, Any]:
     monitor = StlMonitor(
         env, {"x high": "always(x > 1)"}, X, period=0.5, on_violation="report", at_termination="cut"
     )

@@ -55,7 +55,7 @@ def place(step: Step) -> float:
 @pytest.mark.parametrize(
     ("signal", "reads"), [("obs[0]", "obs[0] reads"), (place, "place is given")]
 )
-def test_an_observation_that_was_rescaled_is_refused(signal: Any, reads: str) -> None:  # noqa: ANN401
+def test_an_observation_that_was_rescaled_is_refused(signal: Any, reads: str) -> None:
     for run in (
         lambda: StlMonitor(normalized(), SPEC, {"x": signal}),
         lambda: simulate(normalized(), SPEC, {"x": signal}, policy=lambda _: 0),
@@ -87,7 +87,7 @@ def test_an_evaluation_and_vectors_refuse_it_too() -> None:
         VectorStlMonitor(sync([normalized] * 2, AutoresetMode.NEXT_STEP), SPEC, X)
 
 
-def _bounded() -> Any:  # noqa: ANN401
+def _bounded() -> Any:
     return gym.make_vec("Pendulum-v1", 2, vectorization_mode="sync")
 
 
@@ -97,7 +97,7 @@ def test_what_reads_no_observation_is_not_refused() -> None:
     StlMonitor(reacher, "always(x < 9)", {"x": "qpos[0]"}, substeps=True).reset()
 
 
-def shown(env: Any, steps: int = 20) -> list[dict[str, Any]]:  # noqa: ANN401
+def shown(env: Any, steps: int = 20) -> list[dict[str, Any]]:
     """The infos of a run that only watches."""
     infos, ended = [env.reset(seed=3)[1]], False
     for step in range(steps):

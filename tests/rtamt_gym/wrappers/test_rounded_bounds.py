@@ -25,7 +25,7 @@ MODEL = """<mujoco><option timestep="0.02"/><worldbody>
 </worldbody></mujoco>"""
 
 
-def episode(specs: str, **options: Any) -> list[float]:  # noqa: ANN401 - those of the wrapper
+def episode(specs: str, **options: Any) -> list[float]:
     """The robustness after each step of an episode."""
     env = rtamt_gym.StlMonitor(
         gym.make("CartPole-v1"), specs, SIGNALS, on_violation="report", **options
@@ -42,7 +42,7 @@ def test_an_environment_is_monitored_as_with_the_rounded_bounds(align: str) -> N
 
 
 @pytest.mark.parametrize("align", FITTING)
-def test_environments_are_monitored_as_with_the_rounded_bounds(align: Any) -> None:  # noqa: ANN401
+def test_environments_are_monitored_as_with_the_rounded_bounds(align: Any) -> None:
     found = []
     for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
         envs = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync")
@@ -54,7 +54,7 @@ def test_environments_are_monitored_as_with_the_rounded_bounds(align: Any) -> No
 
 
 @pytest.mark.parametrize("align", FITTING)
-def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> None:  # noqa: ANN401
+def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> None:
     found = []
     for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
         model = mujoco.MjModel.from_xml_string(MODEL)
@@ -66,7 +66,7 @@ def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> Non
 
 
 @pytest.mark.parametrize("align", FITTING)
-def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_path: Path) -> None:
     env = gym.make("CartPole-v1", max_episode_steps=12)
     run, fitting = (
         rtamt_gym.simulate(env, {"s": text}, SIGNALS, policy=lambda _: 1, seed=3, **options)
@@ -82,7 +82,7 @@ def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_pa
 
 
 @pytest.mark.parametrize("align", FITTING)
-def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:  # noqa: ANN401
+def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:
     model = mujoco.MjModel.from_xml_string(MODEL)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))

@@ -179,12 +179,7 @@ def test_an_environment_is_made_again_with_its_semantics() -> None:
 @pytest.mark.parametrize(
     ("specs", "options", "error", "message"),
     [
-        (
-            SPECS["granted"],
-            {"semantics": "output"},
-            rtamt.InputError,
-            "expected semantics=",
-        ),
+        (SPECS["granted"], {"semantics": "output"}, rtamt.InputError, "expected semantics="),
         (
             SPECS["granted"],
             {"semantics": "output-robustness"},

@@ -23,7 +23,7 @@ from rtamt_gym import StlReward, VectorStlReward
 from rtamt_gym.shaping import Mode, outcome, settle
 
 pytestmark = [
-    pytest.mark.filterwarnings("ignore:clip=.* flattens what"),  # it is narrow here
+    pytest.mark.filterwarnings("ignore:clip=.* flattens what")  # it is narrow here
 ]
 
 SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}
@@ -31,7 +31,7 @@ SHAPES: tuple[Mode, ...] = get_args(Mode)
 OPTIONS: dict[str, Any] = {"period": 1, "on_violation": "report", "at_termination": "complete"}
 
 
-def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any, Any]:  # noqa: ANN401
+def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any, Any]:
     given = {**shaping_options(mode, *SPECS), **OPTIONS, **options}
     return StlReward(env, SPECS, X, **given)
 
@@ -174,7 +174,7 @@ def test_many_environments_pay_what_each_does(
 
 
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_remembers_what_was_paid(clone: Any) -> None:  # noqa: ANN401
+def test_a_copy_remembers_what_was_paid(clone: Any) -> None:
     env = shaped(Replay([2.0, 0.0, 2.0, 6.0, 2.0]), "add", penalty=9.0)
     env.reset()
     env.step(np.array([0.5]))

@@ -57,7 +57,7 @@ class Traced:
     def __init__(self, text: str) -> None:
         self.text = text
 
-    def __array_namespace__(self) -> Any:  # noqa: ANN401
+    def __array_namespace__(self) -> Any:
         def function(name: str) -> Callable[..., Traced]:
             return lambda *args: Traced(f"{name}({', '.join(str(a) for a in args)})")
 
@@ -67,7 +67,7 @@ class Traced:
     def __str__(self) -> str:
         return self.text
 
-    def __eq__(self, other: object) -> Any:  # noqa: ANN401
+    def __eq__(self, other: object) -> Any:
         return Traced(f"({self} == {other})")
 
     __hash__ = None  # type: ignore[assignment] # as arrays have none
@@ -90,7 +90,7 @@ def test_the_minimum_of_arrays_without_numbers_looks_at_none_of_them() -> None:
 
 
 def test_arrays_are_computed_by_their_own_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    def library(name: str) -> Any:  # noqa: ANN401
+    def library(name: str) -> Any:
         return SimpleNamespace(clip=lambda array, low, high: (name, array, low, high))
 
     standard: Any = SimpleNamespace(__array_namespace__=lambda: library("of the array"))
@@ -251,8 +251,7 @@ def test_weights_make_units_comparable() -> None:
 
 
 @pytest.mark.parametrize(
-    ("horizon", "expected"),
-    [(None, [1.0, 1.0, 1.0]), (4, [1.0, 0.25, 0.0]), (0, [0.0, 0.0, 0.0])],
+    ("horizon", "expected"), [(None, [1.0, 1.0, 1.0]), (4, [1.0, 0.25, 0.0]), (0, [0.0, 0.0, 0.0])]
 )
 def test_time_left_is_a_fraction_of_the_horizon(horizon: int | None, expected: list[float]) -> None:
     assert [time_left(sample, horizon) for sample in (0.0, 3.0, 9.0)] == expected
@@ -287,10 +286,7 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            {"mode": "multiply"},
-            f"expected mode={' or '.join(map(repr, MODES))}, got 'multiply'",
-        ),
+        ({"mode": "multiply"}, f"expected mode={' or '.join(map(repr, MODES))}, got 'multiply'"),
         ({"weight": -1.0}, "expected weight= as a finite number, 0 or more, got -1.0"),
         ({"clip": math.inf}, "expected clip= as a finite number above 0, got inf"),
         ({"clip": math.nan}, "expected clip= as a finite number above 0, got nan"),

@@ -45,7 +45,7 @@ class Ledge(gym.Env[Any, Any]):
         return np.array([self.at], np.float64), reward, self.at in {0, 6}, False, {}
 
 
-def ledge(mode: Mode, **arguments: Any) -> StlReward[Any, Any]:  # noqa: ANN401
+def ledge(mode: Mode, **arguments: Any) -> StlReward[Any, Any]:
     return StlReward(
         Ledge(),
         SPECS,

@@ -212,10 +212,7 @@ def test_details_show_every_specification() -> None:
         ("first", [0.0, 1.0, 0.0, 0.0]),
     ],
 )
-def test_cost_is_charged_at_steps(
-    cost: Cost,
-    expected: list[float],
-) -> None:
+def test_cost_is_charged_at_steps(cost: Cost, expected: list[float]) -> None:
     env = StlMonitor(Replay([3, 2, 0, 5, -2]), "always(x > 1)", X, cost=cost, on_violation="report")
     for _ in range(2):
         first, *steps = run(env)

@@ -45,10 +45,7 @@ class Timeless(gym.Env[Any, Any]):
             {"cost": "square"},
             "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
         ),
-        (
-            {"buffer_length": -1},
-            "expected buffer_length= as an integer, 0 or more, got -1",
-        ),
+        ({"buffer_length": -1}, "expected buffer_length= as an integer, 0 or more, got -1"),
         (
             {"at_termination": "open"},
             "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'open'",
@@ -80,11 +77,7 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (
-            {"specs": "always(x >)"},
-            rtamt.ParseError,
-            None,
-        ),
+        ({"specs": "always(x >)"}, rtamt.ParseError, None),
         (
             {"specs": "x > 1"},
             SpecificationError,
@@ -110,11 +103,7 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
                 "environment inside it; give period= in seconds, or period=1 to count steps"
             ),
         ),
-        (
-            {"specs": {}},
-            InputError,
-            "expected at least one specification, got an empty mapping",
-        ),
+        ({"specs": {}}, InputError, "expected at least one specification, got an empty mapping"),
         (
             {"specs": 3},
             InputTypeError,
@@ -180,7 +169,7 @@ def test_a_future_without_end_is_refused_in_the_step_view() -> None:
 # ---- one environment, many, and several agents ----
 
 
-def refusal(wrapper: Any, env: object, **options: Any) -> str:  # noqa: ANN401 - a wrapper's class
+def refusal(wrapper: Any, env: object, **options: Any) -> str:
     with pytest.raises(InputTypeError) as caught:
         wrapper(env, *ARGUMENTS, **options)
     return str(caught.value)

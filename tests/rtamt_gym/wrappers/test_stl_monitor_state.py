@@ -219,7 +219,7 @@ def test_every_episode_that_ended_is_recorded() -> None:
 
 def test_a_record_is_json_whatever_booleans_the_environment_ends_with() -> None:
     class Numpy(Replay):
-        def step(self, action: object) -> Any:  # noqa: ANN401
+        def step(self, action: object) -> Any:
             obs, reward, terminated, truncated, info = super().step(action)
             return obs, reward, np.bool_(terminated), np.bool_(truncated), info
 

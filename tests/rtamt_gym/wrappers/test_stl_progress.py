@@ -24,7 +24,7 @@ SIGNALS = {"angle": "obs[2]", "x": "obs[0]"}
 AT: Any = {"at_termination": "failure", "at_truncation": "cut"}
 
 
-def steered(obs: Any, early: bool) -> int:  # noqa: ANN401, FBT001 - an observation
+def steered(obs: Any, early: bool) -> int:  # noqa: FBT001 - an observation
     return int(obs[2] + 0.3 * obs[3] > (-0.06 if early else 0.06))
 
 
@@ -32,7 +32,7 @@ STAGES = {"calm": ["x > -0.01", "x > 0.03"]}
 """Of a requirement that is not in order; those that are keep theirs."""
 
 
-def pole(**options: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401 - of the wrapper
+def pole(**options: Any) -> StlMonitor[Any, Any]:
     env = gym.make("CartPole-v1", max_episode_steps=60)
     return StlMonitor(env, SPECS, SIGNALS, on_violation="report", **AT, **options)
 
@@ -63,16 +63,12 @@ def test_every_info_has_the_least_progress() -> None:
 
 
 @pytest.mark.parametrize("options", [{}, {"stages": STAGES}])
-def test_many_environments_have_the_infos_of_one(options: Any) -> None:  # noqa: ANN401
+def test_many_environments_have_the_infos_of_one(options: Any) -> None:
     num, steps = 3, 90
     alone = [pole(**options) for _ in range(num)]
     made = [lambda: gym.make("CartPole-v1", max_episode_steps=60)] * num
     envs = VectorStlMonitor(
-        SyncVectorEnv(made, autoreset_mode=AutoresetMode.NEXT_STEP),
-        SPECS,
-        SIGNALS,
-        **AT,
-        **options,
+        SyncVectorEnv(made, autoreset_mode=AutoresetMode.NEXT_STEP), SPECS, SIGNALS, **AT, **options
     )
     obs, infos = envs.reset(seed=[0, 1, 2])
     singles = [env.reset(seed=seed)[1] for seed, env in enumerate(alone)]
@@ -120,7 +116,7 @@ def test_an_environment_without_stages_has_no_progress() -> None:
     assert "progress" not in info["stl"]["spec"]
 
 
-def _policy(obs: Any) -> int:  # noqa: ANN401 - an observation
+def _policy(obs: Any) -> int:
     return steered(obs, early=False)
 
 

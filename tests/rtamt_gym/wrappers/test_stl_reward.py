@@ -114,11 +114,7 @@ def test_a_smooth_minimum_listens_to_every_specification() -> None:
 
 
 def test_safety_comes_before_target_before_comfort() -> None:
-    specs = {
-        "gentle": "always(abs(u) < 0.6)",
-        "there": "eventually(x > 3)",
-        "dry": "always(x > 0)",
-    }
+    specs = {"gentle": "always(abs(u) < 0.6)", "there": "eventually(x > 3)", "dry": "always(x > 0)"}
     signals = {"u": ("action[0]", 0.0), **X}
     env = StlReward(
         Replay([0.5, 2.5, 3.5, -0.25]),
@@ -186,7 +182,7 @@ def test_always_never_succeeds_before_the_end(mode: Mode) -> None:
         assert ("is_success" in info) is truncated
 
 
-def balanced(obs: Any) -> int:  # noqa: ANN401
+def balanced(obs: Any) -> int:
     place, speed, angle, turn = obs
     return int(0.1 * place + 0.3 * speed + 3.0 * angle + turn > 0.0)
 
@@ -257,7 +253,7 @@ class Places(gym.ObservationWrapper[Any, Any, Any]):
         box = env.observation_space
         self.observation_space = spaces.Dict([(key, box), ("a", spaces.Discrete(3))])
 
-    def observation(self, observation: Any) -> Any:  # noqa: ANN401
+    def observation(self, observation: Any) -> Any:
         return {self.key: observation, "a": 1}
 
 
@@ -323,7 +319,7 @@ def test_the_terminal_mode_of_the_step_view_shows_what_it_pays() -> None:
 # ---- refusals ----
 
 
-def refused(env: gym.Env[Any, Any], **arguments: Any) -> str:  # noqa: ANN401
+def refused(env: gym.Env[Any, Any], **arguments: Any) -> str:
     with pytest.raises(InputError) as caught:
         StlReward(env, **{"mode": "add", **arguments})
     return str(caught.value)

@@ -36,7 +36,7 @@ class Case:
     def bare(self) -> Env:
         return gym.make(self.env_id)
 
-    def monitored(self, spec: str = "always(abs(x) < 1e6)", **arguments: Any) -> Env:  # noqa: ANN401
+    def monitored(self, spec: str = "always(abs(x) < 1e6)", **arguments: Any) -> Env:
         return StlMonitor(self.bare(), spec, {"x": self.selector}, substeps=True, **arguments)
 
 
@@ -313,7 +313,7 @@ def test_environments_of_a_vector_are_wrapped_one_by_one() -> None:
 class Rebuilt(InvertedPendulumEnv):
     """Builds its simulation anew at every reset, as one does whose model is drawn."""
 
-    def reset(self, **arguments: Any) -> Any:  # noqa: ANN401
+    def reset(self, **arguments: Any) -> Any:
         self.model, self.data = self._initialize_simulation()
         return super().reset(**arguments)
 

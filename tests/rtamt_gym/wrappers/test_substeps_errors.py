@@ -18,7 +18,7 @@ from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 class OwnLoop(InvertedPendulumEnv):
     """Steps its simulation in a function that it has overridden."""
 
-    def _step_mujoco_simulation(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
+    def _step_mujoco_simulation(self, ctrl: Any, n_frames: int) -> None:
         self.data.ctrl[:] = ctrl
         mujoco.mj_step(self.model, self.data, nstep=n_frames)
 
@@ -26,7 +26,7 @@ class OwnLoop(InvertedPendulumEnv):
 class OwnStep(InvertedPendulumEnv):
     """Steps its simulation without the function that is followed."""
 
-    def do_simulation(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
+    def do_simulation(self, ctrl: Any, n_frames: int) -> None:
         self.data.ctrl[:] = ctrl
         mujoco.mj_step(self.model, self.data, nstep=n_frames)
 
@@ -98,9 +98,7 @@ NEEDS = (
     ],
 )
 def test_what_cannot_be_followed_is_refused_at_construction(
-    env: Any,  # noqa: ANN401
-    signal: Any,  # noqa: ANN401
-    message: str,
+    env: Any, signal: Any, message: str
 ) -> None:
     made = gym.make(env) if isinstance(env, str) else env()
     with pytest.raises(InputError) as caught:

@@ -47,7 +47,7 @@ class Repeat(gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self.times = times
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401
+    def step(self, action: Any) -> Any:
         for _ in range(self.times):
             result = self.env.step(action)
             if result[2] or result[3]:
@@ -71,7 +71,7 @@ def repeated(make: Make) -> gym.Env[Any, Any]:
     return Repeat(make())
 
 
-def actions(env: Any, steps: int = 14) -> None:  # noqa: ANN401
+def actions(env: Any, steps: int = 14) -> None:
     env.reset(seed=1)
     env.action_space.seed(1)
     for _ in range(steps):
@@ -98,7 +98,7 @@ def test_the_period_is_printed_described_and_in_the_info_of_a_reset() -> None:
     class Untold(gym.Env[Any, Any]):
         observation_space, action_space = spaces.Box(-1, 1, (1,)), spaces.Discrete(2)
 
-        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+        def reset(self, **_: Any) -> Any:
             return np.zeros(1, np.float32), {}
 
     untold = StlMonitor(Untold(), UNTIMED, X)
@@ -127,16 +127,16 @@ def test_agents_are_told_it_too() -> None:
         control_timestep = 0.25
 
         @property
-        def unwrapped(self) -> Any:  # noqa: ANN401
+        def unwrapped(self) -> Any:
             return self
 
-        def observation_space(self, _: str) -> Any:  # noqa: ANN401
+        def observation_space(self, _: str) -> Any:
             return spaces.Box(-1, 1, (1,))
 
-        def action_space(self, _: str) -> Any:  # noqa: ANN401
+        def action_space(self, _: str) -> Any:
             return spaces.Discrete(2)
 
-        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+        def reset(self, **_: Any) -> Any:
             return {"a": np.zeros(1)}, {"a": {}}
 
     env = ParallelStlMonitor(One(), TIMED, {"x": "a: obs[0]"})
@@ -237,10 +237,10 @@ def test_what_is_no_time_is_not_compared() -> None:
         observation_space, action_space = spaces.Box(-1, 1, (1,)), spaces.Discrete(2)
         dt, time, config = 0.5, 0.0, {"policy_frequency": 2}
 
-        def reset(self, **_: Any) -> Any:  # noqa: ANN401
+        def reset(self, **_: Any) -> Any:
             return np.zeros(1, np.float32), {}
 
-        def step(self, _: Any) -> Any:  # noqa: ANN401
+        def step(self, _: Any) -> Any:
             return np.zeros(1, np.float32), 0.0, False, False, {}
 
     actions(StlMonitor(Still(), TIMED, X))
@@ -254,7 +254,7 @@ def test_sub_steps_are_compared_with_the_time_of_the_simulation() -> None:
     class Faster(gym.Wrapper[Any, Any, Any, Any]):
         """Steps the simulation once more, unseen."""
 
-        def step(self, action: Any) -> Any:  # noqa: ANN401
+        def step(self, action: Any) -> Any:
             import mujoco  # type: ignore[import-untyped]
 
             result = self.env.step(action)
@@ -308,7 +308,7 @@ def test_a_repeat_action_of_gymnasium_has_no_period() -> None:
 # ---- a period that changes at a reset ----
 
 
-def slower(env: Any) -> None:  # noqa: ANN401
+def slower(env: Any) -> None:
     """Doubles the time of a step."""
     simulation = env.unwrapped
     if hasattr(simulation, "model"):
@@ -317,7 +317,7 @@ def slower(env: Any) -> None:  # noqa: ANN401
         simulation.tau *= 2
 
 
-def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) -> list[str]:  # noqa: ANN401
+def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) -> list[str]:
     """The warnings of an episode before a change and of some after it."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -339,10 +339,7 @@ def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) ->
     ids=["mujoco", "stated"],
 )
 def test_set_period_is_compared_after_every_reset(make: Make, says: str) -> None:
-    wraps: list[Any] = [
-        StlMonitor,
-        functools.partial(StlReward, mode="add"),
-    ]
+    wraps: list[Any] = [StlMonitor, functools.partial(StlReward, mode="add")]
     for wrap in wraps:
         env = wrap(make(), TIMED, X, period=0.02)
         told = later_warnings(env, functools.partial(slower, env), episodes=3)
@@ -416,7 +413,7 @@ def test_one_of_many_environments_changes_its_period(mode: AutoresetMode) -> Non
 
 
 def test_native_environments_change_their_period() -> None:
-    def go_on(envs: Any) -> None:  # noqa: ANN401
+    def go_on(envs: Any) -> None:
         for _ in range(60):  # which resets each of them
             envs.step(envs.action_space.sample())
 
@@ -436,7 +433,7 @@ def test_native_environments_change_their_period() -> None:
 
 
 def test_agents_change_their_period() -> None:
-    def wrapped(**how: Any) -> Any:  # noqa: ANN401
+    def wrapped(**how: Any) -> Any:
         crew = Crew({"a": [0.0, 1.0, 2.0]}, tau=0.5)
         return ParallelStlMonitor(crew, "always[0:1](x < 9)", {"x": "a: obs[0]"}, **how)
 
@@ -469,7 +466,7 @@ def test_simulations_change_their_period(period: float | None, raises: bool) -> 
 def test_evaluations_of_many_environments_compare_the_period(mode: AutoresetMode) -> None:
     makes: list[Make] = [pole, functools.partial(repeated, pole)]
 
-    def play(makes: list[Make], **how: Any) -> Any:  # noqa: ANN401
+    def play(makes: list[Make], **how: Any) -> Any:
         return evaluate_policy(lambda _: 0, sync(makes, mode), TIMED, X, episodes=4, **how)
 
     with pytest.raises(Exception, match="bounds last 4 times what they say"):

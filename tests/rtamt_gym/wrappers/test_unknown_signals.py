@@ -112,7 +112,7 @@ def test_an_episode_that_begins_in_a_step_is_looked_at_too(mode: AutoresetMode) 
     class Later(Replay):
         episodes = 0
 
-        def reset(self, **options: Any) -> Any:  # noqa: ANN401
+        def reset(self, **options: Any) -> Any:
             obs, info = super().reset(**options)
             self.episodes += 1
             return (np.full_like(obs, NAN) if self.episodes > 1 else obs), info

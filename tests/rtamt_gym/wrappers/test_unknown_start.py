@@ -17,14 +17,7 @@ from vector_environments import MODES, Make, both, difference, sync, trajectory
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym import (
-    StlMonitor,
-    StlReward,
-    VectorStlMonitor,
-    evaluate_policy,
-    relabel,
-    simulate,
-)
+from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, evaluate_policy, relabel, simulate
 from rtamt_gym.commands.arguments import read_signals
 
 pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
@@ -44,16 +37,16 @@ class Distances(gym.Env[Any, Any]):
     def __init__(self, length: int = 4, *, at_reset: bool = False, nan_at: int = -1) -> None:
         self.length, self.at_reset, self.nan_at = length, at_reset, nan_at
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
         super().reset(seed=seed, options=options)
         self.at = 0
         return self.shown(), self.info() if self.at_reset else {"other": 1.0}
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+    def step(self, action: Any) -> Any:  # noqa: ARG002
         self.at += 1
         return self.shown(), 0.0, self.at == self.length, False, self.info()
 
-    def shown(self) -> Any:  # noqa: ANN401
+    def shown(self) -> Any:
         at = math.nan if self.at == self.nan_at else self.at
         return np.full(1, at, np.float32)
 
@@ -102,7 +95,7 @@ def test_many_environments_are_asked_at_every_reset(mode: AutoresetMode) -> None
     assert difference(trajectory(together, 12), trajectory(singles, 12)) == ""
 
     class Later(Distances):
-        def reset(self, **options: Any) -> Any:  # noqa: ANN401
+        def reset(self, **options: Any) -> Any:
             obs, info = super().reset(**options)
             self.at_reset = False
             return obs, info

@@ -27,11 +27,11 @@ ACTION = np.zeros(1)
 class Bored(gym.Wrapper[Any, Any, Any, Any]):
     """Terminates an episode after two steps, as a wrapper of a user might."""
 
-    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+    def reset(self, **options: Any) -> Any:
         self.steps = 0
         return self.env.reset(**options)
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401
+    def step(self, action: Any) -> Any:
         self.steps += 1
         obs, reward, terminated, truncated, info = self.env.step(action)
         return obs, reward, terminated or self.steps == 2, truncated, info
@@ -41,7 +41,7 @@ def limited(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:
     return TimeLimit(env, 2)
 
 
-def monitored(**options: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401
+def monitored(**options: Any) -> StlMonitor[Any, Any]:
     return StlMonitor(Replay(SERIES), SPEC, X, **options)
 
 
@@ -159,11 +159,11 @@ def test_processes_record_unseen_ends() -> None:
 class Around(VectorWrapper):
     """A wrapper around vector environments that may end episodes."""
 
-    def step(self, actions: Any) -> Any:  # noqa: ANN401
+    def step(self, actions: Any) -> Any:
         return super().step(actions)
 
 
-def reset_early(envs: Any, times: int) -> None:  # noqa: ANN401
+def reset_early(envs: Any, times: int) -> None:
     """Resets after one step all environments, and after another the first alone."""
     for _ in range(times):
         envs.reset()
@@ -185,13 +185,13 @@ def test_wrapper_around_all_environments_is_warned_about_once() -> None:
 class Limit(ParallelWrapper):
     """Truncates the episodes of several agents after a step."""
 
-    def __init__(self, env: Any) -> None:  # noqa: ANN401
+    def __init__(self, env: Any) -> None:
         self.env = env
 
-    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+    def reset(self, **options: Any) -> Any:
         return self.env.reset(**options)
 
-    def step(self, actions: Any) -> Any:  # noqa: ANN401
+    def step(self, actions: Any) -> Any:
         obs, rewards, terminations, _, infos = self.env.step(actions)
         return obs, rewards, terminations, dict.fromkeys(actions, True), infos
 
@@ -201,7 +201,7 @@ def test_wrapper_around_several_agents_is_warned_about_once() -> None:
     monitor = ParallelStlMonitor(crew, SPEC, {"x": "one: obs[0]"})
     env = Limit(monitor)
 
-    def run(times: int) -> Any:  # noqa: ANN401
+    def run(times: int) -> Any:
         for _ in range(times):
             env.reset()
             *_, infos = env.step({"one": ACTION, "two": ACTION})

@@ -189,12 +189,12 @@ class Nested(gym.Env[Any, Any]):
         self.length = length
         self.at = 0
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
         super().reset(seed=seed, options=options)
         self.at = 0
         return self.shown(), {}
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+    def step(self, action: Any) -> Any:  # noqa: ARG002
         self.at += 1
         speed = np.array([0.0, self.at])
         info = {"deep": {"speed": speed}, "list": [self.at, "x"]}
@@ -207,12 +207,12 @@ class Nested(gym.Env[Any, Any]):
 # ---- callables ----
 
 
-def height(step: Step) -> Any:  # noqa: ANN401
+def height(step: Step) -> Any:
     """A signal that reads the step of one environment or of many."""
     return step.obs[..., 0] + (0.0 if step.action is None else step.action[..., 0])
 
 
-def own(step: Step) -> Any:  # noqa: ANN401
+def own(step: Step) -> Any:
     return step.info["own"]
 
 
@@ -272,10 +272,10 @@ class Played(gym.Env[Any, Any]):
         self.rows = iter(shown)
         self.lane = lane
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ARG002
         return next(self.rows)[0][self.lane], {}
 
-    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+    def step(self, action: Any) -> Any:  # noqa: ARG002
         obs, rewards, terminated, truncated, _ = next(self.rows)
         lane = self.lane
         return obs[lane], rewards[lane], bool(terminated[lane]), bool(truncated[lane]), {}

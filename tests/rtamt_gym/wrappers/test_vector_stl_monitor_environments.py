@@ -68,11 +68,11 @@ class Bare(VectorEnv[Any, Any, Any]):
     def __str__(self) -> str:
         return "<Bare>"
 
-    def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+    def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ARG002
         self.at = np.array([0.0, 1.0])
         return self.shown(), {"speed": self.at.copy()}
 
-    def step(self, actions: Any) -> Any:  # noqa: ANN401, ARG002
+    def step(self, actions: Any) -> Any:  # noqa: ARG002
         self.at = np.where(self.at == 3, 0, self.at + 1)
         ended = self.at == 3
         infos: dict[str, Any] = {"speed": self.at.copy()}
@@ -206,7 +206,7 @@ def test_seeds_and_options_pass_through_and_the_callers_options_stay_as_they_are
     seen: list[Any] = []
 
     class Noting(Replay):
-        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
             seen.append((seed, options))
             return super().reset(seed=seed)
 
@@ -261,8 +261,7 @@ def one_by_one(make: Callable[[], Replay]) -> gym.Env[Any, Any]:
 @pytest.mark.parametrize("clone", [deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
 @pytest.mark.parametrize("view", ["episode", "step"])
 def test_a_copy_in_mid_episode_continues_as_the_original(
-    clone: Callable[[Any], Any],
-    view: Any,  # noqa: ANN401
+    clone: Callable[[Any], Any], view: Any
 ) -> None:
     text = TEXT if view == "episode" else "abs(theta) < 0.1"
     for bare in (native(3), sync([make_pole] * 2, AutoresetMode.SAME_STEP)):

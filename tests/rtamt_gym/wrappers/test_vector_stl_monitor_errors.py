@@ -117,11 +117,11 @@ def test_simulations_that_are_reset_before_the_end_is_seen_are_refused() -> None
 class Numbers(VectorWrapper):
     """Tells one of the ends in numbers."""
 
-    def __init__(self, env: Any, place: int) -> None:  # noqa: ANN401
+    def __init__(self, env: Any, place: int) -> None:
         super().__init__(env)
         self.place = place
 
-    def step(self, actions: Any) -> Any:  # noqa: ANN401
+    def step(self, actions: Any) -> Any:
         found = list(super().step(actions))
         found[self.place] = np.asarray(found[self.place]).astype(np.int8)
         return tuple(found)
@@ -196,9 +196,7 @@ def test_a_mode_of_autoreset_that_is_none_is_refused() -> None:
     ],
 )
 def test_a_wrong_mask_is_refused_and_changes_nothing(
-    mask: Any,  # noqa: ANN401
-    error: type[RtamtError],
-    message: str,
+    mask: Any, error: type[RtamtError], message: str
 ) -> None:
     envs = VectorStlMonitor(native(2), "always(theta < 1)", ANGLE)
     envs.reset()
@@ -313,10 +311,7 @@ def told(*infos: dict[str, Any]) -> Envs:
     ],
 )
 def test_a_signal_that_says_no_number_of_each_is_refused(
-    infos: list[dict[str, Any]],
-    signal: Any,  # noqa: ANN401
-    error: type[RtamtError],
-    message: str,
+    infos: list[dict[str, Any]], signal: Any, error: type[RtamtError], message: str
 ) -> None:
     envs = VectorStlMonitor(told(*infos), "always(x < 9)", {"x": (signal, 0.0)})
 

@@ -39,9 +39,9 @@ def replays(end: str) -> list[Make]:
 def compare(
     makes: Sequence[Make],
     autoreset: AutoresetMode,
-    specs: Any,  # noqa: ANN401
+    specs: Any,
     signals: dict[str, Any],
-    **options: Any,  # noqa: ANN401
+    **options: Any,
 ) -> str:
     """Where the environments shaped as one differ from those shaped one by one."""
     options = {"on_violation": "report", **options}
@@ -72,9 +72,7 @@ def test_every_mode_pays_what_single_environments_are_paid(
 @pytest.mark.parametrize("mode", ["potential", "terminal"])
 @pytest.mark.parametrize("case", CASES[:2] + CASES[-1:], ids=lambda case: case.env_id[-12:])
 def test_the_state_of_the_monitor_is_observed_as_in_single_environments(
-    case: Any,  # noqa: ANN401
-    mode: Mode,
-    autoreset: AutoresetMode,
+    case: Any, mode: Mode, autoreset: AutoresetMode
 ) -> None:
     makes: list[Make] = [
         functools.partial(gym.make, case.env_id, max_episode_steps=n) for n in (5, 30)
@@ -91,7 +89,7 @@ class Still(gym.Wrapper[Any, Any, Any, Any]):
     def __init__(self, make: Make) -> None:
         super().__init__(make())
 
-    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+    def reset(self, **options: Any) -> Any:
         return self.env.reset(**options)[0], {}
 
 

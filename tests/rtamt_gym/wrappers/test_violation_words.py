@@ -174,7 +174,7 @@ ERRORS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(("message", "words"), ERRORS.items())
-def test_unknown_names_and_words_are_errors_at_construction(message: str, words: Any) -> None:  # noqa: ANN401
+def test_unknown_names_and_words_are_errors_at_construction(message: str, words: Any) -> None:
     envs = sync([lambda: Replay(CAST[0])], AutoresetMode.DISABLED)
     for make in (
         lambda: StlMonitor(Replay(CAST[0]), SPECS, X, on_violation=words),

@@ -57,7 +57,7 @@ def test_a_strict_bound_that_is_reached_is_violated_with_robustness_0() -> None:
 def test_a_goal_that_is_just_reached_is_satisfied() -> None:
     infos = run(StlMonitor(Replay([-1, 0, -1]), "eventually(x >= 0)", X, details=True))
     assert [info["stl"]["spec"]["verdict"] for info in infos] == [
-        *("UNDECIDED", "SATISFIED", "SATISFIED"),
+        *("UNDECIDED", "SATISFIED", "SATISFIED")
     ]
     assert bits(infos[1]["stl_lower"]) == HOLDS
 
@@ -88,9 +88,7 @@ def test_a_violation_by_no_margin_is_charged(cost: Cost, expected: list[float]) 
 @pytest.mark.parametrize("cost", ["latched", "depth", "first"])
 @pytest.mark.parametrize("view", ["episode", "step"])
 def test_many_environments_say_what_one_says_of_zeros(
-    mode: AutoresetMode,
-    cost: Cost,
-    view: View,
+    mode: AutoresetMode, cost: Cost, view: View
 ) -> None:
     rng = np.random.default_rng(5)
     traces = rng.integers(-1, 2, (6, 5)).astype(np.float64)
@@ -134,10 +132,10 @@ def test_rewards_rank_a_level_that_fails_by_no_margin_as_violated() -> None:
 
 @pytest.mark.parametrize("many", [False, True])
 def test_combinations_keep_the_sign_of_a_zero(many: bool) -> None:  # noqa: FBT001
-    def value(number: float) -> Any:  # noqa: ANN401
+    def value(number: float) -> Any:
         return np.array([number]) if many else number
 
-    def sign(number: Any) -> bool:  # noqa: ANN401
+    def sign(number: Any) -> bool:
         return bool(np.signbit(number).all())
 
     for zeros in ([0.0, -0.0], [-0.0, 0.0], [1.0, -0.0], [-0.0, math.inf]):
