@@ -6,14 +6,13 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.folder import Folder, digest
-from rtamt_gym.play.process import SearchTask
+from rtamt_gym.play.loop import Task
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.workers import Chunks, Elsewhere, NumberedTrials, Recipe, check_workers
@@ -79,15 +78,14 @@ def run_campaign(
             cannot make the system.
         InputTypeError: If the system cannot be sent to another process.
     """
-    listed: list[SearchTask] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
+    listed = [Task(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
     if listed:
-        runner.check(listed[0][1])
+        runner.check(listed[0].case)
     requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
-    rows: dict[int, Trial] = {}
     fingerprint = runner.fingerprint()
     with ExitStack() as stack:
-        kept = None
+        store = None
         if folder is not None:
             about = {**(about or {})}
             identity = {
@@ -96,97 +94,83 @@ def run_campaign(
                 "number of runs": len(listed),
                 "runs": digest(task[1:] for task in listed),
             }
-            of = (folder, identity, about, requirements, runner.name, fingerprint)
-            kept = stack.enter_context(Folder(*of, accept_changed=accept_changed))
-            rows = kept.rows()
-        stored = frozenset(rows)
-        order = _Order(rows, len(listed), enough)
-        left = [] if order.over() else [task for task in listed if task[0] not in rows]
-        chunks = Chunks(left, runner)
+            described = (identity, about, requirements, runner.name, fingerprint)
+            store = stack.enter_context(Folder(folder, *described, accept_changed=accept_changed))
+        rows = _Rows(store, len(listed), enough)
+        stored = frozenset(rows.trials)
+        todo = [] if rows.over() else [task for task in listed if task.number not in stored]
+        chunks = Chunks(todo, runner)
         elsewhere = None
         if n_jobs is None and backend is None and timeout is None:
-            over: Iterator[NumberedTrials] = (_run_here(runner, chunk) for chunk in chunks)
+            results: Iterator[NumberedTrials] = (_run_here(runner, chunk) for chunk in chunks)
         else:
             elsewhere = stack.enter_context(Elsewhere(runner, n_jobs, backend, timeout))
-            over = stack.enter_context(elsewhere.spread(chunks))
-        note = _Note(runner.duration, rows.values())
+            results = stack.enter_context(elsewhere.spread(chunks))
+        note = _Note(runner.duration, rows.trials.values())
         bar = shown_progress(what, len(listed) if progress else 0, "run")
         advance = stack.enter_context(bar)
-        advance(len(rows), str(note))
+        advance(len(stored), str(note))
 
         def record_of(count: int) -> Record:
-            reused = len(stored & {*range(count)})
-            reuse = None if kept is None else kept.reuse(reused, count)
-            made_of = Provenance.of(runner.requirements, fingerprint, reuse)
-            return Record((rows[i] for i in range(count)), requirements, runner.name, made_of)
+            reuse = None if store is None else store.reuse(len(stored & {*range(count)}), count)
+            provenance = Provenance.of(runner.requirements, fingerprint, reuse)
+            trials = (rows.trials[i] for i in range(count))
+            return Record(trials, requirements, runner.name, provenance)
 
-        take = partial(_take, rows, kept)
-        most = runner.batch if elsewhere is None else len(listed)
-
-        def open_tasks(count: int) -> int:
-            return min(most, len(listed) - len(chunks) - count)
-
-        stack.enter_context(_carrying(rows, take, order, record_of, open_tasks))
-        for finished in over:
-            take(finished)
-            chunks.learn(finished)
-            note.take(row for _, row in finished)
-            advance(len(finished), str(note))
-            if order.over():
-                if elsewhere is not None:  # do not wait for its workers
-                    elsewhere.close()
-                break
-        record = record_of(order.count)
-        if kept is not None:
-            kept.finish(record)
+        try:
+            for finished in results:
+                rows.take(finished)
+                chunks.learn(finished)
+                note.take(row for _, row in finished)
+                advance(len(finished), str(note))
+                if rows.over():
+                    if elsewhere is not None:  # do not wait for its workers
+                        elsewhere.close()
+                    break
+            record = record_of(rows.count)
+            if store is not None:
+                store.finish(record)
+        except KeyboardInterrupt as pressed:
+            rows.take(getattr(pressed, "finished", []))  # of a chunk that ran in this process
+            rows.over()
+            # Runs that are over early may be short ones: stop at the first that is not over.
+            count = next(i for i in itertools.count() if i not in rows.trials)
+            started = len(listed) - len(chunks) - count
+            carried: Any = pressed
+            carried.record = record_of(count)
+            carried.lost = started if elsewhere is not None else min(runner.batch, started)
+            raise
         return record
 
 
-def _take(rows: dict[int, Trial], kept: Folder | None, finished: NumberedTrials) -> None:
-    if kept is not None:
-        kept.add(finished)
-    rows.update(finished)
+class _Rows:
+    """The rows of a campaign by task number, some of them from its folder.
 
+    Attributes:
+        trials: The rows.
+        count: How many were passed to ``enough`` in the order of their tasks; all without it.
+    """
 
-@contextmanager
-def _carrying(
-    rows: Mapping[int, Trial],
-    take: Callable[[NumberedTrials], None],
-    order: _Order,
-    record_of: Callable[[int], Record],
-    open_tasks: Callable[[int], int],
-) -> Iterator[None]:
-    """Add the attributes to an interrupt that `run_campaign` documents."""
-    try:
-        yield
-    except KeyboardInterrupt as pressed:
-        if finished := getattr(pressed, "finished", []):  # the chunk ran in this process
-            take(finished)
-        order.over()
-        # Runs that are over early may be short ones: stop at the first that is not over.
-        count = next(i for i in itertools.count() if i not in rows)
-        carried: Any = pressed
-        carried.record, carried.lost = record_of(count), open_tasks(count)
-        raise
-
-
-class _Order:
-    """Passes rows to ``enough`` in the order of their tasks, and counts them."""
-
-    def __init__(self, rows: Mapping[int, Trial], tasks: int, enough: Enough | None) -> None:
-        self._rows = rows
-        self._enough = enough
-        self._found = False
+    def __init__(self, store: Folder | None, tasks: int, enough: Enough | None) -> None:
+        self.trials: dict[int, Trial] = {} if store is None else store.rows()
+        self._store, self._enough = store, enough
+        self._done = False
         self.count = tasks if enough is None else 0
 
+    def take(self, finished: NumberedTrials) -> None:
+        """Add rows, and store them."""
+        if self._store is not None and finished:
+            self._store.add(finished)
+        self.trials.update(finished)
+
     def over(self) -> bool:
-        """Pass the new rows on; return whether they are enough."""
+        """Return whether the rows are enough."""
         if self._enough is None:
             return False
-        while not self._found and self.count in self._rows:
-            self._found = self._enough(self._rows[self.count])
+        while not self._done and self.count in self.trials:
+            self._done = self._enough(self.trials[self.count])
             self.count += 1
-        return self._found
+        return self._done
 
 
 class _Note:
@@ -194,37 +178,36 @@ class _Note:
 
     def __init__(self, duration: float | None, rows: Iterable[Trial]) -> None:
         self._duration = duration
-        self._violated = 0
-        self._failed = 0
-        self._least = math.inf
-        self._saved = 0.0
+        self._violated = self._failed = 0
+        self._smallest, self._saved = math.inf, 0.0
         self.take(rows)
 
     def take(self, rows: Iterable[Trial]) -> None:
-        """Count violations, the minimum robustness and the time saved by stops."""
+        """Count finished runs."""
         for row in rows:
             self._failed += bool(row.error)
             outcomes = row.outcomes.values()
-            self._violated += any(each.verdict is Verdict.VIOLATED for each in outcomes)
-            self._least = min([self._least, *(each.robustness for each in outcomes)])
+            self._violated += any(outcome.verdict is Verdict.VIOLATED for outcome in outcomes)
+            self._smallest = min([self._smallest, *(outcome.robustness for outcome in outcomes)])
             if row.ended in {"violation", "decided"} and self._duration is not None:
                 self._saved += self._duration - row.simulated
 
     def __str__(self) -> str:
         failed = f"{self._failed} failed" if self._failed else ""
-        if self._least == math.inf:
+        if self._smallest == math.inf:
             return failed
         saved = f", {self._saved:.0f} s of simulation saved" if self._saved else ""
-        told = f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
-        return f"{told}, {failed}" if failed else told
+        text = f"{self._violated} violated, least robustness {self._smallest:.3g}{saved}"
+        return f"{text}, {failed}" if failed else text
 
 
-def _run_here(runner: Runner, tasks: Sequence[SearchTask]) -> NumberedTrials:
-    seeds: Any = [seed for _, _, seed in tasks] if runner.takes_seeds else None
+def _run_here(runner: Runner, tasks: Sequence[Task]) -> NumberedTrials:
+    """Run tasks in this process; an interrupt carries the finished ones."""
+    seeds: Any = [task.seed for task in tasks] if runner.takes_seeds else None
     finished: NumberedTrials = []
     try:
-        for index, row in runner.run([case for _, case, _ in tasks], seeds):
-            finished.append((tasks[index][0], row))
+        for index, row in runner.run([task.case for task in tasks], seeds):
+            finished.append((tasks[index].number, row))
     except KeyboardInterrupt as pressed:
         carried: Any = pressed
         carried.finished = finished

@@ -19,11 +19,8 @@ from threading import Lock
 from typing import Final
 
 from rtamt import InputError
-from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.loop import Task
 from rtamt_gym.results.trial import Trial
-
-SearchTask = tuple[int, Case, int | None]
-"""The number of a task, its case and its seed."""
 
 _IDLE: Final = 60.0
 """Seconds without tasks after which a process ends by itself: workers of a cluster live on."""
@@ -54,7 +51,7 @@ class Setup:
     above: Mapping[str, float] | None = None
 
 
-def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Trial]]:
+def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
     """Run tasks; return their rows with the task numbers.
 
     If a process dies, its unfinished tasks run again, each alone; a task whose process dies again
@@ -88,7 +85,7 @@ def end_processes(name: str) -> None:
         process.end()
 
 
-def _deal(setup: Setup, tasks: Sequence[SearchTask], rows: dict[int, Trial]) -> str:
+def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Trial]) -> str:
     """Let a process run tasks, and collect their rows; return why it ended, or an empty text."""
     process = _take(setup)
     try:

@@ -142,7 +142,7 @@ class Runner:
                 monitor_of(self._system), requirements, signals, options
             )
             simulation = getattr(self._system, "unwrapped", None)
-            ran = as_system(self._system, policy, None, None, None, substeps=False)
+            ran = as_system(self._system, policy)
             self.name = ran.name
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)

@@ -95,7 +95,7 @@ class Simulator:
             )
         self._given, self._policy, self._duration = system, policy, duration
         self._case = None if case is None else Case(case)
-        self._plain = as_system(system, policy, None, start, None, substeps=reading.substeps)
+        self._plain = as_system(system, policy, start, substeps=reading.substeps)
         ran = self._plain if self._case is None else driven(self._plain, self._case)
         self.name, self.start = ran.name, start
         self.monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None

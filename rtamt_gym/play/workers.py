@@ -22,7 +22,8 @@ from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.child import Making
-from rtamt_gym.play.process import SearchTask, Setup, end_processes, run_chunk
+from rtamt_gym.play.loop import Task
+from rtamt_gym.play.process import Setup, end_processes, run_chunk
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.whole import Whole
@@ -61,13 +62,13 @@ def check_workers(
     return timeout
 
 
-class Chunks(Iterator[list[SearchTask]]):
+class Chunks(Iterator[list[Task]]):
     """An iterator of task lists that grow until a list takes about a second.
 
     If cases run side by side, a chunk is one batch.
     """
 
-    def __init__(self, tasks: Sequence[SearchTask], runner: Runner) -> None:
+    def __init__(self, tasks: Sequence[Task], runner: Runner) -> None:
         self._tasks = tasks
         self._batch = runner.batch
         self._workers = 1
@@ -88,7 +89,7 @@ class Chunks(Iterator[list[SearchTask]]):
         """The number of remaining tasks."""
         return len(self._tasks) - self._start
 
-    def __next__(self) -> list[SearchTask]:
+    def __next__(self) -> list[Task]:
         if not len(self):
             raise StopIteration
         size = self._batch
@@ -237,8 +238,8 @@ class Elsewhere:
         """Run cases as `Runner.run` does; a caller that stops early ends the processes."""
         listed = [Case(case) for case in cases]
         given: Sequence[int | None] = [None] * len(listed) if seeds is None else seeds
-        numbered = zip(range(len(listed)), listed, given, strict=True)
-        chunks = Chunks(list(numbered), self._runner)
+        tasks = list(map(Task, range(len(listed)), listed, given))
+        chunks = Chunks(tasks, self._runner)
         with self.spread(chunks, above) as results:
             for rows in results:
                 chunks.learn(rows)

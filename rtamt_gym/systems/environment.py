@@ -61,7 +61,6 @@ class Environment(System):
         self,
         env: gym.Env[Any, Any],
         policy: Policy | None,
-        seed: int | None,
         *,
         substeps: bool = False,
         case: EnvironmentCase | None = None,
@@ -83,7 +82,7 @@ class Environment(System):
         self._substeps = substeps
         self._env = env
         self._policy = policy
-        self._seed = seed
+        self._seed: int | None = None
         self._case = case
         self._ends: ExitStack | None = None  # set by a start that changes something
 
@@ -91,9 +90,8 @@ class Environment(System):
         """Return the environment with the options, attributes and action waveforms of a case."""
         bound = EnvironmentCase(self._env, case, self.name)
         with bound.attributes():  # the case may change the period, so apply it first
-            made = Environment(
-                self._env, self._policy, self._seed, substeps=self._substeps, case=bound
-            )
+            made = Environment(self._env, self._policy, substeps=self._substeps, case=bound)
+        made._seed = self._seed
         made.refuses_nan, made.timed = self.refuses_nan, self.timed
         made.below, made.rescaled = self.below, self.rescaled
         return made

@@ -21,44 +21,22 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
+_MUJOCO = {"MjModel", "MjData"}
+
 
 def as_system(
     system: Any,  # noqa: ANN401
-    policy: Policy | None,
-    seed: int | None,
-    start: Snapshot | None,
-    case: Case | None,
+    policy: Policy | None = None,
+    start: Snapshot | None = None,
     *,
-    substeps: bool,
+    substeps: bool = False,
 ) -> System:
-    """Return the caller's simulation as a `System`, driven by a case."""
-    ran = _as_kind(system, policy, seed, start, substeps=substeps)
-    return ran if case is None else driven(ran, case)
-
-
-def driven(ran: System, case: Case) -> System:
-    """Return a system driven by a case."""
-    if not isinstance(ran, Drivable):
-        raise InputError(
-            f"{ran.name} takes no case, got {case!r}; environments, pairs (model, data) of MuJoCo, "
-            "Fmus, functions of time and generator functions take one"
-        )
-    return ran.driven(case)
-
-
-def _as_kind(
-    system: Any,  # noqa: ANN401
-    policy: Policy | None,
-    seed: int | None,
-    start: Snapshot | None,
-    *,
-    substeps: bool,
-) -> System:
-    of_mujoco = _of_mujoco(system, policy, seed, start)
-    if of_mujoco is not None:
-        return of_mujoco
+    """Return the caller's simulation as a `System`."""
+    simulation = _of_mujoco(system, policy, start)
+    if simulation is not None:
+        return simulation
     if isinstance(system, gym.Env):
-        return Environment(system, policy, seed, substeps=substeps)
+        return Environment(system, policy, substeps=substeps)
     if isinstance(system, VectorEnv):
         raise InputError(
             f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
@@ -69,7 +47,6 @@ def _as_kind(
             "expected a system to run, got its name; write "
             f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
         )
-    refuse_seed(seed, system)
     if policy is not None:
         raise InputError(
             Argument("policy"),
@@ -93,7 +70,6 @@ def _as_kind(
 def _of_mujoco(
     system: Any,  # noqa: ANN401
     policy: Policy | None,
-    seed: int | None,
     start: Snapshot | None,
 ) -> System | None:
     """Return a simulation of MuJoCo as a `System`; None for other systems, without importing it."""
@@ -105,20 +81,25 @@ def _of_mujoco(
     if isinstance(system, PanelValues):
         from rtamt_gym.systems.mujoco import Monitored
 
-        refuse_seed(seed, system)
         return Monitored(cast("StepMonitor", system), policy, start)
     if start is not None:
         raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
     if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
         from rtamt_gym.systems.mujoco import MujocoModel
 
-        refuse_seed(seed, system)
         model, data = system
         return MujocoModel(model, data, policy)
     return None
 
 
-_MUJOCO = {"MjModel", "MjData"}
+def driven(system: System, case: Case) -> System:
+    """Return a system driven by a case."""
+    if not isinstance(system, Drivable):
+        raise InputError(
+            f"{system.name} takes no case, got {case!r}; environments, pairs (model, data) of "
+            "MuJoCo, Fmus, functions of time and generator functions take one"
+        )
+    return system.driven(case)
 
 
 def refuse_seed(seed: int | None, system: object) -> None:
