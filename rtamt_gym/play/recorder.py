@@ -139,9 +139,7 @@ class Recorder:
         return other
 
     def courses(
-        self,
-        specs: Mapping[str, rtamt.Specification],
-        evidence: Mapping[str, Evidence[Asked]],
+        self, specs: Mapping[str, rtamt.Specification], evidence: Mapping[str, Evidence[Asked]]
     ) -> dict[str, Course]:
         """Return the course of every specification."""
         outcomes = self.panel.outcomes()

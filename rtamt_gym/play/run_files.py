@@ -63,8 +63,7 @@ def run_fields(
         "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
         "courses": {
             name: _course(
-                each,
-                {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES},
+                each, {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES}
             )
             for name, each in kept["courses"].items()
         },

@@ -330,10 +330,7 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check_keys(
-    what: str,
-    kept: object,
-    needed: Sequence[str],
-    possible: Sequence[str] = (),
+    what: str, kept: object, needed: Sequence[str], possible: Sequence[str] = ()
 ) -> None:
     if not isinstance(kept, dict):
         raise InputError(f"expected {what} as an object of JSON, got {kept!r}")

@@ -134,14 +134,7 @@ def simulate(
     specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
     with no_exit("the system"):
         simulator = Simulator(
-            system,
-            specs,
-            signals,
-            given,
-            case=case,
-            start=start,
-            policy=policy,
-            duration=duration,
+            system, specs, signals, given, case=case, start=start, policy=policy, duration=duration
         )
         simulation = simulator.begin(seed=seed, stop=stop, above=above, label=label)
         simulation.play()

@@ -68,11 +68,7 @@ class Instance:
         """Return the FMU of FMPy with debug logging, which many need to report why they fail."""
         if self._version == 3:
             return fmpy.instantiate_fmu(
-                folder,
-                described,
-                fmi_type="CoSimulation",
-                debug_logging=True,
-                logger=self.listen,
+                folder, described, fmi_type="CoSimulation", debug_logging=True, logger=self.listen
             )
         number = next(_numbers)
         _instances[number] = self

@@ -253,10 +253,7 @@ def test_a_branch_is_saved_loaded_drawn_and_replayed_under_other_specifications(
 
 def test_what_a_monitor_has_of_its_own_is_refused() -> None:
     monitor = monitored()
-    given: dict[str, Any] = {
-        "specs": "always(z > 0)",
-        "signals": {"z": "qpos[0]"},
-    }
+    given: dict[str, Any] = {"specs": "always(z > 0)", "signals": {"z": "qpos[0]"}}
     for name, value in given.items():
         with pytest.raises(InputError) as refused:
             simulate(monitor, duration=1, **{name: value})

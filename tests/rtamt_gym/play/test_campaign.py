@@ -75,8 +75,7 @@ def pendulum() -> Runner:
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(
-    ("made", "tasks"),
-    [(registered, [({}, 4), ({}, 5)]), (pendulum, [({}, None)])],
+    ("made", "tasks"), [(registered, [({}, 4), ({}, 5)]), (pendulum, [({}, None)])]
 )
 def test_what_is_registered_here_or_made_of_mujoco_runs_in_other_processes(
     made: Callable[[], Runner], tasks: list[Any]

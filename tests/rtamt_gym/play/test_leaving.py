@@ -174,10 +174,7 @@ def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
     found.save("case.json")
     kept = json.loads(Path("case.json").read_text())
     del kept["fingerprint"]  # which another system does not have
-    told = {
-        "wry:tank": IMPORTED,
-        "sly:tank": f"rtamt: error: tank called sys.exit(), {NO_END}\n",
-    }
+    told = {"wry:tank": IMPORTED, "sly:tank": f"rtamt: error: tank called sys.exit(), {NO_END}\n"}
     for name, message in told.items():
         Path("case.json").write_text(json.dumps(kept | {"system": {"object": name}}))
         assert main(["replay", "case.json"]) == 2

@@ -23,9 +23,7 @@ from rtamt_gym import Case, Fmus, Parameter, Runner, SavedCase, Signal, Space, f
 DRIVE = [Signal("drive", -2, 2, points=3, interpolation="pchip"), Parameter("gain", 0, 2)]
 KINDS: dict[str, Callable[[], Kind]] = {
     "a scenario": lambda: Kind(
-        "rtamt/RequestGrant-v0",
-        "granted",
-        [Parameter("height", 2, 8), Parameter("limit", 1, 4)],
+        "rtamt/RequestGrant-v0", "granted", [Parameter("height", 2, 8), Parameter("limit", 1, 4)]
     ),
     "a scenario that is driven, one of several requirements": lambda: Kind(
         "rtamt/AutomaticTransmission-v0",

@@ -157,12 +157,7 @@ Z = {"level": "qpos[2]"}
             InputError,
             "expected stop='violation' or 'decided' or 'known' or 'verdicts' or 'end', got 'never'",
         ),
-        (
-            (ROWS, LOW),
-            {"view": "all"},
-            InputError,
-            "expected view='episode' or 'step', got 'all'",
-        ),
+        ((ROWS, LOW), {"view": "all"}, InputError, "expected view='episode' or 'step', got 'all'"),
         (
             ([{"level": math.nan}], LOW),
             {"nan": "hold"},
@@ -235,12 +230,7 @@ Z = {"level": "qpos[2]"}
             InputTypeError,
             "expected a policy, a function of model and data that sets data.ctrl, got 1.0",
         ),
-        (
-            (ROWS, LOW, {"level": 0}),
-            {},
-            InputTypeError,
-            "signal 'level': expected a name, got 0",
-        ),
+        ((ROWS, LOW, {"level": 0}), {}, InputTypeError, "signal 'level': expected a name, got 0"),
         (
             (ROWS, LOW, "level"),
             {},
@@ -253,12 +243,7 @@ Z = {"level": "qpos[2]"}
             InputError,
             "sample 0 of samples has no 'levels'; it has 'level'; did you mean 'level'?",
         ),
-        (
-            ([ROWS[0], {}], LOW),
-            {},
-            InputError,
-            "sample 1 of samples has no 'level'; it has none",
-        ),
+        (([ROWS[0], {}], LOW), {}, InputError, "sample 1 of samples has no 'level'; it has none"),
         (
             ([3.0], LOW),
             {},

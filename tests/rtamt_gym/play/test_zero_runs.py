@@ -32,7 +32,7 @@ def test_a_run_decides_by_the_sign_of_zeros(tmp_path: Path) -> None:
     run = run_to_the_end()
     kept, above, reached = run.courses.values()
     assert [course.verdict.name for course in run.courses.values()] == [
-        *("SATISFIED", "VIOLATED", "SATISFIED"),
+        *("SATISFIED", "VIOLATED", "SATISFIED")
     ]
     assert kept.verdicts.tolist() == [0, 0, 0, 1]
     assert above.verdicts.tolist() == [0, 0, -1, -1]

@@ -22,10 +22,7 @@ SCENARIO_ERRORS: list[tuple[dict[str, Any], str]] = [
             "did you mean 'left'?"
         ),
     ),
-    (
-        {"env.dt": 1},
-        "Plant takes no 'env.dt' of a case; it takes 'left', 'right', 'gain', 'from'",
-    ),
+    ({"env.dt": 1}, "Plant takes no 'env.dt' of a case; it takes 'left', 'right', 'gain', 'from'"),
     (
         {"gain": RIGHT},
         (
@@ -62,10 +59,7 @@ ENVIRONMENT_ERRORS: list[tuple[dict[str, Any], str]] = [
     ),
     ({"env.wnd": 1, **PUSH}, "Windy has no 'env.wnd'; did you mean 'env.wind'?"),
     ({"env.sky.cluds": 1, **PUSH}, "Windy has no 'env.sky.cluds'; did you mean 'env.sky.clouds'?"),
-    (
-        {"env.wind": 1.5, **PUSH},
-        "expected 'env.wind' of the case as a whole number, as 3, got 1.5",
-    ),
+    ({"env.wind": 1.5, **PUSH}, "expected 'env.wind' of the case as a whole number, as 3, got 1.5"),
     (
         {"env.label": 1, **PUSH},
         "expected a number as 'env.label' of Windy, which a case can set, got str 'windy'",

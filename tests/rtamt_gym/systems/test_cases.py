@@ -168,10 +168,7 @@ def test_actions_of_every_form(
     assert space.contains(taken[0])
 
 
-@given(
-    rate=st.floats(-5, 5),
-    push=waveforms(-1, 1) | st.just(None),
-)
+@given(rate=st.floats(-5, 5), push=waveforms(-1, 1) | st.just(None))
 def test_functions_get_keyword_arguments(rate: float, push: Waveform | None) -> None:
     case: dict[str, Any] = {"rate": rate} | ({} if push is None else {"push": push})
 

@@ -15,14 +15,7 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmus import library, write_fmu
 
 import rtamt
-from rtamt import (
-    EpisodeMonitor,
-    InputError,
-    InputTypeError,
-    RtamtError,
-    StateError,
-    export_fmu,
-)
+from rtamt import EpisodeMonitor, InputError, InputTypeError, RtamtError, StateError, export_fmu
 from rtamt_gym import Fmus, simulate
 from rtamt_gym.systems.fmi_instance import Instance
 

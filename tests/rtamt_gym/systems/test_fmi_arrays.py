@@ -126,10 +126,7 @@ def test_what_is_no_number_of_an_array_is_refused(lone: Path, signal: str, messa
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        (
-            {"parameters": {"n": 3}},
-            "'n' says how large arrays are, and keeps its start value 2",
-        ),
+        ({"parameters": {"n": 3}}, "'n' says how large arrays are, and keeps its start value 2"),
         (
             {"parameters": {"grid": 1}},
             "'grid' is an array of 2 x 3 numbers, grid[0][0] to grid[1][2]; choose one of them",

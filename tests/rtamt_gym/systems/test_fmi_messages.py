@@ -96,10 +96,7 @@ def test_another_error_that_cannot_be_raised_is_told_as_before(
 def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version: int) -> None:
     attribute = 'canHandleVariableCommunicationStepSize="perhaps"'
     broken = write_fmu(
-        tank.with_name("broken.fmu"),
-        library(version, tank.parent),
-        version,
-        fixed=attribute,
+        tank.with_name("broken.fmu"), library(version, tank.parent), version, fixed=attribute
     )
     with pytest.raises(InputError) as refused:
         Fmus(broken)

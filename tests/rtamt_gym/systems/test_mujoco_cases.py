@@ -269,10 +269,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
             "  hint: write ctrl[0], actuator:motor, qpos[0], opt.gravity[2] or body:pole.mass"
         ),
     ),
-    (
-        {"ctrl[2]": 1},
-        "'ctrl[2]' of the case: ctrl[2] does not fit: ctrl has 2 elements, 0 to 1",
-    ),
+    ({"ctrl[2]": 1}, "'ctrl[2]' of the case: ctrl[2] does not fit: ctrl has 2 elements, 0 to 1"),
     (
         {"actuator:moter": 1},
         (
@@ -303,10 +300,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
             "joint:NAME.qfrc_applied and body:NAME.xfrc_applied[0]"
         ),
     ),
-    (
-        {"qpos[0]": math.inf},
-        "expected 'qpos[0]' of the case as a finite number, got inf",
-    ),
+    ({"qpos[0]": math.inf}, "expected 'qpos[0]' of the case as a finite number, got inf"),
     (
         {"ctrl[0]": math.inf},
         "expected 'ctrl[0]' of the case as a waveform or a finite number, got inf",

@@ -164,10 +164,7 @@ def test_a_policy_remembers_during_an_episode_and_forgets_between_episodes() -> 
                 "module.Class, got 'SAK'; did you mean 'SAC'?"
             ),
         ),
-        (
-            "sb3:json.dumps:odd.zip",
-            "expected a class of models as json.dumps, got ",
-        ),
+        ("sb3:json.dumps:odd.zip", "expected a class of models as json.dumps, got "),
         (
             "sb3:text.zip",
             (
