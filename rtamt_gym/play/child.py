@@ -41,8 +41,9 @@ def main(pipe: int, alive: int, idle: float) -> None:
             tasks, above = connection.recv()
             if not tasks:
                 break
-            seeds = [seed for _, seed in tasks] if runner.takes_seeds else None
-            for over in runner.run([case for case, _ in tasks], seeds, above=above):
+            cases, seeds = zip(*tasks, strict=True)
+            given = None if seeds[0] is None else seeds  # a system without seeds has none
+            for over in runner.run(cases, given, above=above):
                 connection.send(over)
             connection.send((0, None))
 

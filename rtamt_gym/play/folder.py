@@ -60,9 +60,9 @@ class Folder:
         self._fingerprint = fingerprint
         self._mixtures: tuple[Mixture, ...] = ()
         self._notes: list[str] = []
-        found = self._check(json.loads(json.dumps(identity)))
-        stored = self._compare(accept_changed=accept_changed) if found else None
-        kept: dict[str, Any] = {
+        same_campaign = self._check(json.loads(json.dumps(identity)))
+        stored = self._compare(accept_changed=accept_changed) if same_campaign else None
+        description: dict[str, Any] = {
             "system": system,
             "requirements": dict(requirements),
             "also": about,
@@ -70,7 +70,7 @@ class Folder:
             "fingerprint": (fingerprint if stored is None else stored).plain(),
             "mixtures": list(map(Mixture.plain, self._mixtures)),
         }
-        text = json.dumps(kept, indent=1) + "\n"
+        text = json.dumps(description, indent=1) + "\n"
         self.path.mkdir(parents=True, exist_ok=True)
         self._lock = _locked(self.path)
         try:
@@ -120,9 +120,9 @@ class Folder:
 
     def finish(self, record: Record, also: Mapping[str, Any] | None = None) -> None:
         """Replace the parts by one file of all runs, with further metadata."""
-        kept = {**self._about, **(also or {})}
+        metadata = {**self._about, **(also or {})}
         if also is not None or not (self.path / RECORD).exists():
-            self._write(RECORD, lambda path: record.write(path, _WHAT, kept))
+            self._write(RECORD, lambda path: record.write(path, _WHAT, metadata))
         for part in self.path.glob(PARTS):
             part.unlink()
 
@@ -135,7 +135,7 @@ class Folder:
                 "expected ", Argument("folder"), f" as a folder, got the file {self.path}"
             )
         if not (self.path / CAMPAIGN).exists():
-            others = [each.name for each in self.path.iterdir() if not _is_own(each.name)]
+            others = [path.name for path in self.path.iterdir() if not _is_own(path.name)]
             if others:
                 raise InputError(
                     "expected ",
@@ -144,20 +144,20 @@ class Folder:
                     f"which holds {listing(sorted(others)[:3])}",
                 )
             return False
-        found = read_campaign(self.path)["identity"]
-        for key in dict.fromkeys([*identity, *found]):
-            if identity.get(key) != found.get(key):
+        stored = read_campaign(self.path)["identity"]
+        for key in dict.fromkeys([*identity, *stored]):
+            if identity.get(key) != stored.get(key):
                 raise InputError(
-                    f"{self.path} holds another campaign: its {key} {_differing(found, key)}, not "
+                    f"{self.path} holds another campaign: its {key} {_differing(stored, key)}, not "
                     f"{_short(identity.get(key))}; give another folder, or remove this one"
                 )
         return True
 
     def _compare(self, *, accept_changed: bool) -> Fingerprint | None:
         """Return the stored fingerprint if it is unchanged; None if the new one must be stored."""
-        kept, now = read_campaign(self.path), self._fingerprint
-        self._mixtures = tuple(map(Mixture.read, kept.get("mixtures", ())))
-        then = Fingerprint.read(kept.get("fingerprint"))
+        stored, now = read_campaign(self.path), self._fingerprint
+        self._mixtures = tuple(map(Mixture.read, stored.get("mixtures", ())))
+        then = Fingerprint.read(stored.get("fingerprint"))
         changes = [] if then is None else then.changes(now)
         if then is not None and not changes:
             self._notes = then.notes(now)
@@ -185,10 +185,10 @@ class Folder:
 
 def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
     """Return a text that identifies the tasks."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for case, seed in tasks:
-        found.update(f"{case.to_json()} {seed}\n".encode())
-    return found.hexdigest()[:32]
+        hashed.update(f"{case.to_json()} {seed}\n".encode())
+    return hashed.hexdigest()[:32]
 
 
 def _locked(path: Path) -> IO[str]:

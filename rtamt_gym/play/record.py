@@ -84,8 +84,8 @@ class Record(Results):
         violated, failed = len(self.violated()), len(self.failed())
         verb = "violates" if violated == 1 else "violate"
         errors = f", {counted(failed, 'error')}" if failed else ""
-        of = f" of {self.system}" if self.system else ""
-        return f"<Record{of}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
+        system = f" of {self.system}" if self.system else ""
+        return f"<Record{system}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
 
     @property
     def chosen(self) -> bool:
@@ -102,11 +102,11 @@ class Record(Results):
                 simulation has a robustness.
         """
         name = self.name(requirement)
-        found = [row for row in self.rows if name in row.outcomes]
-        if not found:
+        rows = [row for row in self.rows if name in row.outcomes]
+        if not rows:
             raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
-        found = [row for row in found if not row.error] or found
-        return min(found, key=lambda row: order(row.outcomes[name].robustness))
+        rows = [row for row in rows if not row.error] or rows
+        return min(rows, key=lambda row: order(row.outcomes[name].robustness))
 
     def columns(self) -> dict[str, list[Any]]:
         """Return a table: columns of the case, then ``seed``, then columns of outcomes.
@@ -128,22 +128,22 @@ class Record(Results):
     def kinds(self) -> dict[str, str]:
         """Return the kind of each column: ``"number"``, ``"whole"`` or ``"text"``."""
         seed, *others = (
-            (each.name, each.kind)
-            for each in OF_TRIAL
-            if not each.optional or any(each.of(row) is not None for row in self.rows)
+            (measure.name, measure.kind)
+            for measure in OF_TRIAL
+            if not measure.optional or any(measure.of(row) is not None for row in self.rows)
         )
         measured = [
-            (f"{each.name}({name})", each.kind)
+            (f"{measure.name}({name})", measure.kind)
             for name in self.requirements
-            for each in MEASURES
-            if not each.optional or self._has(each, name)
+            for measure in MEASURES
+            if not measure.optional or self._has(measure, name)
         ]
         return dict([*((name, "number") for name in self.case_columns), seed, *measured, *others])
 
     def _has(self, measure: Measure, name: str) -> bool:
         """Return whether some row has a value of a measure of a requirement."""
         outcomes = (row.outcomes[name] for row in self.rows if name in row.outcomes)
-        return any(measure.of(each) is not None for each in outcomes)
+        return any(measure.of(outcome) is not None for outcome in outcomes)
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """Return a column of numbers; missing values are nan.
@@ -169,18 +169,18 @@ class Record(Results):
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Record.to_frame") from error
         kinds = self.kinds()
-        made: dict[str, Callable[[list[Any]], Any]] = {
+        arrays_of: dict[str, Callable[[list[Any]], Any]] = {
             "number": lambda cells: np.array(cells, dtype=np.float64),
             "whole": lambda cells: pd.array(cells, dtype="Int64"),
             "text": lambda cells: pd.array(cells, dtype=object),
         }
-        columns = {name: made[kinds[name]](cells) for name, cells in self.columns().items()}
+        columns = {name: arrays_of[kinds[name]](cells) for name, cells in self.columns().items()}
         return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
 
     def heights(self, requirement: str) -> NDArray[np.float64]:
         """Return the robustness of a requirement in each simulation; nan after an error."""
         judged = [row.judged(requirement) for row in self.rows]
-        return np.array([math.nan if each is None else each.robustness for each in judged])
+        return np.array([math.nan if outcome is None else outcome.robustness for outcome in judged])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a Parquet file: a row for each simulation, columns as in `columns`.
@@ -194,7 +194,7 @@ class Record(Results):
 
     def write(self, path: str | os.PathLike[str], what: str, also: Mapping[str, Any]) -> None:
         """Write the file of `save` with further metadata; ``what`` names the method."""
-        kept = {
+        metadata = {
             "system": self.system,
             "requirements": dict(self.requirements),
             "shapes": self.shapes,
@@ -204,7 +204,7 @@ class Record(Results):
             "also": also,
             **plain_provenance(self.provenance),
         }
-        save_record(Path(path), self.columns(), self.kinds(), kept, what)
+        save_record(Path(path), self.columns(), self.kinds(), metadata, what)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
@@ -218,9 +218,9 @@ class Record(Results):
     @staticmethod
     def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
         """Read a record, and the further metadata of `write`."""
-        rows, kept = load_record(Path(path), what)
-        record = Record(rows, kept["requirements"], kept["system"], provenance_of(kept))
-        return record, kept["also"]
+        rows, metadata = load_record(Path(path), what)
+        record = Record(rows, metadata["requirements"], metadata["system"], provenance_of(metadata))
+        return record, metadata["also"]
 
     @property
     def unconditional(self) -> list[str]:
@@ -234,15 +234,15 @@ class Record(Results):
     @property
     def timed(self) -> bool:
         """Whether times are seconds, and not numbers of samples."""
-        settled = (each.settled for row in self.rows for each in row.outcomes.values())
-        return all(each.seconds is not None for each in settled if each is not None)
+        moments = (outcome.settled for row in self.rows for outcome in row.outcomes.values())
+        return all(outcome.seconds is not None for outcome in moments if outcome is not None)
 
 
 def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
     """Raise InputError if a column of a case has the name of another column."""
     case = list(case)
-    taken = {each.name for each in OF_TRIAL}
-    taken |= {f"{each.name}({name})" for name in requirements for each in MEASURES}
+    taken = {measure.name for measure in OF_TRIAL}
+    taken |= {f"{measure.name}({name})" for name in requirements for measure in MEASURES}
     for name in case:
         if name in taken:
             raise InputError(

@@ -24,14 +24,14 @@ _OF_OUTCOME: Final = ("decided_at", "ended_at", "asked", "vacuous", "progress")
 
 def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
     """Return a run for JSON; without arrays, the names of its signals replace them."""
-    kept = {each.name: getattr(run, each.name) for each in fields(run)}
-    kept["signals"] = run.signals if arrays else list(run.signals)
+    plain_fields = {item.name: getattr(run, item.name) for item in fields(run)}
+    plain_fields["signals"] = run.signals if arrays else list(run.signals)
     outcomes = run.outcomes
-    kept["courses"] = {
+    plain_fields["courses"] = {
         name: {
-            each.name: getattr(course, each.name)
-            for each in fields(course)
-            if each.name not in _OF_OUTCOME and (arrays or each.name not in CURVES)
+            item.name: getattr(course, item.name)
+            for item in fields(course)
+            if item.name not in _OF_OUTCOME and (arrays or item.name not in CURVES)
         }
         | {"decided_at": outcomes[name].decided}
         | ({} if course.ended_at is None else {"ended_at": outcomes[name].ended})
@@ -40,8 +40,8 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
         | ({"by_end": True} if outcomes[name].by_end else {})
         for name, course in run.courses.items()
     }
-    found: dict[str, Any] = plain(kept)
-    return found
+    written: dict[str, Any] = plain(plain_fields)
+    return written
 
 
 def run_fields(
@@ -122,10 +122,10 @@ def load_run(path: Path) -> dict[str, Any]:
     metadata = table.schema.metadata or {}
     if _KEY not in metadata:
         raise InputError(f"{path} holds no run: only files that Run.save has written do")
-    kept: dict[str, Any] = json.loads(metadata[_KEY])
+    stored: dict[str, Any] = json.loads(metadata[_KEY])
 
     def column(name: str) -> Floats:
         array: Floats = table.column(name).to_numpy()
         return array
 
-    return run_fields(kept, column)
+    return run_fields(stored, column)

@@ -47,9 +47,9 @@ class _ComparesArrays:
         if type(other) is not type(self):
             return NotImplemented
         return all(
-            _same(getattr(self, each.name), getattr(other, each.name))
-            for each in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
-            if each.compare
+            _same(getattr(self, item.name), getattr(other, item.name))
+            for item in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
+            if item.compare
         )
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
@@ -125,8 +125,8 @@ class Course(_ComparesArrays):
     def outcome(self, period: Fraction | None) -> Outcome:
         """Return the outcome of the specification, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
-        found = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
-        return replace(found, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
+        result = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
+        return replace(result, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
 
     def decided_text(self, period: Fraction | None) -> str:
         """Return when the verdict was decided: a time, a sample or "the end"; empty if open."""

@@ -185,9 +185,9 @@ class Runner:
     def fingerprint(self) -> Fingerprint:
         """Return hashes and versions of the system, its signals and its policy as they are now."""
         signals = [
-            each if callable(each) else each[0]
-            for each in (self.signals or {}).values()
-            if callable(each) or (isinstance(each, tuple) and callable(each[0]))
+            read if callable(read) else read[0]
+            for read in (self.signals or {}).values()
+            if callable(read) or (isinstance(read, tuple) and callable(read[0]))
         ]
         return fingerprint_of([self.origin, self.system, *signals], self._acting)
 

@@ -140,7 +140,7 @@ class SavedCase:
         """
         options = runner.options
         outcome = row.outcomes[name]
-        made = cls(
+        saved = cls(
             system=system_name(runner.system, folder) if system is None else {"object": system},
             name=name,
             requirement=runner.requirements[name],
@@ -161,9 +161,9 @@ class SavedCase:
             folder=folder,
         )
         try:
-            return replace(made, fingerprint=made.current())
+            return replace(saved, fingerprint=saved.current())
         except Exception:  # noqa: BLE001 - a name that cannot be opened here, as `replay` reports
-            return made
+            return saved
 
     @property
     def imports(self) -> tuple[str, ...]:
@@ -248,7 +248,7 @@ class SavedCase:
         requirement = {"name": self.name, "text": str(self.requirement)}
         if self.requirement.unit != "s":
             requirement["unit"] = self.requirement.unit
-        kept = {
+        content = {
             "system": dict(self.system),
             "requirement": requirement,
             "case": self.case,
@@ -266,7 +266,7 @@ class SavedCase:
             "versions": dict(self.versions),
             **({} if self.fingerprint is None else {"fingerprint": self.fingerprint.plain()}),
         }
-        return document("case", kept) + "\n"
+        return document("case", content) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the case to a file, whose name ends in ``.json``.

@@ -130,11 +130,18 @@ def simulate(
         >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
-    given = checked_options(reading, simulate, "runs")
-    specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
+    options = checked_options(reading, simulate, "runs")
+    specs, signals, options = with_own_monitor(monitor_of(system), specs, signals, options)
     with no_exit("the system"):
         simulator = Simulator(
-            system, specs, signals, given, case=case, start=start, policy=policy, duration=duration
+            system,
+            specs,
+            signals,
+            options,
+            case=case,
+            start=start,
+            policy=policy,
+            duration=duration,
         )
         simulation = simulator.begin(seed=seed, stop=stop, above=above, label=label)
         simulation.play()

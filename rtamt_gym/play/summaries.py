@@ -37,7 +37,7 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)
     at_head = "stopped" if stops else "certain"
-    asks = any(each.occasions is not None for run in runs for each in run.outcomes.values())
+    asks = any(outcome.occasions is not None for run in runs for outcome in run.outcomes.values())
     head = ("asked",) if asks else ()
     rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
     for count, run in enumerate(episodes, 1):
@@ -80,9 +80,9 @@ def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
     first = _runs(episodes)[0]
     texts = {name: course.formula for name, course in first.courses.items()}
     specs = {name: course.specification for name, course in first.courses.items()}
-    made = Provenance.of(specs)
-    results = Results(map(trial_of, episodes), texts, first.system, made)
-    trials = [{**plain_trial(trial_of(each)), **_of_run(each)} for each in episodes]
+    provenance = Provenance.of(specs)
+    results = Results(map(trial_of, episodes), texts, first.system, provenance)
+    trials = [{**plain_trial(trial_of(episode)), **_of_run(episode)} for episode in episodes]
     limit = None if first.limit is None else float(first.limit * (first.period or 1))
     about = {"period": first.period, "limit": limit, "reading": reading}
     return document("runs", {**about, **plain_results(results), "trials": trials})
@@ -90,7 +90,7 @@ def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
 
 def _runs(episodes: Sequence[Episode]) -> list[Run]:
     """Return the episodes that have not failed."""
-    return [each for each in episodes if isinstance(each, Run)]
+    return [episode for episode in episodes if isinstance(episode, Run)]
 
 
 def _of_run(episode: Episode) -> dict[str, Any]:
@@ -123,8 +123,8 @@ def record_table(record: Record) -> list[str]:
     """
     results = list(record.results().values())
     columns = columns_of(results, rates=False)
-    rows = [["requirement", *(each.heading for each in columns)]]
-    rows += [[each.name, *(column.cell(each) for column in columns)] for each in results]
+    rows = [["requirement", *(result.heading for result in columns)]]
+    rows += [[result.name, *(column.cell(result) for column in columns)] for result in results]
     simulated = math.fsum(row.simulated for row in record)
     took = f"{counted(len(record), 'simulation')}, {simulated:.6g} simulated seconds"
     below = [took, *end_note(record), *failures(record)]
@@ -142,16 +142,16 @@ def failures(record: Record, *, rated: bool = True) -> list[str]:
     first = failed[0]
     if record.chosen:
         columns = first.case.columns().items()
-        given = ", ".join(f"{name}={value:.4g}" for name, value in columns)
+        case = ", ".join(f"{name}={value:.4g}" for name, value in columns)
         head = f"{len(failed)} of {counted(len(record), 'simulation')} failed, the first with "
     else:  # episodes
-        given = f"seed {first.seed}"
+        case = f"seed {first.seed}"
         head = f"{len(failed)} of {counted(len(record), 'episode')} failed"
         head += ", which counts as not satisfied; the first with " if rated else "; the first, "
     error = shorten(" ".join(first.error.split()), _ERROR)
     others = len({row.error for row in failed}) - 1
     return [
-        *wrap(f"{shorten(f'{head}{given}', 139)}:", 80),
+        *wrap(f"{shorten(f'{head}{case}', 139)}:", 80),
         *wrap(error, 80, initial_indent="  ", subsequent_indent="  "),
         *([f"  and {counted(others, 'other error')}"] if others else []),
     ]
@@ -164,7 +164,7 @@ def record_json(record: Record, options: Mapping[str, Any]) -> str:
 
 def case_lines(case: Case) -> list[str]:
     """Return a case for the terminal: a line for each entry, more for many control points."""
-    return [line for each in case.items() for line in _entry(*each)]
+    return [line for entry in case.items() for line in _entry(*entry)]
 
 
 def _entry(name: str, entry: float | Waveform) -> list[str]:

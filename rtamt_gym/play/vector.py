@@ -70,16 +70,16 @@ class VectorEpisodes(Runner):
         self._inside: Vector = self._env if self.monitor is None else self.monitor.env
         stop, duration = options.pop("stop", "end"), options.pop("duration", None)
         signals = options.pop("signals", None)
-        given = checked_options(options, type(self), "episodes")
+        evaluation_options = checked_options(options, type(self), "episodes")
         requirements, self.signals, reading = with_own_monitor(
-            self.monitor, requirements, signals, given
+            self.monitor, requirements, signals, evaluation_options
         )
         spec = self._env.spec
         self.name = spec.id if spec else type(self._env.unwrapped).__name__
         own = own_requirements(self._env)
         self._check_resets()
         self.requirements = load_requirements(requirements, own, self.name)
-        timed = any(each.timed for each in self.requirements.values())
+        timed = any(requirement.timed for requirement in self.requirements.values())
         if timed and reading.period is None and self.monitor is None:
             warn_of_unverified_period(self._env)
         self.period = reading.period or read_period(self._env) or ask_another(self._env)

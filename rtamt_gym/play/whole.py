@@ -58,11 +58,6 @@ class Whole:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def takes_seeds(self) -> bool:
-        """As `Runner.takes_seeds`."""
-        return self._runner.takes_seeds
-
     def close(self) -> None:
         """Close the runner."""
         self._runner.close()
@@ -127,7 +122,7 @@ def _nests(formula: Formula) -> bool:
 
 def _combines(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
     """Return whether a node combines formulas, one of which has a window."""
-    if len(node.args) > 1 and any(_timed(each) for arg in node.args for each in arg.nodes()):
+    if len(node.args) > 1 and any(_timed(part) for arg in node.args for part in arg.nodes()):
         return True
     return any(map(_combines, node.args))
 

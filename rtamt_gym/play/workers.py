@@ -117,7 +117,9 @@ class Recipe:
         self._name, self._duration = runner.name, runner.duration
         self._options = runner.arguments
         spec = self._system.spec if isinstance(self._system, gym.Env) else None
-        if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
+        if spec is not None and all(
+            wrapper.kwargs is not None for wrapper in spec.additional_wrappers
+        ):
             self._system = spec
 
     def runner(self) -> Runner | Whole:
@@ -219,11 +221,6 @@ class Elsewhere:
         """End the processes; no more cases can be run."""
         end_processes(self._name)
 
-    @property
-    def takes_seeds(self) -> bool:
-        """As `Runner.takes_seeds`."""
-        return self._runner.takes_seeds
-
     def judge(self, name: str, trace: SimulatedTrace) -> float:
         """As `Runner.judge`."""
         return self._runner.judge(name, trace)
@@ -237,8 +234,8 @@ class Elsewhere:
     ) -> Iterator[tuple[int, Trial]]:
         """Run cases as `Runner.run` does; a caller that stops early ends the processes."""
         listed = [Case(case) for case in cases]
-        given: Sequence[int | None] = [None] * len(listed) if seeds is None else seeds
-        tasks = list(map(Task, range(len(listed)), listed, given))
+        listed_seeds: Sequence[int | None] = [None] * len(listed) if seeds is None else seeds
+        tasks = list(map(Task, range(len(listed)), listed, listed_seeds))
         chunks = Chunks(tasks, self._runner)
         with self.spread(chunks, above) as results:
             for rows in results:

@@ -90,11 +90,11 @@ class Environment(System):
         """Return the environment with the options, attributes and action waveforms of a case."""
         bound = EnvironmentCase(self._env, case, self.name)
         with bound.attributes():  # the case may change the period, so apply it first
-            made = Environment(self._env, self._policy, substeps=self._substeps, case=bound)
-        made._seed = self._seed
-        made.refuses_nan, made.timed = self.refuses_nan, self.timed
-        made.below, made.rescaled = self.below, self.rescaled
-        return made
+            environment = Environment(self._env, self._policy, substeps=self._substeps, case=bound)
+        environment._seed = self._seed
+        environment.refuses_nan, environment.timed = self.refuses_nan, self.timed
+        environment.below, environment.rescaled = self.below, self.rescaled
+        return environment
 
     def known(self, signals: Signals) -> Mapping[str, SignalLike]:
         """Return the given signals, those of the monitor, and those of the environment."""
@@ -139,9 +139,9 @@ class Environment(System):
 
     def again(self, policy: Policy | None, seed: int | None) -> Environment:
         """Return the environment for another run, with its bound signals."""
-        made = object.__new__(Environment)  # ten times as fast as copy.copy()
-        made.__dict__.update(self.__dict__, _policy=policy, _seed=seed)
-        return made
+        environment = object.__new__(Environment)  # ten times as fast as copy.copy()
+        environment.__dict__.update(self.__dict__, _policy=policy, _seed=seed)
+        return environment
 
     @property
     def plain(self) -> bool:

@@ -80,30 +80,32 @@ class EnvironmentCase:
         """Set the attributes inside a context, and restore them afterwards."""
         before: list[tuple[_Attribute, bool, Any]] = []
         try:
-            for each in self._attributes:
-                own = each.field in getattr(each.owner, "__dict__", {each.field})
-                before.append((each, own, getattr(each.owner, each.field)))
+            for attribute in self._attributes:
+                own = attribute.field in getattr(attribute.owner, "__dict__", {attribute.field})
+                before.append((attribute, own, getattr(attribute.owner, attribute.field)))
                 try:
-                    setattr(each.owner, each.field, each.value)
+                    setattr(attribute.owner, attribute.field, attribute.value)
                 except AttributeError as error:
                     before.pop()
-                    raise InputError(f"cannot set {each.name!r} of {self._name}: {error}") from None
+                    raise InputError(
+                        f"cannot set {attribute.name!r} of {self._name}: {error}"
+                    ) from None
             yield
         finally:
-            for each, own, value in reversed(before):
+            for attribute, own, value in reversed(before):
                 if own:
-                    setattr(each.owner, each.field, value)
+                    setattr(attribute.owner, attribute.field, value)
                 else:  # the class had the value
-                    delattr(each.owner, each.field)
+                    delattr(attribute.owner, attribute.field)
 
     def check(self) -> None:
         """Raise InputError if the reset has changed an attribute or a parameter."""
-        for each in self._attributes:
-            now = getattr(each.owner, each.field)
-            if now != each.value:
+        for attribute in self._attributes:
+            now = getattr(attribute.owner, attribute.field)
+            if now != attribute.value:
                 raise InputError(
-                    f"{each.name!r} of the case is {each.value!r}, but the reset of {self._name} "
-                    f"sets it to {now!r}: it cannot be chosen"
+                    f"{attribute.name!r} of the case is {attribute.value!r}, but the reset of "
+                    f"{self._name} sets it to {now!r}: it cannot be chosen"
                 )
         parameters = _parameters(self._simulation)
         for name, value in (self.options or {}).items():
@@ -252,7 +254,7 @@ def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) ->
     for field in name.removeprefix(_ATTRIBUTE).split("."):
         owner = value
         if not hasattr(owner, field):
-            known = [each for each in dir(owner) if not each.startswith("_")]
+            known = [other for other in dir(owner) if not other.startswith("_")]
             meant = nearest(field, known).replace("'", f"'{reached}.", 1)
             raise InputError(f"{system} has no {name!r}{meant or _numbers_of(owner, reached)}")
         value, reached = getattr(owner, field), f"{reached}.{field}"

@@ -70,11 +70,11 @@ def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> F
     values that they hold (arguments of a ``partial``, defaults, variables around them), and by
     their names.
     """
-    found = _Collector()
-    found.add_all(system)
-    own = found.fingerprint()
-    found.add_all(policy)
-    both = found.fingerprint()
+    collector = _Collector()
+    collector.add_all(system)
+    own = collector.fingerprint()
+    collector.add_all(policy)
+    both = collector.fingerprint()
     of_policy = {*both.contents, *both.values}.difference(own.contents, own.values)
     return replace(both, policy=tuple(sorted(of_policy)))
 
@@ -112,7 +112,7 @@ class _Collector:
             contents,
             {**self._values, **{name: repr(now) for name, now in self._modules.replaced()}},
             dict(self._simulators),
-            {name: each for name, each in versions.items() if name not in self._simulators},
+            {name: version for name, version in versions.items() if name not in self._simulators},
             tuple(dict.fromkeys([*self._unseen, *self._modules.unseen])),
         )
 
@@ -191,8 +191,8 @@ class _Collector:
             self.add(each, f"{name}[{key!r}]" if name and not plain else "", values=values)
 
     def _add_partial(self, thing: partial[Any]) -> None:
-        for key, each in [*enumerate(thing.args), *thing.keywords.items()]:
-            self.add(each, f"argument {key} of {_named(thing.func)}")
+        for key, argument in [*enumerate(thing.args), *thing.keywords.items()]:
+            self.add(argument, f"argument {key} of {_named(thing.func)}")
         self.add(thing.func)
 
     def _add_method(self, method: MethodType) -> None:
@@ -209,8 +209,8 @@ class _Collector:
                 else:
                     self.add(cell.cell_contents, values=False)
         named = (function.__kwdefaults__ or {}).items()
-        for key, each in [*enumerate(function.__defaults__ or ()), *named]:
-            self.add(each, f"default {key} of {_named(function)}", values=of_user)
+        for key, value in [*enumerate(function.__defaults__ or ()), *named]:
+            self.add(value, f"default {key} of {_named(function)}", values=of_user)
         self.add(getattr(function, "__wrapped__", None))
 
     def _add_code(self, function: FunctionType) -> bool:
@@ -236,28 +236,28 @@ class _Collector:
 
     def _add_class(self, kind: type) -> None:
         """Add a class and its bases."""
-        for each in kind.__mro__:
-            top = each.__module__.split(".")[0]
+        for base in kind.__mro__:
+            top = base.__module__.split(".")[0]
             if top in sys.stdlib_module_names or top in HOUSE:
                 continue
-            path = _file_of(each.__module__)
+            path = _file_of(base.__module__)
             if is_installed(path):
                 self._add_package(top)
                 continue
-            self._add_functions(each, path)
+            self._add_functions(base, path)
             if not path.is_file():
-                self._unseen[f"the class {each.__name__}, whose source is not in a file"] = None
+                self._unseen[f"the class {base.__name__}, whose source is not in a file"] = None
                 continue
-            self._modules.add(path, _import_name(sys.modules.get(each.__module__)))
-            self._values[f"{each.__qualname__} of {path.name}"] = "used"
-            if not self._modules.defines(path, each.__name__):
-                self._unseen[f"the class {each.__name__}, which was made at run time"] = None
+            self._modules.add(path, _import_name(sys.modules.get(base.__module__)))
+            self._values[f"{base.__qualname__} of {path.name}"] = "used"
+            if not self._modules.defines(path, base.__name__):
+                self._unseen[f"the class {base.__name__}, which was made at run time"] = None
 
     def _add_functions(self, kind: type, path: Path) -> None:
         """Add the functions of a class whose code is elsewhere."""
-        for each in vars(kind).values():
-            if isinstance(each, FunctionType) and Path(each.__code__.co_filename) != path:
-                self.add(each)
+        for function in vars(kind).values():
+            if isinstance(function, FunctionType) and Path(function.__code__.co_filename) != path:
+                self.add(function)
 
     def _add_object(self, thing: object, *, values: bool) -> None:
         """Add an object by its class and, for the user's classes and ours, its attributes."""
@@ -300,22 +300,22 @@ class _Collector:
         layer = env
         while isinstance(layer, gym.Wrapper | VectorWrapper):
             self._add_class(type(layer))
-            for each in vars(layer).values():
-                if isinstance(each, FunctionType | MethodType | partial):
-                    self.add(each)
+            for part in vars(layer).values():
+                if isinstance(part, FunctionType | MethodType | partial):
+                    self.add(part)
             layer = layer.env
         kind = type(layer)
         self._add_class(kind)
-        for each in kind.__mro__:
-            if each.__module__ not in _INTERFACE and is_installed(_file_of(each.__module__)):
-                self._add_package(each.__module__.split(".")[0], simulates=True)
+        for part in kind.__mro__:
+            if part.__module__ not in _INTERFACE and is_installed(_file_of(part.__module__)):
+                self._add_package(part.__module__.split(".")[0], simulates=True)
         if env.spec is not None:
             self._add_spec(env.spec)
         elif isinstance(layer, gym.Env) and kind.__init__ is not object.__init__:
             what = f"the arguments of {kind.__name__}, which gymnasium.make has not made"
             self._unseen[what] = None
-        for each in [*getattr(layer, "env_fns", ()), *getattr(layer, "envs", ())][:_ELEMENTS]:
-            self.add(each)
+        for part in [*getattr(layer, "env_fns", ()), *getattr(layer, "envs", ())][:_ELEMENTS]:
+            self.add(part)
         self._add_model_of(layer)
 
     def _add_spec(self, spec: EnvSpec) -> None:

@@ -132,18 +132,18 @@ class Fmus(System):
     def driven(self, case: Case) -> Fmus:
         """Return the FMUs with the inputs and parameters of a case, which replace their own."""
         self._unpack()  # once for all runs
-        given: dict[Variable, str] = {}
+        names: dict[Variable, str] = {}
         for name in case:
             variable = self._variables.find(name)
-            if variable in given:
+            if variable in names:
                 raise InputError(
-                    f"expected {variable.name!r} once in the case, got it as {given[variable]!r} "
+                    f"expected {variable.name!r} once in the case, got it as {names[variable]!r} "
                     f"and as {name!r}"
                 )
-            given[variable] = name
-        wires = [wire for wire in self._wires if wire[0] not in given]
-        starts = [start for start in self._start_values if start[0] not in given]
-        for variable, name in given.items():
+            names[variable] = name
+        wires = [wire for wire in self._wires if wire[0] not in names]
+        starts = [start for start in self._start_values if start[0] not in names]
+        for variable, name in names.items():
             entry = case[name]
             if variable.entry.causality != "input":
                 number = as_number(name, entry, "inputs")
@@ -153,11 +153,11 @@ class Fmus(System):
                 wires.append((variable, entry))
             else:
                 starts.append((variable, fit(variable, entry)))
-        made = copy.copy(self)
-        made.__dict__ |= {"_wires": wires, "_start_values": starts, "_interrupts": Interrupts()}
+        fmus = copy.copy(self)
+        fmus.__dict__ |= {"_wires": wires, "_start_values": starts, "_interrupts": Interrupts()}
         # This object removes the folders when it is collected.
-        made.__dict__ |= {"_folders": self._folders, "_unpacked_by": self}
-        return made
+        fmus.__dict__ |= {"_folders": self._folders, "_unpacked_by": self}
+        return fmus
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Find the variables and count the communication steps in a period."""

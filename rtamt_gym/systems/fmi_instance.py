@@ -144,12 +144,12 @@ class Instance:
             return read_one_type
 
         def read() -> Sequence[float]:
-            found = [0.0] * len(variables)
+            result = [0.0] * len(variables)
             for call, arguments, values, at, places in groups:
                 self._call(call, *arguments)
                 for k, place in zip(at, places, strict=True):
-                    found[k] = values[place]
-            return found
+                    result[k] = values[place]
+            return result
 
         return read
 
@@ -225,8 +225,8 @@ class Instance:
 
     def _last_messages(self) -> str:
         """Return the last warnings and errors of the FMU; without any, its last messages."""
-        said = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
-        return f" It said: {'; '.join(said)}" if said else ""
+        texts = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
+        return f" It said: {'; '.join(texts)}" if texts else ""
 
 
 _numbers = count(1)

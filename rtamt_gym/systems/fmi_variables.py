@@ -128,7 +128,9 @@ class Variables:
     def _all(self, causality: str) -> str:
         """List the names of all inputs or outputs."""
         known = dict.fromkeys(self._known.values())
-        return listing([each.name for each in known if each.entry.causality == causality])
+        return listing(
+            [variable.name for variable in known if variable.entry.causality == causality]
+        )
 
 
 def _array(name: str, entry: Any) -> str:  # noqa: ANN401 - FMPy is not typed

@@ -97,19 +97,19 @@ class Model:
         """A text that identifies weights and statistics; the name of a model without them."""
         network = getattr(self._model, "policy", None)
         state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
-        found = hashlib.sha256()
+        hashed = hashlib.sha256()
         for name, weights in state.items():
-            found.update(name.encode())
-            found.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
-        found.update(self._statistics)
+            hashed.update(name.encode())
+            hashed.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
+        hashed.update(self._statistics)
         known = state or self._statistics
-        return f"{self.name} {found.hexdigest()[:32]}" if known else self.name
+        return f"{self.name} {hashed.hexdigest()[:32]}" if known else self.name
 
     def _predict(self, obs: Any, memory: Any, begins: Any) -> tuple[Any, Any]:  # noqa: ANN401
-        found: tuple[Any, Any] = self._model.predict(
+        result: tuple[Any, Any] = self._model.predict(
             self._shown(obs), memory, begins, deterministic=self.deterministic
         )
-        return found
+        return result
 
     def __getstate__(self) -> dict[str, Any]:
         """Replace the model by the file that it saves, without the memory for training."""
@@ -344,10 +344,10 @@ def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:
             f"{path} is a model of MaskablePPO, which needs to be told the actions that are "
             "allowed; write a function that does, and --policy module:function"
         )
-    found = _class_of(name)
+    algorithm = _class_of(name)
     instead = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
     try:
-        return found.load(path, device="cpu", custom_objects=instead)
+        return algorithm.load(path, device="cpu", custom_objects=instead)
     except Exception as error:
         raise InputError(
             f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; if it is "
@@ -362,13 +362,13 @@ def _class_of(name: str) -> Any:  # noqa: ANN401
             needed = {"sb3_contrib": "sb3-contrib"}.get(package, "stable-baselines3")
             raise InputError(f"a model of {name} needs {needed}: pip install {needed}")
         return find_object(package, name)
-    module, dot, of = name.rpartition(".")
+    module, dot, class_name = name.rpartition(".")
     if not dot:
         raise InputError(
             f"expected an algorithm of Stable-Baselines3, {', '.join(ALGORITHMS)}, or "
             f"module.Class, got {name!r}{nearest(name, ALGORITHMS)}"
         )
-    found = find_object(module, of)
-    if not callable(getattr(found, "load", None)):
-        raise InputError(f"expected a class of models as {name}, got {found!r}, which cannot load")
-    return found
+    kind = find_object(module, class_name)
+    if not callable(getattr(kind, "load", None)):
+        raise InputError(f"expected a class of models as {name}, got {kind!r}, which cannot load")
+    return kind

@@ -152,20 +152,20 @@ def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
     if selector.source == "opt":
         return _option(what, model, selector)
     field = selector.field or ("ctrl" if selector.source == "actuator" else "")
-    whole = Selector(selector.source, selector.names, field, selector.path)
+    selected = Selector(selector.source, selector.names, field, selector.path)
     kind: Literal["input", "state", "constant"] = "constant"
     if not selector.names:
         kind = "input" if selector.source in {"ctrl", "qfrc_applied"} else "state"
         array = getattr(data, selector.source)
     elif (selector.source, field) in _STATE:
-        kind, array = "state", field_of(what, whole, data)
+        kind, array = "state", field_of(what, selected, data)
     elif (selector.source, field) in _DRIVES:
-        kind, array = "input", field_of(what, whole, data)
+        kind, array = "input", field_of(what, selected, data)
     else:
-        array = field_of(what, whole, model)
+        array = field_of(what, selected, model)
     if array.dtype.kind != "f":  # whole numbers are indices and kinds
         raise InputError(f"{what}: {selector} holds whole numbers, which no case sets")
-    return _Place(kind, array.reshape(-1), index_in(what, whole, array.size))
+    return _Place(kind, array.reshape(-1), index_in(what, selected, array.size))
 
 
 def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN401

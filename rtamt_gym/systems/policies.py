@@ -67,11 +67,11 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
             f"{what}: expected module:function, got the name of a file; write "
             f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
         )
-    found = find_object(kind, rest)
-    if isinstance(found, type):
-        make = PolicyClass.of(found, f"{what} {text}")
+    target = find_object(kind, rest)
+    if isinstance(target, type):
+        make = PolicyClass.of(target, f"{what} {text}")
         return lambda seed: _checked(text, make(seed), env.action_space)
-    policy = _checked(text, _function(text, found, what), env.action_space)
+    policy = _checked(text, _function(text, target, what), env.action_space)
     return lambda _seed: policy
 
 
@@ -98,11 +98,11 @@ class PolicyClass:
         except ValueError:  # some classes in C have no signature
             return cls(kind, seeded=False)
         needed = [
-            each.name
-            for each in parameters.values()
-            if each.default is each.empty
-            and each.kind not in {each.VAR_POSITIONAL, each.VAR_KEYWORD}
-            and each.name != "seed"
+            parameter.name
+            for parameter in parameters.values()
+            if parameter.default is parameter.empty
+            and parameter.kind not in {parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD}
+            and parameter.name != "seed"
         ]
         if needed:
             raise InputError(

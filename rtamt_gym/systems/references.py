@@ -76,13 +76,17 @@ def named_object(path: str) -> Any:  # noqa: ANN401
     module, _, name = path.partition(":")
     if not (module and name):
         raise InputError(f"expected module:name, got {path!r}")
-    found = find_object(module, name)
-    if callable(found) and not inspect.isgeneratorfunction(found) and not _takes_arguments(found):
+    target = find_object(module, name)
+    if (
+        callable(target)
+        and not inspect.isgeneratorfunction(target)
+        and not _takes_arguments(target)
+    ):
         with no_exit(path):
-            made = found()
-        made_by(made, found)
-        return made
-    return found
+            system = target()
+        made_by(system, target)
+        return system
+    return target
 
 
 def system_texts(name: Mapping[str, Any]) -> list[str]:
@@ -120,10 +124,10 @@ def import_path(thing: object) -> str | None:
     module, name = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
     if not (isinstance(module, str) and isinstance(name, str)):
         return None
-    found: Any = sys.modules.get(module)
+    target: Any = sys.modules.get(module)
     for part in name.split("."):
-        found = getattr(found, part, None)
-    if found is not thing:
+        target = getattr(target, part, None)
+    if target is not thing:
         return None
     if module == "__main__":
         module = _script(found=sys.modules["__main__"])
@@ -154,7 +158,7 @@ def _environment_name(env: gym.Env[Any, Any]) -> dict[str, Any]:
             f"gymnasium.make; {_WAY_OUT}"
         )
     if spec.additional_wrappers:
-        wrappers = listing([each.name for each in spec.additional_wrappers])
+        wrappers = listing([wrapper.name for wrapper in spec.additional_wrappers])
         raise InputError(
             f"cannot save a case of {spec.id} below the wrapper {wrappers}; {_WAY_OUT}"
         )

@@ -38,31 +38,31 @@ def make(
             env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})
         )
     except (gym.error.Error, ModuleNotFoundError) as error:
-        said, hint = str(error), ""
+        reason, hint = str(error), ""
         if isinstance(error, gym.error.NameNotFound):
             missing = _register_all()
             named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
             if name in named:
                 hint = f" Did you mean: `{named[name]}`?"
             elif missing:
-                said = said.removesuffix(".")
+                reason = reason.removesuffix(".")
                 hint = "".join(
                     f"; the environments of {each.replace('_', '-')} need "
                     f"pip install '.[{EXTRAS[each][0]}]'"
                     for each in missing
                 )
-        raise InputError(f"cannot make {env_id}: {said}{hint}") from error
+        raise InputError(f"cannot make {env_id}: {reason}{hint}") from error
     except SystemExit as end:
         raise exited(f"the making of {env_id}", end) from end
     except Exception as error:
         if not options:
             raise
         # An environment may raise any error for its arguments.
-        given = ", ".join(f"{key}={value!r}" for key, value in options.items())
+        arguments = ", ".join(f"{key}={value!r}" for key, value in options.items())
         # Gymnasium adds the id and the arguments to a TypeError.
         what = str(error).partition(" was raised from the environment creator")[0]
         raise InputError(
-            f"cannot make {env_id} with {given}: {type(error).__name__}: {what}"
+            f"cannot make {env_id} with {arguments}: {type(error).__name__}: {what}"
         ) from error
 
 
@@ -74,12 +74,12 @@ def families() -> dict[str, list[str]]:
         known = newest.get((spec.namespace, spec.name))
         if known is None or (spec.version or 0) >= (known.version or 0):
             newest[spec.namespace, spec.name] = spec
-    found: dict[str, list[str]] = {}
+    by_source: dict[str, list[str]] = {}
     for spec in newest.values():
         entry = spec.entry_point if isinstance(spec.entry_point, str) else ""
         module = entry.partition(":")[0].removeprefix("gymnasium.envs.")
-        found.setdefault(module.partition(".")[0] or "others", []).append(spec.id)
-    return {family: sorted(ids) for family, ids in sorted(found.items())}
+        by_source.setdefault(module.partition(".")[0] or "others", []).append(spec.id)
+    return {family: sorted(ids) for family, ids in sorted(by_source.items())}
 
 
 def package_of(env_id: str) -> str:
@@ -121,13 +121,13 @@ def _known(name: str) -> bool:
 
 def find_object(module: str, path: str) -> Any:  # noqa: ANN401
     """Import a module, also from the working directory, and return an object in it."""
-    found: Any = imported(module)
+    target: Any = imported(module)
     for name in path.split("."):
-        if not hasattr(found, name):
-            of = f"the module {module}" if isinstance(found, ModuleType) else repr(found)
-            raise InputError(f"{of} has no {name!r}{nearest(name, dir(found))}")
-        found = getattr(found, name)
-    return found
+        if not hasattr(target, name):
+            holder = f"the module {module}" if isinstance(target, ModuleType) else repr(target)
+            raise InputError(f"{holder} has no {name!r}{nearest(name, dir(target))}")
+        target = getattr(target, name)
+    return target
 
 
 def line_in(module: str, error: BaseException) -> str:

@@ -99,8 +99,8 @@ def _keywords(function: Callable[..., object], skip: int) -> tuple[list[str], bo
     except ValueError:  # some functions in C have no signature
         return [], True
     named = [
-        each.name
-        for each in parameters[skip:]
-        if each.kind in {each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY}
+        parameter.name
+        for parameter in parameters[skip:]
+        if parameter.kind in {parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY}
     ]
-    return named, any(each.kind is each.VAR_KEYWORD for each in parameters)
+    return named, any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)

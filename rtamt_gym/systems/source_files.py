@@ -54,10 +54,10 @@ def _installed_folders() -> tuple[Path, ...]:
 
 def is_installed(path: Path) -> bool:
     """Return if a file belongs to Python or to an installed package."""
-    found = path.resolve()
-    if {"site-packages", "dist-packages"} & set(found.parts):
+    resolved = path.resolve()
+    if {"site-packages", "dist-packages"} & set(resolved.parts):
         return True
-    return any(found.is_relative_to(folder) for folder in _installed_folders())
+    return any(resolved.is_relative_to(folder) for folder in _installed_folders())
 
 
 @dataclass
@@ -106,7 +106,9 @@ class ModuleFiles:
 
     def loaded(self) -> Iterator[tuple[Path, ModuleType]]:
         """Yield the modules that this program has imported, with their paths."""
-        modules = {str(getattr(each, "__file__", "")): each for each in [*sys.modules.values()]}
+        modules = {
+            str(getattr(module, "__file__", "")): module for module in [*sys.modules.values()]
+        }
         yield from ((path, modules[str(path)]) for path in self.trees if str(path) in modules)
 
     def edited(self) -> set[Path]:
@@ -128,14 +130,14 @@ class ModuleFiles:
         """Yield the absolute module names that a statement or call may import."""
         match node:
             case ast.Import(names=names):
-                yield from (each.name for each in names)
+                yield from (alias.name for alias in names)
             case ast.ImportFrom(module=module, names=names, level=level):
                 parts = package.split(".") if level else []
                 parts = parts[: len(parts) - (level - 1)] if level else parts
                 base = ".".join([*parts, *([module] if module else [])])
                 if base:
                     yield base
-                yield from (f"{base}.{each.name}".removeprefix(".") for each in names)
+                yield from (f"{base}.{alias.name}".removeprefix(".") for alias in names)
             case ast.Call(func=ast.Name(id="__import__" | "import_module"), args=[first, *_]):
                 yield from self._computed(first, path)
             case ast.Call(func=ast.Attribute(attr="import_module"), args=[first, *_]):
@@ -181,8 +183,8 @@ class ModuleFiles:
                 path = folder / name
                 with suppress(OSError, ValueError):
                     if path.suffix.lower() in READ and path.is_file():
-                        for each in model_files(path):
-                            self.paths.setdefault(each, root)
+                        for file in model_files(path):
+                            self.paths.setdefault(file, root)
                         return
 
 
@@ -195,21 +197,21 @@ def _differs(module: ModuleType, path: Path, tree: ast.Module) -> bool:
     while waiting:
         code = waiting.pop()
         codes.add(code)
-        waiting += [each for each in code.co_consts if isinstance(each, CodeType)]
-    classes = [each for each in vars(module).values() if isinstance(each, type)]
-    own = [each for each in classes if each.__module__ == module.__name__]
-    functions = [each for holder in (module, *own) for each in vars(holder).values()]
+        waiting += [member for member in code.co_consts if isinstance(member, CodeType)]
+    classes = [member for member in vars(module).values() if isinstance(member, type)]
+    own = [member for member in classes if member.__module__ == module.__name__]
+    functions = [member for holder in (module, *own) for member in vars(holder).values()]
     return any(
-        each.__code__ not in codes
-        for each in functions
-        if isinstance(each, FunctionType) and each.__code__.co_filename == str(path)
+        member.__code__ not in codes
+        for member in functions
+        if isinstance(member, FunctionType) and member.__code__.co_filename == str(path)
     )
 
 
 def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
     """Yield the names that a module assigns once, to a number or a text."""
-    names = [each for each in ast.walk(tree) if isinstance(each, ast.Name)]
-    stored = Counter(each.id for each in names if isinstance(each.ctx, ast.Store))
+    names = [name_node for name_node in ast.walk(tree) if isinstance(name_node, ast.Name)]
+    stored = Counter(name_node.id for name_node in names if isinstance(name_node.ctx, ast.Store))
     for node in tree.body:
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
@@ -258,8 +260,8 @@ def _file_names(node: ast.AST) -> Iterator[str]:
                 left = left.left
             yield "/".join(parts)
         case ast.Call(args=args):
-            texts = [each.value for each in args if isinstance(each, ast.Constant)]
-            if len(texts) > 1 and all(isinstance(each, str) for each in texts):
+            texts = [argument.value for argument in args if isinstance(argument, ast.Constant)]
+            if len(texts) > 1 and all(isinstance(argument, str) for argument in texts):
                 yield "/".join(map(str, texts))
 
 
@@ -274,14 +276,14 @@ def model_files(path: Path) -> list[Path]:
     while waiting:
         current = waiting.pop()
         more, named = _references(current)
-        folders += [first.parent / each for each in more]
-        names += [(current.parent, each) for each in named]
+        folders += [first.parent / file for file in more]
+        names += [(current.parent, file) for file in named]
         # An included file may set the folders of names that came before.
         for parent, name in names:
-            for each in _candidates([parent, *folders], name):
-                if each not in found:
-                    found[each] = None
-                    waiting.append(each)
+            for file in _candidates([parent, *folders], name):
+                if file not in found:
+                    found[file] = None
+                    waiting.append(file)
     return list(found)
 
 

@@ -81,13 +81,13 @@ class Drivable(Protocol):
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:
     """Return the names to read for the variables, then for further signals."""
-    given = {} if signals is None else signals
-    if not isinstance(given, Mapping):
+    chosen = {} if signals is None else signals
+    if not isinstance(chosen, Mapping):
         raise InputTypeError(
             f'expected a mapping such as signals={{"x": "its name"}}, got {signals!r}'
         )
-    for name, read in given.items():
-        silent = [variable for variable in variables if variable not in given]
+    for name, read in chosen.items():
+        silent = [variable for variable in variables if variable not in chosen]
         if name not in variables and (meant := nearest(name, silent)):
             raise InputError(
                 f"signal {name!r} is read by no specification; the variables are "
@@ -95,7 +95,7 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
             )
         if not isinstance(read, str):
             raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
-    return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
+    return [chosen.get(name, name) for name in dict.fromkeys([*variables, *chosen])]
 
 
 _ROUNDING = Fraction(1, 10**11)
@@ -166,7 +166,9 @@ def refuse_unknown(
     """Raise InputError for an unknown entry, with the nearest name."""
     names = list(known)
     takes = " and ".join(filter(None, [listing(names) if names else "", more])) or "none"
-    meaning = "".join(f"; did you mean {each!r}?" for each in meant) or nearest(name, names)
+    meaning = "".join(f"; did you mean {candidate!r}?" for candidate in meant) or nearest(
+        name, names
+    )
     raise InputError(f"{system} takes no {name!r} of a case; it takes {takes}{meaning}")
 
 

@@ -318,7 +318,7 @@ class Search:
             return
         asked = [cases[index] for index in left]
         seeds = None
-        if self._runner.takes_seeds:
+        if self._whole.takes_seeds:
             seeds = [self._seed + begin + index for index in left]
         if self.scales is None:
             keep = lambda place, trace: traces.__setitem__(left[place], trace)  # noqa: E731
