@@ -145,7 +145,7 @@ _SHAPING: Final = Covering(
         *_files(
             "tests/rtamt_gym/wrappers",
             *("shaping", "shaping_mdp", "settled_rewards", "stl_reward", "vector_stl_reward"),
-            *("zero", "clip_warning"),
+            *("zero", "clipping"),
         ),
         "rtamt_gym/shaping.py",
     )
