@@ -1,7 +1,9 @@
 """`Reading`, the evaluation options: each is described once, and explicit defaults count."""
 
 import argparse
+import ast
 import inspect
+import re
 from collections.abc import Callable
 from dataclasses import field
 from fractions import Fraction
@@ -9,6 +11,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from paths import ROOT
 
 import rtamt
 from rtamt_gym import (
@@ -182,6 +185,22 @@ def test_what_a_monitor_has_may_be_said_again() -> None:
     plain = simulate(monitored(own), policy=push, seed=1)
     assert simulate(monitored(own), policy=push, seed=1, **own) == plain
     assert plain.view == "step"
+
+
+def test_docs_list_every_option_with_its_default_and_its_choices() -> None:
+    page = (ROOT / "docs" / "gymnasium.md").read_text(encoding="utf-8")
+    table = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| (.+?) \| .+ \|$", page, re.MULTILINE)
+    listed = set()
+    for cell, values in table:
+        names, words = re.findall(r"`(\w+)`", cell), re.findall(r"`([^`]+)`", values)
+        if names[0] not in ROWS or not words:
+            continue
+        listed |= set(names)
+        row = ROWS[names[0]]
+        assert ast.literal_eval(words[0]) == row.default, names
+        if len(words) > 1 and row.metadata["choices"]:
+            assert set(map(ast.literal_eval, words)) == set(row.metadata["choices"])
+    assert listed >= set(names_for("runs"))
 
 
 def test_one_row_defines_an_option(monkeypatch: pytest.MonkeyPatch) -> None:

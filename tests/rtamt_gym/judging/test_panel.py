@@ -1,8 +1,9 @@
-"""Samples that come to all monitors in one call of C++ are judged as those that come one by one."""
+"""The monitors of several specifications: updated in one call or one by one; what they know."""
 
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from typing import Any
 
@@ -17,8 +18,12 @@ from profiles import examples
 from replay import shaping_options
 from strategies import VARIABLES, Trace, formulas, length, sample, traces
 
+import rtamt
 from rtamt import Formula
-from rtamt_gym import StlMonitor, StlReward
+from rtamt_gym import Reading, StlMonitor, StlReward
+from rtamt_gym.judging.monitors import InstantMonitor, VectorInstantMonitor, pick
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.vector_panel import VectorPanel
 
 SIGNALS = {"a": "obs[0]", "b": "obs[1]", "c": ("info['c']", None)}
 SPECS = st.lists(formulas(depth=2, endless=True), min_size=1, max_size=3).map(
@@ -128,3 +133,40 @@ def test_rewards_are_those_around_a_wrapper_that_may_change_infos(
     alone, apart = StlReward(monitors[0], **shaping), StlReward(Passing(monitors[1]), **shaping)
     steps = length(trace) - 1
     assert played(alone, steps) == played(apart, steps)
+
+
+def test_no_sample_has_no_robustness() -> None:
+    spec = rtamt.parse("x > 1")
+    assert math.isnan(InstantMonitor(spec).robustness)
+    assert np.isnan(VectorInstantMonitor(spec, 3).robustness).tolist() == [True, True, True]
+
+
+@pytest.mark.parametrize(
+    ("above", "certain"),
+    [({}, False), ({"task": 1.0}, True), ({"task": 2.0}, False), ({"task": 3.0}, False)],
+)
+def test_what_stays_above_a_number_is_known(above: dict[str, float], *, certain: bool) -> None:
+    """It is 2 or more from the first sample on, so it is not certain to stay above 2."""
+    specs = {"task": rtamt.parse("eventually(x > 0)")}
+    single, many = Panel(specs, Reading()), VectorPanel(specs, 2, Reading(), ["x"])
+    single.feeder(["x"])([2.0])
+    many.feed(np.array([[2.0], [-2.0]]))
+    assert single.knows(above) is certain
+    assert many.knows(above).tolist() == [certain, False]
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"),
+    [
+        ([], []),
+        ([3], slice(3, 4)),
+        ([2, 3, 4], slice(2, 5)),
+        ([2, 4], [2, 4]),
+        ([3, 2], [3, 2]),
+        ([2, 2], [2, 2]),
+    ],
+)
+def test_neighbours_are_read_without_a_copy(
+    columns: list[int], expected: slice | list[int]
+) -> None:
+    assert pick(columns) == expected

@@ -1,0 +1,439 @@
+"""Progress in stages: its laws, its definition written down once more, and its errors."""
+
+import math
+import pickle
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+from staged import NAMES, End, Rows, decided, progress, verdict
+from strategies import Trace, formulas, length, traces
+
+import rtamt
+from rtamt import (
+    Formula,
+    InputError,
+    InputTypeError,
+    ParseError,
+    Specification,
+    SpecificationError,
+    Verdict,
+)
+from rtamt.patterns import in_order, prefixes, stages
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.stages import progress_of, progress_of_events, stages_of
+from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.options.evaluation import Reading
+
+READS = rtamt.parse("always(a + b + c > 1e9)").formula
+"""Does not matter to a disjunction, and reads every variable."""
+
+TASK = rtamt.parse("near = a > 0; limit = 2; eventually always[0:1](near and b >= limit and c > 0)")
+
+Kind = Literal["shape", "named"]
+both_kinds = pytest.mark.parametrize("kind", ["shape", "named"])
+
+
+class Task(NamedTuple):
+    """A requirement, its stages, what decides them, and the options that name them."""
+
+    formula: Formula
+    stages: list[Formula]
+    deciders: list[Formula]
+    reading: Reading
+
+    @property
+    def spec(self) -> Specification:
+        return Specification.of(self.formula)
+
+    def expected(self, rows: Rows, end: End | None) -> list[float]:
+        """The progress after every sample, and after the end."""
+        return progress(self.formula, self.stages, self.deciders, rows, end)
+
+
+@st.composite
+def conditions(draw: st.DrawFn) -> list[Formula]:
+    """Stages, all with or all without operators of time."""
+    return draw(st.lists(formulas(draw(st.integers(0, 1))), min_size=2, max_size=4))
+
+
+@st.composite
+def requirements(draw: st.DrawFn) -> Formula:
+    """A requirement of any shape that a goal can have."""
+    return draw(formulas(1)).eventually() | READS
+
+
+@st.composite
+def tasks(draw: st.DrawFn, kind: Kind) -> Task:
+    """A requirement whose shape has stages, or of any shape with named stages."""
+    wanted = draw(conditions())
+    if kind == "shape":  # with and without a time for each stage
+        formula = in_order(*wanted, within=draw(st.sampled_from([None, 1, 3])))
+        return Task(formula, [*stages(formula)], [*prefixes(formula)], Reading())
+    longer = [in_order(*wanted[:count]) for count in range(2, len(wanted) + 1)]
+    deciders = [wanted[0].eventually(), *longer]
+    return Task(draw(requirements()), wanted, deciders, Reading(stages={"task": wanted}))
+
+
+def rows_of(trace: Trace) -> list[tuple[float, ...]]:
+    return [tuple(trace[name][i] for name in NAMES) for i in range(length(trace))]
+
+
+def fed(panel: Panel, rows: Rows) -> list[float]:
+    """The progress after every sample."""
+    feed = panel.feeder(NAMES)
+    values = []
+    for row in rows:
+        feed(row)
+        values.append(panel.progress["task"])
+    return values
+
+
+def played(
+    spec: Specification, rows: Rows, end: End = "complete", reading: Reading | None = None
+) -> list[float]:
+    """The progress in one environment, after every sample and after the end."""
+    panel = Panel({"task": spec}, reading or Reading())
+    values = fed(panel, rows)
+    panel.finish(end)
+    return [*values, panel.progress["task"]]
+
+
+@both_kinds
+@pytest.mark.parametrize("end", ["complete", "cut", "open"])
+def test_progress_is_its_definition_and_keeps_its_laws(end: End, kind: Kind) -> None:
+    @settings(max_examples=examples(40))
+    @given(tasks(kind), traces())
+    def check(task: Task, trace: Trace) -> None:
+        rows = rows_of(trace)
+        values = played(task.spec, rows, end, task.reading)
+        assert values == sorted(values)
+        for t, now in enumerate(values[:-1] if kind == "shape" else ()):
+            assert (now == 1) is (verdict(task.formula, rows[: t + 1]) is Verdict.SATISFIED)
+            number, count = decided(task.deciders, rows[: t + 1]), len(task.stages)
+            assert now == 1 or number / count <= now < (number + 1) / count
+        assert (values[-1] == 1) is (verdict(task.formula, rows, end) is Verdict.SATISFIED)
+        assert values == pytest.approx(task.expected(rows, end), rel=1e-15, abs=0)
+
+    check()
+
+
+@both_kinds
+def test_batch_has_the_progress_of_single_environments(kind: Kind) -> None:
+    @settings(max_examples=examples(30))
+    @given(tasks(kind), st.lists(traces(), min_size=3, max_size=3), st.booleans())
+    def check(task: Task, several: list[Trace], other: bool) -> None:  # noqa: FBT001 - drawn
+        specs = {"task": task.spec, "calm": rtamt.parse("always(a < 9)")}
+        if other:
+            specs["other"] = rtamt.parse("eventually(b > 0 and eventually(c > 0))")
+        batch = VectorPanel(specs, 3, task.reading, NAMES)
+        episodes = [rows_of(trace) for trace in several]
+        single = [Panel(specs, task.reading) for _ in episodes]
+        feeds = [panel.feeder(NAMES) for panel in single]
+        for t in range(max(map(len, episodes))):
+            running = np.array([t < len(rows) for rows in episodes])
+            batch.feed(np.array([rows[min(t, len(rows) - 1)] for rows in episodes]), running)
+            for env in running.nonzero()[0].tolist():
+                feeds[env](episodes[env][t])
+            ends = np.array([t == len(rows) - 1 for rows in episodes])
+            batch.finish(ends)
+            for env in ends.nonzero()[0].tolist():
+                single[env].finish()
+            assert batch.least_progress is not None
+            for env, panel in enumerate(single):
+                assert {k: v[env] for k, v in batch.progress.items()} == panel.progress
+                assert batch.least_progress[env] == panel.least_progress
+        assert set(batch.progress) == ({"task", "other"} if other else {"task"})
+        batch.reset(np.array([False, True, False]))
+        left = batch.progress["task"].tolist()
+        assert left == [single[0].progress["task"], 0, single[2].progress["task"]]
+
+    check()
+
+
+@both_kinds
+@pytest.mark.parametrize("end", ["complete", "cut"])
+def test_recorded_trace_has_the_progress_of_its_run(end: End, kind: Kind) -> None:
+    @settings(max_examples=examples(20))
+    @given(tasks(kind), traces())
+    def check(task: Task, trace: Trace) -> None:
+        if not task.spec.variables:
+            return
+        columns = {name: np.array(values) for name, values in trace.items()}
+        reading = task.reading.about("task").having(end=end)
+        last = played(task.spec, rows_of(trace), end, task.reading)[-1]
+        assert progress_of(task.spec, columns, reading) == last
+
+    check()
+    assert progress_of(rtamt.parse("always(a > 0)"), {"a": np.ones(2)}, Reading()) is None
+
+
+@settings(max_examples=examples(30))
+@given(tasks("shape"), st.lists(traces(least=2), min_size=2, max_size=2), st.data())
+def test_a_value_that_is_held_counts_as_if_it_came_again(
+    task: Task, several: list[Trace], data: st.DataObject
+) -> None:
+    spec = {"task": task.spec}
+    hold = Reading(nan="hold")
+    panel, many = Panel(spec, Reading()), VectorPanel(spec, 2, hold, NAMES)
+    holding = Panel(spec, hold)
+    feed, feed_holding = panel.feeder(NAMES), holding.feeder(NAMES)
+    for trace in several:  # one episode after the other
+        last: list[float] = []
+        for row in rows_of(trace):
+            lost = data.draw(
+                st.sets(st.sampled_from(range(len(NAMES)))) if last else st.just(set())
+            )
+            last = [last[i] if i in lost else value for i, value in enumerate(row)]
+            gappy = [math.nan if i in lost else value for i, value in enumerate(row)]
+            feed(last)
+            feed_holding(gappy)
+            many.feed(np.array([gappy, gappy]))
+            assert holding.progress == panel.progress
+            assert many.progress["task"].tolist() == [panel.progress["task"]] * 2
+        for each in (panel, holding, many):
+            each.reset()
+
+
+def test_an_episode_holds_no_value_of_the_one_before() -> None:
+    many = VectorPanel(
+        {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")},
+        2,
+        Reading(nan="hold"),
+        "ab",
+    )
+    many.feed(np.array([[1.0, 1.0], [-1.0, -1.0]]))
+    many.reset(np.array([True, False]))
+    with pytest.raises(rtamt.InputError, match="'a' is nan at sample 0"):
+        many.feed(np.array([[math.nan, 1.0], [math.nan, 1.0]]))
+
+
+def test_a_stage_counts_what_came_after_the_one_before_it() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
+    rows = [
+        (-4, -4, -4),  # a sets out at -4
+        (-1, 9, 9),  # three quarters of the way to stage 1; b and c are too early
+        (1, -2, 3),  # stage 1; b sets out at -2
+        (0, -1, 1),
+        (0, 0, 1),  # b > 0 does not hold at 0, however near it is
+        (0, 1, -9),  # stage 2; c sets out at -9, although it held before
+        (0, 0, 1),
+    ]
+    thirds = [0, 0.75, 1, 1.5, 2, 2, 3, 3]
+    found = played(spec, rows, "complete")
+    assert found == pytest.approx([third / 3 for third in thirds])
+    assert found[4] == math.nextafter(2 / 3, 0)
+    assert found[-1] == 1
+
+
+def test_the_end_decides_stages_as_it_is_read() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually always[0:3](b > 0))")
+    rows = [(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
+    almost = math.nextafter(1.0, 0.0)  # what is seen holds, and is not certain
+    assert played(spec, rows, "complete") == [almost, almost, 1.0]
+    assert played(spec, rows, "cut") == [almost, almost, almost]
+    columns = {"a": np.ones(2), "b": np.ones(2)}
+    assert progress_of(spec, columns, Reading(end="complete")) == 1.0
+    assert progress_of(spec, columns, Reading(end="cut")) == almost
+
+
+def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
+    panel = Panel({"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, Reading())
+    panel.feeder(NAMES)((1.0, -1.0, 0.0))
+    panel.finish("failure")
+    assert panel.progress == {"task": 0.5}
+    assert panel.violated_by == "task"
+
+
+def test_verdicts_alone_move_it_by_whole_stages() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually(b > 0))")
+    rows = [(-4, -4, 0), (-1, -4, 0), (1, -4, 0), (0, -1, 0), (0, 1, 0)]
+    panel = Panel({"task": spec}, Reading(semantics="boolean"))
+    assert fed(panel, rows) == [0, 0, 0.5, 0.5, 1]
+
+
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 - a literal
+    specs = {
+        "near": rtamt.parse("eventually[0:5](a > 0)"),
+        "calm": rtamt.parse("always(a < 9)"),
+    }
+    if view == "step":
+        specs = {"task": rtamt.parse("eventually[0:2](a > 0 and eventually[0:2](b > 0))")}
+    panel = Panel(specs, Reading(view=view))
+    vector = VectorPanel(specs, 2, Reading(view=view), NAMES)
+    assert panel.progress == vector.progress == {}
+    assert (panel.least_progress, vector.least_progress) == (None, None)
+    assert (panel._stages, vector._stages) == (None, None)
+
+
+def test_a_stage_holds_values_from_before_it_was_next() -> None:
+    spec, nan = rtamt.parse("eventually(a > 0 and eventually(b > 0))"), math.nan
+    rows = [(-1.0, -4.0, 0.0), (1.0, nan, 0.0), (1.0, nan, 0.0), (1.0, -1.0, 0.0)]
+    assert fed(Panel({"task": spec}, Reading(nan="hold")), rows) == [0, 0.5, 0.5, 0.875]
+
+
+@pytest.mark.parametrize(
+    ("nan", "before", "between", "after"),
+    [
+        (
+            "raise",
+            (1.0, -4.0, 0.0),
+            [(0.0, -2.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)],
+            [((0.0, -2.0, 0.0), 0.75), ((0.0, 1.0, 0.0), 1.0)],
+        ),
+        (
+            "hold",
+            (-1.0, -4.0, 0.0),
+            [(-1.0, -8.0, 0.0)],
+            [((1.0, math.nan, 0.0), 0.5), ((1.0, -1.0, 0.0), 0.875)],
+        ),
+    ],
+)
+def test_state_restores_progress_and_held_values(
+    nan: Literal["raise", "hold"],
+    before: tuple[float, ...],
+    between: list[tuple[float, ...]],
+    after: list[tuple[tuple[float, ...], float]],
+) -> None:
+    specs = {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}
+    panel, other = (Panel(specs, Reading(nan=nan)) for _ in range(2))
+    feed, feed_other = panel.feeder(NAMES), other.feeder(NAMES)
+    feed(before)
+    state = pickle.loads(pickle.dumps(panel.state()))
+    for row in between:
+        feed(row)
+    panel.restore(state)
+    other.restore(state)
+    for row, progressed in after:
+        feed(row)
+        feed_other(row)
+        assert panel.progress == other.progress == {"task": progressed}
+
+
+@settings(max_examples=examples(30))
+@given(conditions(), traces())
+def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace) -> None:
+    spec = Specification.of(in_order(*wanted))
+    if len(spec.variables) < len(NAMES):
+        return
+    rows = rows_of(trace)
+    named = Reading(stages={"task": stages(spec)})
+    assert played(spec, rows, "complete", named) == played(spec, rows)
+
+
+@settings(max_examples=examples(60))
+@given(requirements(), st.lists(formulas(0), min_size=2, max_size=4), traces(), st.data())
+def test_events_have_the_progress_of_the_samples_that_they_are(
+    whole: Formula, wanted: list[Formula], trace: Trace, data: st.DataObject
+) -> None:
+    """A value is left out where it is that of the sample before; times are any that increase."""
+    n = length(trace)
+    steps = data.draw(st.lists(st.sampled_from([0.1, 0.5, 3.0]), min_size=n, max_size=n))
+    times = np.cumsum(steps)
+    events = {}
+    for name, values in trace.items():
+        kept = [i for i in range(n) if i in (0, n - 1) or values[i] != values[i - 1]]
+        events[name] = times[kept], np.array(values)[kept]
+    spec = Specification.of(whole)
+    columns = {name: np.array(values) for name, values in trace.items()}
+    reading = Reading(stages=wanted)
+    unmet = rtamt.parse("false or always(a + b + c > 1e9)")
+    sampled = progress_of(unmet, columns, reading)
+    assert progress_of_events(spec, events, reading, satisfied=False) == sampled
+    assert progress_of_events(spec, events, reading, satisfied=True) == 1
+
+
+def test_stages_with_times_of_their_own_have_no_progress_in_dense_time() -> None:
+    events = {name: (np.array([0.0, 1.0]), np.array([1.0, 1.0])) for name in NAMES}
+    for text in (
+        "eventually(a > 0 and eventually[0:2](b > 0))",
+        "eventually(always[0:2](a > 0) and eventually(b > 0))",
+    ):
+        spec = rtamt.parse(text)
+        assert progress_of_events(spec, events, Reading(), satisfied=True) is None
+
+
+def test_names_of_the_specification_stand_for_what_they_mean() -> None:
+    found = stages_of({"task": TASK}, Reading(stages=["near", "b >= limit", "c > limit / 2"]))
+    texts = [str(each) for each in found["task"].conditions]
+    assert texts == ["a > 0", "b >= 2", "c > 2 / 2"]
+
+
+def test_a_requirement_satisfied_before_its_stages_is_done() -> None:
+    spec = rtamt.parse("eventually(a > 0) or always(b + c > 1e9)")
+    reading = Reading(stages=["b > 0", "c > 0"])
+    rows = [(-1, -4, 0), (-1, -1, 0), (1, -1, 0), (1, 1, 1)]
+    assert played(spec, rows, "complete", reading) == [0, 0.375, 1, 1, 1]
+
+
+def test_all_stages_without_satisfaction_stay_below_one() -> None:
+    spec = rtamt.parse("eventually always(a > 0 and b > 0)")
+    reading = Reading(stages=["a > 0", "b > 0"])
+    almost = math.nextafter(1.0, 0.0)
+    assert played(spec, [(1, 1, 0), (1, -1, 0)], "complete", reading) == [almost, almost, almost]
+    assert played(spec, [(1, 1, 0), (1, 1, 0)], "complete", reading) == [almost, almost, 1]
+
+
+def test_a_value_that_holds_over_nan_holds_for_stages_too() -> None:
+    spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
+    rows = [(1, -4, -1), (math.nan, math.nan, -1), (math.nan, -1, math.nan), (0, 1, -0.5)]
+    held = [(1, -4, -1), (1, -4, -1), (1, -1, -1), (0, 1, -0.5)]
+    known = played(spec, held)
+    assert played(spec, rows, "complete", Reading(nan="hold")) == known
+    panel = VectorPanel({"task": spec}, 2, Reading(nan="hold"), NAMES)
+    found = []
+    for row in rows:
+        panel.feed(np.array([row, row]))
+        found.append(panel.progress["task"].tolist())
+    assert found == [[each, each] for each in known[:-1]]
+
+
+@pytest.mark.parametrize("vector", [False, True])
+@pytest.mark.parametrize(
+    ("given", "error", "said"),
+    [
+        ({"tsak": ["a > 0", "b > 0"]}, InputError, "did you mean 'task'"),
+        (["a > 0"], InputError, "expected two or more stages=, got 1"),
+        ("a > 0", InputTypeError, "expected stages= as a list of formulas"),
+        ([1, 2], InputTypeError, "expected formulas or their texts in stages=, got 1"),
+        ({"task": ["a > 0", "b >"]}, ParseError, ""),
+        (["a > 0", "d > 0"], SpecificationError, "stage 2, d > 0, reads d, which the requirement"),
+    ],
+)
+def test_bad_stages_are_refused_at_construction(
+    given: Any,  # noqa: ANN401 - what is wrong
+    error: type[Exception],
+    said: str,
+    vector: bool,  # noqa: FBT001
+) -> None:
+    def made() -> object:
+        reading, specs = Reading(stages=given), {"task": TASK}
+        return VectorPanel(specs, 2, reading, NAMES) if vector else Panel(specs, reading)
+
+    with pytest.raises(error) as caught:
+        made()
+    assert said in str(caught.value)
+    if error is ParseError:
+        assert caught.value.__notes__ == ["in stage 2", "in the stages of 'task'"]
+
+
+def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
+    specs = {"task": TASK, "calm": rtamt.parse("always(a < 9)")}
+    with pytest.raises(InputError, match=r"write \{'task': \[...\]\}"):
+        Panel(specs, Reading(stages=["a > 0", "b > 0"]))
+    step = Reading(view="step", stages=["a > 0", "b > 0"])
+    with pytest.raises(InputError, match="view='step' judges every instant by itself"):
+        Panel({"calm": specs["calm"]}, step)
+
+
+def test_any_number_of_stages_without_operators_of_time() -> None:
+    texts = [f"a > {number}" for number in range(20)]
+    spec = rtamt.parse("eventually(a > 19 and b > 0 and c > 0)")
+    rows = [(number + 0.5, 0, 0) for number in range(20)]
+    found = played(spec, rows, "complete", Reading(stages=texts))
+    assert found[9] == pytest.approx(10 / 20 + 0.0, abs=1 / 20)
+    assert found[-1] == math.nextafter(1.0, 0.0)
