@@ -89,9 +89,13 @@ def evaluate_rollouts(
     data = {
         name: columns[:, :, place] for name, place in _places(model, parsed, sensordata).items()
     }
+    lengths = np.full(columns.shape[0], columns.shape[1])
     return {
-        name: rtamt.evaluate_many(
-            spec, data if spec.variables else columns[:, :, :0], **options[name]
+        name: rtamt.evaluate(
+            spec,
+            data if spec.variables else columns[:, :, :0],
+            lengths=lengths,
+            **options[name],
         )
         for name, spec in loaded.items()
     }

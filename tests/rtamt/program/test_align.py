@@ -85,7 +85,7 @@ def test_a_trace_is_judged_as_with_the_rounded_bounds(
     assert why.robustness == expected[0]
     if misfit.variables:
         table = np.array([[trace[name] for name in misfit.variables]]).transpose(0, 2, 1)
-        many = rtamt.evaluate_many(misfit, table, period, align=align)
+        many = rtamt.evaluate(misfit, table, period, align=align)
         np.testing.assert_array_equal(many[0], expected)
 
 

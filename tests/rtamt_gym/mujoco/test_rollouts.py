@@ -93,6 +93,13 @@ def test_the_first_sample_is_the_initial_state_where_it_is_put_before_the_others
     )
 
 
+def test_rollouts_of_one_step() -> None:
+    model, *_, states, _ = rolled_out("Euler")
+    z = {"z": "qpos[2]"}
+    one = evaluate_rollouts(model, "z > 0", z, states[:, :1])["spec"]
+    assert np.array_equal(one, evaluate_rollouts(model, "z > 0", z, states)["spec"][:, :1])
+
+
 def test_bounds_count_steps_with_a_period_of_1() -> None:
     model, _, _, states, _ = rolled_out("Euler")
     seconds = evaluate_rollouts(model, "always[0:0.05](z > 0)", {"z": "qpos[2]"}, states)
