@@ -301,6 +301,32 @@ def test_encodings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+def test_both_splitters_select_the_same_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quoted = 'time, x, name\n0, 1, "a"\n1, 5, "b"\n2, 3, "a"\n'
+    twice = "time,x,y,y\n0,1,3,a\n1,5,3,b\n2,3,3,a\n"
+    for text, where in [(quoted, {"name": "a"}), (twice, {"y": "a"})]:
+        for encoding in ("utf-8", "utf-16"):
+            data = text.encode(encoding)
+            values, _ = reading(tmp_path, monkeypatch, data, Columns(where=where))
+            assert values == [1, 3]
+            error = reading(tmp_path, monkeypatch, data, Columns(where=dict.fromkeys(where, "c")))
+            assert "its values are a, b" in error
+    assert "no column 'z', which --where names" in reading(
+        tmp_path, monkeypatch, quoted, Columns(where={"z": "a"})
+    )
+
+
+def test_unread_columns_are_read_again_as_evidence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = ["12.500;2024-05-01T00:00:00.5;1"] * 300
+    text = "\n".join(["x;time;y", *rows, "1.000;2024-05-01T00:00:01.5;3,5"])
+    values, notes = reading(tmp_path, monkeypatch, text, Columns(same_time="first"))
+    assert (values[0], values[-1], notes[0]) == (12500, 1000, COMMA)
+
+
 SKIPPED = "lines 1 to 2 are skipped: the names of the columns are in line 3"
 UNITS = "line 2 is a row of units: s, m"
 

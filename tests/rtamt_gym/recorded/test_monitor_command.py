@@ -1,0 +1,263 @@
+"""Verdicts of rtamt monitor: semantics, times, dense time, processes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from command_line import write_files
+
+import rtamt
+from rtamt import SemanticsName
+from rtamt_gym.__main__ import main
+from rtamt_gym.commands import judging
+from rtamt_gym.results.trial import Trial
+
+Output = pytest.CaptureFixture[str]
+TEXT = """\
+input float req
+output float gnt
+granted = eventually[0:0.5](gnt >= 3)
+always(req >= 3 implies granted)
+"""
+COLUMNS = {"req": np.array([0.0, 5.0, 0.0, 0.0]), "gnt": np.array([0.0, 0.0, 1.0, 4.0])}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with a text that declares input and output, and traces."""
+    monkeypatch.chdir(tmp_path)
+    write_files(tmp_path)
+    (tmp_path / "roles.stl").write_text(TEXT)
+    return tmp_path
+
+
+@pytest.mark.parametrize("semantics", ["output-robustness", "input-robustness", "output-vacuity"])
+def test_every_formula_of_a_trace_is_judged_under_the_semantics(
+    semantics: SemanticsName, folder: Path, capsys: Output
+) -> None:
+    command = ["monitor", "roles.stl", "even.csv", "--semantics", semantics, "--out", "out.csv"]
+    code = main(command)
+    spec = rtamt.parse(TEXT)
+    expected = rtamt.evaluate(spec, COLUMNS, 0.5, semantics=semantics)
+    assert code == (1 if expected[0] < 0.0 else 3 if semantics == "output-vacuity" else 0)
+    assert f"robustness {expected[0] + 0.0:g}" in capsys.readouterr().out
+    with (folder / "out.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["robustness"]) for row in rows] == expected.tolist()
+    inner = rtamt.evaluate(
+        spec.formulas["granted"],
+        {"gnt": COLUMNS["gnt"]},
+        0.5,
+        semantics=semantics,
+        inputs=(),
+        outputs=("gnt",),
+    )
+    assert [float(row["granted"]) for row in rows] == inner.tolist()
+
+
+def test_events_are_judged_under_the_semantics(capsys: Output) -> None:
+    command = ["monitor", "--dense", "roles.stl", "long.csv"]
+    assert main(command) == 1
+    assert "VIOLATED, robustness -2, " in capsys.readouterr().out
+    assert main([*command, "--semantics", "output-robustness"]) == 1
+    assert "VIOLATED, robustness -3, " in capsys.readouterr().out
+
+
+def test_an_explanation_is_about_the_semantics(capsys: Output) -> None:
+    assert main(["explain", "roles.stl", "even.csv", "--semantics", "output-robustness"]) == 1
+    assert capsys.readouterr().out.startswith("robustness -2 at 0 s, decided by gnt >= 3 at 1 s\n")
+
+
+def test_episodes_are_judged_under_the_semantics(folder: Path) -> None:
+    text = "output float angle; input float x; always(abs(angle) < 9 and abs(x) < 8)"
+    command = ["run", "CartPole-v1", "--spec", text, "--signal", "angle=obs[2]"]
+    command += ["--signal", "x=obs[0]", "--json", "out.json"]
+    found = {}
+    for semantics in ("standard", "output-robustness"):
+        assert main([*command, "--semantics", semantics]) == 0
+        (episode,) = json.loads((folder / "out.json").read_text())["trials"]
+        found[semantics] = episode["outcomes"]["spec"]["robustness"]
+    assert found["standard"] < 8.0 < found["output-robustness"] < 9.0
+
+
+@pytest.mark.parametrize(
+    ("semantics", "message"),
+    [
+        (
+            "output-robustness",
+            (
+                "--semantics output-robustness is about outputs, and there are none; declare them "
+                "in the text (output float gnt)"
+            ),
+        ),
+        ("output", "argument --semantics: invalid choice: 'output' (choose from 'standard', "),
+    ],
+)
+def test_a_semantics_that_does_not_fit_is_refused(
+    semantics: str, message: str, capsys: Output
+) -> None:
+    assert main(["monitor", "spec.stl", "even.csv", "--semantics", semantics]) == 2
+    assert capsys.readouterr().err.startswith(f"rtamt: error: {message}")
+
+
+SPEC = "always[0:1](x < 30)"
+"""Read with a sample every 10 ms, it is violated at sample 50; two samples alone satisfy it."""
+
+X = [10.0] * 50 + [31.0] * 150
+MS = [10 * i for i in range(200)]
+EPOCH = 1_700_000_000_000
+
+
+@pytest.fixture(autouse=True)
+def folder_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def write(name: str, times: Sequence[object]) -> None:
+    pd.DataFrame({name: times, "x": X}).to_csv("trace.csv", index=False)
+
+
+DATES = pd.to_datetime(np.array(MS) + EPOCH, unit="ms")
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("time", [ms / 1000 for ms in MS]),
+        ("timestamp", [ms / 1000 for ms in MS]),
+        ("timestamp", [(ms + EPOCH) / 1000 for ms in MS]),
+        ("Time [ms]", MS),
+        ("t", [ms / 1000 for ms in MS]),
+        ("time_ns", [(ms + EPOCH) * 10**6 for ms in MS]),
+        ("timestamp", DATES.strftime("%Y-%m-%dT%H:%M:%S.%fZ").tolist()),
+        ("recorded at", DATES.strftime("%Y-%m-%d %H:%M:%S.%f").tolist()),
+    ],
+)
+def test_times_are_not_taken_for_an_index(
+    name: str, times: Sequence[object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(name, times)
+    assert main(["monitor", SPEC, "trace.csv"]) == 1
+    out = capsys.readouterr().out
+    assert out.startswith("VIOLATED, robustness -1, certain from ")
+    assert "200 samples, one every 0.01 s, " in out
+
+
+@pytest.mark.parametrize("unit", ["ns", "us", "ms"])
+def test_other_units_are_not_taken_for_seconds(
+    unit: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    factor = {"ms": 1, "us": 10**3, "ns": 10**6}[unit]
+    write("timestamp", [(ms + EPOCH) * factor for ms in MS])
+    assert main(["monitor", SPEC, "trace.csv"]) == 2
+    assert "expected times in seconds in the column 'timestamp', got " in capsys.readouterr().err
+    assert main(["monitor", SPEC, "trace.csv", "--time-unit", unit]) == 1
+
+
+def test_a_period_and_a_jitter_contradict_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+    write("time", MS)
+    assert main(["monitor", SPEC, "trace.csv", "--period", "10ms", "--jitter", "5%"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected --period, which leaves the times aside, or --jitter\n"
+    )
+
+
+def test_a_trace_that_is_resampled_says_so_with_its_verdict(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    # The rows from 0.4 s to 0.54 s were lost; what holds there was not recorded.
+    kept = [i for i in range(60) if not 40 <= i < 55] + [*range(60, 90)]
+    x = [10.0] * len(kept)
+    pd.DataFrame({"time": [i / 100 for i in kept], "x": x}).to_csv("trace.csv", index=False)
+    assert main(["monitor", SPEC, "trace.csv"]) == 2
+    assert "trace.csv, line 42: expected samples at even distances" in capsys.readouterr().err
+    main(["monitor", SPEC, "trace.csv", "--jitter", "5%"])
+    out = " ".join(capsys.readouterr().out.split())
+    assert "the longest gap, 0.16 s, follows trace.csv, line 41" in out
+
+
+@pytest.mark.parametrize(
+    ("formula", "headline", "row"),
+    [
+        # x is 1 at 4 s, the last instant, which the window of 0 s alone reaches.
+        ("always[4:4](x < 0)", "VIOLATED, robustness -1,", ["-1", "-1", "0", "s", "0", "s"]),
+        ("eventually[4:4](x > 0)", "SATISFIED, robustness 1,", ["1", "-inf", "0", "s", "0", "s"]),
+        ("always[0:1](x > 0)", "VIOLATED, robustness -1,", ["-1", "-1", "0", "s", "0", "s"]),
+    ],
+)
+def test_table_has_the_robustness_of_the_headline(
+    formula: str,
+    headline: str,
+    row: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text("time,x\n0,1\n1,-1\n1.5,2\n4,1\n")
+    main(["monitor", formula, str(path), "--dense", "--time-unit", "s"])
+    first, *_, last = capsys.readouterr().out.splitlines()
+    assert first.startswith(headline)
+    assert last.split() == ["(result)", *row]
+
+
+def test_an_interrupt_is_left_to_the_process_that_has_asked() -> None:
+    code = (
+        "import os, signal, rtamt_gym.commands.judging as j; j._begin_worker();"
+        "os.kill(os.getpid(), signal.SIGINT); print('at work')"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "at work\n", "")
+
+
+work = judging._row_of_file
+
+
+def dying(path: str) -> tuple[Trial, judging.Seen]:
+    """Judges a trace as a worker does, but dies of one that is called so."""
+    if path == "deadly.csv":
+        os._exit(9)
+    return work(path)
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(judging, "_row_of_file", dying)
+    names = [f"t{i}.csv" for i in range(6)]
+    for name in names:
+        (tmp_path / name).write_text("time,x\n0,1\n1,2\n")
+    paths = [*names[:3], "deadly.csv", *names[3:]]
+    assert main(["monitor", "p = always(x > 0)", "-j", "2", "--json", "--", *paths]) == 2
+    said = capsys.readouterr()
+    cells = {row["trace"]: row["requirements"]["p"] for row in json.loads(said.out)["traces"]}
+    message = "deadly.csv: the process that judged it died, perhaps for lack of memory"
+    assert said.err == f"rtamt: error: {message}\n"
+    assert cells.pop("deadly.csv") == {"verdict": "ERROR", "error": message}
+    assert {name: cell["verdict"] for name, cell in cells.items()} == dict.fromkeys(
+        names, "SATISFIED"
+    )
+
+
+def test_processes_ignore_interrupts_before_they_run_a_line() -> None:
+    code = (
+        "import signal, sys; from concurrent.futures import ProcessPoolExecutor;"
+        "from multiprocessing import get_context; import rtamt_gym.commands.judging as j\n"
+        "if __name__ == '__main__':\n"
+        "    before = signal.getsignal(signal.SIGINT)\n"
+        "    with ProcessPoolExecutor(1, get_context('spawn')) as pool:\n"
+        "        print(*j._begin(pool, signal.getsignal, [signal.SIGINT]), int(signal.SIG_IGN))\n"
+        "    print(signal.getsignal(signal.SIGINT) == before)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.stdout, ran.stderr) == ("1 1\nTrue\n", "")
