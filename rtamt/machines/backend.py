@@ -141,11 +141,7 @@ BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
 
 
 def choose(backend: Backend) -> BackendName:
-    """The name of the back-end that an argument asks for, a key of `BACKENDS`.
-
-    Raises:
-        InputError: If it is unknown, or native and not built.
-    """
+    """Return the name of the back-end that an argument asks for, a key of `BACKENDS`."""
     known = get_args(Backend)
     if not is_one_of(backend, known):
         msg = f"expected backend={alternatives(known)}, got {brief(backend)}"
@@ -159,7 +155,7 @@ def choose(backend: Backend) -> BackendName:
 
 
 def books_of(banks: Sequence[EpisodeBank]) -> BookFunctions:
-    """The fastest functions that read these banks."""
+    """Return the fastest functions that read these banks."""
     if _own_books is not None and _are_own is not None and _are_own(banks):
         return _own_books
     return PYTHON_BOOKS

@@ -55,12 +55,12 @@ class _PythonBank(StateFields, Generic[_M]):
 
 
 def _inputs(machine: _Machine, width: int) -> Sequence[float | Between]:
-    """The last sample of a machine without the rates; 0 before the first."""
+    """Return the last sample of a machine without the rates; 0 before the first."""
     return machine.inputs[:width] or [0.0] * width
 
 
 def _rates(machine: _Machine, values: Sequence[float | Between]) -> list[Any]:
-    """The rates of the next sample of a machine, which follow its values."""
+    """Return the rates of the next sample of a machine, which follow its values."""
     return machine.reader.rates.of_sample(values, machine.inputs)
 
 

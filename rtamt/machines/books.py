@@ -58,7 +58,7 @@ class BookFunctions:
 
     Attributes:
         feed: ``(banks, columns, table, mask)``: feeds each bank its columns of a table.
-        least: ``(banks, value, failed)``: the least over the banks; where ``failed`` is true, -0.0
+        least: ``(banks, value, failed)``: the minimum over the banks; where ``failed``, -0.0
             stands for the value. nan where a lane has no sample.
         finish: ``(banks, mask, end)``: ends the episodes of the mask.
         note: ``(banks, mask, settled_at, violated, failed, first, violated_at)``: writes the

@@ -30,7 +30,7 @@ class Flags(NamedTuple):
         return bool(self.values[min(time, len(self.values) - 1)])
 
     def first(self, begin: int, end: int) -> int | None:
-        """The first time from begin to end at which it is."""
+        """Return the first time from begin to end at which it is."""
         found = np.flatnonzero(self.values[begin : max(0, end + 1)])
         if len(found):
             return begin + int(found[0])
@@ -46,8 +46,8 @@ class TraceBounds:
         worst: The program for the lower bound.
         best: The program for the upper bound and the robustness; another one with neutral
             predicates.
-        least: For each predicate its n values, the least ones of what is not known.
-        greatest: The greatest ones; the same object if all are known.
+        least: For each predicate its n values, the smallest ones of what is not known.
+        greatest: The largest ones; the same object if all are known.
         n: Length of the trace, 1 or more.
         fold_pairs: See `rtamt.machines.walk.Walk`.
 
@@ -89,17 +89,7 @@ class TraceBounds:
         *,
         everywhere: bool = False,
     ) -> TraceBounds:
-        """The bounds for a program, whose windows may have no end, and a trace.
-
-        Args:
-            program: The program.
-            reader: Raises the errors of terms that are nan.
-            machines: The functions of a back-end.
-            columns: For every variable its n least and its n greatest values; the same object if
-                all are known, nan among them as the reader allows.
-            n: Length of the trace, 1 or more.
-            everywhere: Whether `fails` and `holds` will be asked for, about every sample.
-        """
+        """Return the bounds for a program, whose windows may have no end, and a trace."""
         bound = sufficient(program, n)
         lower, upper = columns
         limit_beyond(program, n, unknown=upper is not lower)
@@ -119,7 +109,7 @@ class TraceBounds:
         return cls(worst, best, least, greatest, needed, machines.fold_pairs)
 
     def part(self, program: Program) -> TraceBounds:
-        """The bounds for another program on the trace, which reads no other predicates.
+        """Return the bounds for another program on the trace, which reads no other predicates.
 
         It has the semantics and the variables of this one's program.
         """
@@ -131,18 +121,18 @@ class TraceBounds:
         return TraceBounds(worst, best, low, high, self.n, self._fold_pairs)
 
     def until(self, n: int) -> TraceBounds:
-        """The bounds for the first n samples."""
+        """Return the bounds for the first n samples."""
         least, greatest = self._predicates
         low = [column[:n] for column in least]
         high = low if greatest is least else [column[:n] for column in greatest]
         return TraceBounds(self.split, self._best_split, low, high, n, self._fold_pairs)
 
     def robustness(self) -> float:
-        """The robustness if the trace is complete, the least one of what is not known."""
+        """Return the robustness if the trace is complete, the smallest one of what is not known."""
         return self._given.at_zero(_COMPLETE)
 
     def bounds(self, end: End) -> tuple[float, float]:
-        """The least and the greatest robustness that a reading of the end leaves possible.
+        """Return the smallest and the largest robustness that a reading of the end leaves possible.
 
         If the trace is complete both are its robustness, but for two zeros if it hangs on neutral
         predicates, and for what is not known.
@@ -151,12 +141,12 @@ class TraceBounds:
         return self._worst.at_zero(lower), self._best.at_zero(upper)
 
     def fails(self, end: End) -> NDArray[np.bool_]:
-        """Whether the result fails for certain, at every sample."""
+        """Return whether the result fails for certain, at every sample."""
         result = self._best_split.formulas.result
         return self._best.recorded(result, _endings(end)[1]) < 0
 
     def holds(self, end: End) -> NDArray[np.bool_]:
-        """Whether the result holds for certain, at every sample."""
+        """Return whether the result holds for certain, at every sample."""
         return self._worst.recorded(self.split.formulas.result, _endings(end)[0]) >= 0
 
     def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
@@ -179,14 +169,14 @@ _COMPLETE = TraceEnd("complete", best=False)
 
 
 def _endings(end: End) -> tuple[TraceEnd, TraceEnd]:
-    """The endings for the lower and for the upper bound."""
+    """Return the endings for the lower and for the upper bound."""
     if end == "complete":
         return _COMPLETE, _COMPLETE
     return TraceEnd(end, best=False), TraceEnd(end, best=True)
 
 
 def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:
-    """The programs for the lower and the upper bound."""
+    """Return the programs for the lower and the upper bound."""
     worst = split(program, bound, best=False)
     return worst, split(program, bound, best=True) if program.neutral else worst
 
@@ -218,13 +208,7 @@ class SplitProgram:
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def split(program: Program, n: int, *, best: bool) -> SplitProgram:
-    """The programs that bound the result of a program.
-
-    Args:
-        program: The program.
-        n: What `sufficient` gives for the traces.
-        best: Whether neutral predicates are 0.0, as in the upper bound; in the lower, -0.0.
-    """
+    """Return the programs that bound the result of a program."""
     zero = 0.0 if best else -0.0
     exact, program = (positive(p).with_zero(zero) for p in (program, program.clamped(n)))
     behind = range(program.terms, len(program.instructions))
@@ -263,7 +247,7 @@ def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
     known: dict[tuple[object, ...], int] = {}
 
     def numbered(program: Program) -> list[int]:
-        """A number for every term; equal ones for equal terms."""
+        """Return a number for every term; equal ones for equal terms."""
         numbers: list[int] = []
         for register in range(program.terms):
             match program.term(register):

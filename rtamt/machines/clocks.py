@@ -147,7 +147,7 @@ class _Clock(StateFields):
         self._step(self._is_asked(parts, samples), samples)
 
     def fraction(self) -> float:
-        """The clock, from 0 to 1."""
+        """Return the clock, from 0 to 1."""
         raise NotImplementedError
 
     def _step(self, asked: bool, samples: int) -> None:  # noqa: FBT001 - of an instant
@@ -218,7 +218,7 @@ class _Oldest(_Clock):
         return self._full if done and row.first else left, shown
 
     def _ended(self, event: bool, last: int, count: float) -> float:  # noqa: FBT001
-        """The count once an event has ended all that is older than the ``last`` instants."""
+        """Return the count once an event has ended all that is older than the ``last`` instants."""
         if not event or count <= last:
             return count
         if last == 0 or self._row.first:

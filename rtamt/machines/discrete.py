@@ -22,7 +22,7 @@ class PythonDiscreteMachine(PythonSampleMachine):
 
     After sample t the register r holds its value of time t - latency(r). For times outside the
     trace a window takes in the identity of its fold instead of its operands' values: that cuts it
-    to the trace, at the begin and, in `evaluate`, at the end.
+    to the trace, at the start and, in `evaluate`, at the end.
 
     Args:
         program: What to run.
@@ -134,7 +134,7 @@ class PythonDiscreteMachine(PythonSampleMachine):
     def _steps(
         self, columns: Sequence[NDArray[np.float64]], n: int
     ) -> list[tuple[Registers, list[float]]]:
-        """The terms and the variables of n samples; changes nothing."""
+        """Return the terms and the variables of n samples; changes nothing."""
         rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
         missing = np.any([np.isnan(c) for c in columns], axis=0) if columns else np.zeros(n)
         if missing.any():

@@ -77,7 +77,7 @@ def episode_panel(
     seen: Callable[[list[float]], object] | None,
     number: type[float],
 ) -> _native.EpisodePanel | None:
-    """The panel of machines; None if one of them is not in C++."""
+    """Return the panel of machines; None if one of them is not in C++."""
     if not all(isinstance(machine, _native.EpisodeMachine) for machine in machines):
         return None
     return _native.EpisodePanel(machines, places, reads, decided, seen, number)
@@ -137,7 +137,7 @@ class NativeClock(Clock):
 def dense_episode_on_regions(
     program: RegionProgram, reader: EventReader
 ) -> PythonDenseEpisodeMachine:
-    """The machine in Python on registers in C++."""
+    """Return the machine in Python on registers in C++."""
     counting = reader.with_clock(NativeClock(DenseProgram(program.program, program.resolution)))
     return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns, term_ranges)
 
@@ -270,7 +270,7 @@ BOOKS = BookFunctions(
 
 
 def are_own(banks: Sequence[EpisodeBank]) -> bool:
-    """Whether these functions can read the banks."""
+    """Return whether these functions can read the banks."""
     return set(map(type, banks)) == {_native.EpisodeBank}
 
 

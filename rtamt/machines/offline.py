@@ -80,12 +80,7 @@ class Passes:
         self._names = tuple(program.outputs)
 
     def run(self, columns: Sequence[Array], n: int) -> dict[str, Array]:
-        """The named formulas at every sample of a trace.
-
-        Args:
-            columns: For every variable its n values.
-            n: Length of the trace, 1 or more.
-        """
+        """Return the named formulas at every sample of a trace."""
         known = list(columns)
         for args, fold in self._cut:
             known += fold.evaluate(args.evaluate(known, n), n, backwards=True)
@@ -96,16 +91,9 @@ class Passes:
 def run_offline(
     program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
 ) -> Array:
-    """The robustness at every sample of a trace of n samples.
+    """Return the robustness at every sample of a trace of n samples.
 
     The machine looks for nan on its way: a pass over the columns before costs as much as its own.
-
-    Args:
-        program: The program; its windows may have no end.
-        reader: Raises the errors of terms that are nan.
-        machine: Makes the discrete machines of a back-end.
-        columns: For every variable its n values, nan among them as the reader allows.
-        n: Length of the trace, 1 or more.
     """
     passes = Passes(result_alone(program), reader, machine, n)
     return without_nan(reader, columns, lambda known: passes.run(known, n)[""])
@@ -114,11 +102,7 @@ def run_offline(
 def without_nan(
     reader: SampleReader, columns: Sequence[Array], run: Callable[[Sequence[Array]], _T]
 ) -> _T:
-    """What a run of a machine makes of columns in which it may find nan, as the reader allows it.
-
-    Raises:
-        InputError: On a nan that the reader refuses, or an error of the run that is not about one.
-    """
+    """Run a machine on columns, and again without nan if it finds one that the reader allows."""
     try:
         return run(columns)
     except InputError:
@@ -131,19 +115,19 @@ def without_nan(
 def run_outputs(
     program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
 ) -> dict[str, Array]:
-    """The named formulas at every sample of a trace; `run_offline` describes the arguments."""
+    """Return the named formulas at every sample of a trace."""
     return Passes(program, reader, machine, n).run(columns, n)
 
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
 def result_alone(program: Program) -> Program:
-    """The program whose only output is the result, under an empty name."""
+    """Return the program whose only output is the result, under an empty name."""
     return program.restricted(program.result, {"": program.result})
 
 
 @functools.lru_cache(maxsize=512)
 def _planned(program: Program, n: int) -> _Plan:
-    """The passes for a trace of at most n samples; n >= the greatest bound fits every trace."""
+    """Return the passes for traces of at most n samples, or any trace if no bound exceeds n."""
     program = program.clamped(n)
     first = next(iter(program.outputs.values()))
     program = program.restricted(first, program.outputs)
@@ -157,7 +141,7 @@ def _planned(program: Program, n: int) -> _Plan:
 
 
 def _cut_out(program: Program) -> tuple[tuple[_Cut, ...], Program]:
-    """The windows without end, and the program that has a variable in place of each.
+    """Return the windows without end, and the program that has a variable in place of each.
 
     A window may need the variables of those before it; its variable comes behind them.
     """
@@ -176,7 +160,7 @@ def _cut_out(program: Program) -> tuple[tuple[_Cut, ...], Program]:
 
 
 def _folding(program: Program, window: Window) -> Program:
-    """The program that folds the operands of a window without end, backwards."""
+    """Return the program that folds the operands of a window without end, backwards."""
     width = len(window.args)
     names = tuple(str(i) for i in range(width))
     last = replace(window, args=tuple(range(width))).mirrored()
@@ -195,7 +179,7 @@ def _folding(program: Program, window: Window) -> Program:
 
 
 def _with_variable(program: Program, cut: int, name: str) -> Program:
-    """The program with a window replaced by a variable, which becomes its first register."""
+    """Return the program with a window replaced by a variable, which becomes its first register."""
     instructions = list(program.instructions)
     instructions[cut] = Load(name)
     loaded = replace(
@@ -210,6 +194,6 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
 
 @functools.lru_cache(maxsize=512)
 def _greatest_bound(program: Program) -> int:
-    """The number of samples by which a window reaches back or ahead at most."""
+    """Return the number of samples by which a window reaches back or ahead at most."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)

@@ -39,7 +39,7 @@ class Stateful(Protocol):
     """A machine whose state can be taken, and given to another one of the same program."""
 
     def state(self) -> MachineState:
-        """A copy of the state, which ``restore`` takes."""
+        """Return a copy of the state, which ``restore`` takes."""
 
     def restore(self, state: MachineState) -> None:
         """Continue from where ``state`` was taken."""
@@ -73,30 +73,12 @@ class DiscreteMachine(SampleMachine, Protocol):
     @property
     def registers(self) -> Sequence[float]: ...
     def run(self, columns: Sequence[Floats], n: int) -> list[Floats]:
-        """Take in n samples at once, all or none.
-
-        Args:
-            columns: For every variable its n values.
-            n: How many samples.
-
-        Returns:
-            For every observed register an array of its n values after each sample, nan before the
-            latency.
-        """
+        """Take in n samples at once, all or none."""
 
     def evaluate(
         self, columns: Sequence[Floats], n: int, *, backwards: bool = False
     ) -> list[Floats]:
-        """The observed registers at the times of a whole trace; the state plays no part.
-
-        Args:
-            columns: For every variable its n values.
-            n: How many samples.
-            backwards: Whether the trace is read from its last sample to its first.
-
-        Returns:
-            For every observed register an array of its values of times 0 to n - 1.
-        """
+        """Return the observed registers at the times of a whole trace; the state plays no part."""
 
 
 class EpisodeMachine(SampleMachine, Protocol):
@@ -104,8 +86,8 @@ class EpisodeMachine(SampleMachine, Protocol):
 
     Attributes:
         robustness: The robustness if the episode ended now.
-        lower: The least robustness over all continuations and ends.
-        upper: The greatest robustness over all continuations and ends.
+        lower: The smallest robustness over all continuations and ends.
+        upper: The largest robustness over all continuations and ends.
         finished: Whether the trace has ended.
     """
 
@@ -136,8 +118,8 @@ class EpisodeRun(NamedTuple):
     Attributes:
         robustness: The robustness, inside the bounds.
         complete: The robustness if the trace is all there is.
-        lower: The least robustness that the reading of the end leaves possible.
-        upper: The greatest.
+        lower: The smallest robustness that the reading of the end leaves possible.
+        upper: The largest.
         decided_at: The first sample after which the verdict was decided; None: there is no such.
     """
 
@@ -170,22 +152,18 @@ class DenseMachine(Stateful, Protocol):
         """End the trace where the first variable ends; return the breakpoints that are left."""
 
     def run(self, given: Sequence[GivenLike]) -> tuple[Floats, Floats]:
-        """Times and values of the result over the whole trace of a new machine.
-
-        Args:
-            given: For every variable the times of its events, as they were given, and the values.
-        """
+        """Times and values of the result over the whole trace of a new machine."""
 
     def reset(self) -> None: ...
 
 
 class DenseEpisodeMachine(Stateful, Protocol):
-    """Bounds the robustness at the begin of a trace from events; its future may have no end.
+    """Bounds the robustness at the start of a trace from events; its future may have no end.
 
     Attributes:
         robustness: The robustness if the trace ended at the last time at which all is known.
-        lower: The least robustness over all continuations and ends.
-        upper: The greatest robustness over all continuations and ends.
+        lower: The smallest robustness over all continuations and ends.
+        upper: The largest robustness over all continuations and ends.
         settled: The last time at which all variables are known; -inf before there is one.
         span: The first and the last tick of the trace, which has begun.
         decided_at: The first time after which the bounds have one sign bit; None: no such.
@@ -213,15 +191,10 @@ class DenseEpisodeMachine(Stateful, Protocol):
         """End the trace, set the bounds as this reading says, and return the robustness."""
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
-        """Take in a whole trace, with times as they were given.
-
-        Args:
-            given: For every variable the times of its events, and the values.
-            decided: Whether to find when the verdict was decided.
-        """
+        """Take in a whole trace, with times as they were given."""
 
     def complete(self) -> tuple[float, float]:
-        """The bounds if the trace is all there is.
+        """Return the bounds if the trace is all there is.
 
         They are the same unless they hang on neutral predicates, or on what is not known.
         """
@@ -236,7 +209,7 @@ class DenseSigns(Protocol):
         """How often it fails at recorded ones of some positions."""
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        """Whether it holds at all of some positions, which have one or more."""
+        """Return whether it holds at all of some positions, which have one or more."""
 
 
 class Bank(Stateful, Protocol):
@@ -248,7 +221,7 @@ class Bank(Stateful, Protocol):
 
     @property
     def inputs(self) -> Floats:
-        """The last sample of every lane, the least values where they are not known."""
+        """The last sample of every lane, the smallest values where they are not known."""
 
     @property
     def update(self) -> Callable[..., Floats]:

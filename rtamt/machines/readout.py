@@ -52,7 +52,7 @@ def verdicts_of(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArr
 
 
 def moved(robustness: float, lower: float, upper: float) -> float:
-    """The robustness, or the bound that is nearest to it, -0.0 below 0.0."""
+    """Return the robustness, or the bound that is nearest to it, -0.0 below 0.0."""
     return max(lower, min(robustness, upper, key=_order), key=_order)
 
 
@@ -61,5 +61,5 @@ def _order(value: float) -> tuple[float, float]:
 
 
 def read_only(slot: MemberDescriptorType) -> object:
-    """A descriptor that reads a slot of a class, and does not write it."""
+    """Return a descriptor that reads a slot of a class, and does not write it."""
     return property(slot.__get__, doc=inspect.getdoc(slot))

@@ -56,11 +56,7 @@ class Terms(Generic[_Place]):
         return self._constants[:]
 
     def __call__(self, values: list[float], place: _Place) -> Registers:
-        """Compute the registers of the terms; changes nothing.
-
-        Raises:
-            InputError: If a term is nan.
-        """
+        """Compute the registers of the terms; changes nothing."""
         registers = self._constants[:]
         for out, variable in self._loads:
             registers[out] = values[variable]
@@ -77,20 +73,7 @@ def term_columns(
     columns: Sequence[Floats],
     refuse: Callable[[list[float], int], NoReturn],
 ) -> list[Floats]:
-    """The registers of the terms at n samples.
-
-    Args:
-        program: The program whose terms are evaluated.
-        columns: For every variable its n values.
-        refuse: Raises the error of the first sample that has a term which is nan, from the values
-            of the variables and the number of the sample.
-
-    Returns:
-        For every term its n values.
-
-    Raises:
-        InputError: If a term is nan.
-    """
+    """Return the registers of the terms at n samples."""
     terms: Terms[int] = Terms(program, refuse)
     samples = zip(*(column.tolist() for column in columns), strict=True)
     rows = [terms(list(values), i) for i, values in enumerate(samples)]
@@ -98,7 +81,7 @@ def term_columns(
 
 
 def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
-    """The operation of a MAP, which writes the register ``out``."""
+    """Return the operation of a MAP, which writes the register ``out``."""
     apply = FUNCTIONS[function].apply
     if len(args) == 1:
         (a,) = args
@@ -126,7 +109,7 @@ class PythonSampleMachine(Retiring, StateFields):
         self._terms: Terms[int] = Terms(program, reader.refuse)
 
     def terms(self, values: list[float]) -> Registers:
-        """The terms of the next sample, refused if one is nan; changes nothing."""
+        """Return the terms of the next sample, refused if one is nan; changes nothing."""
         return self._terms(values, self.samples)
 
     def take(self, terms: Registers, values: list[float]) -> None:
@@ -163,19 +146,7 @@ def term_ranges(
     upper: FloatColumns,
     n: int,
 ) -> tuple[list[Floats], list[Floats]]:
-    """The least and the greatest values of some terms at each of n samples.
-
-    Args:
-        program: A program of terms alone.
-        reader: Raises the error of a term without a value.
-        observed: The registers of the terms.
-        lower: For every variable its n least values.
-        upper: For every variable its n greatest values; it is known where both are the same.
-        n: How many samples.
-
-    Raises:
-        InputError: If a term has no value.
-    """
+    """Return the smallest and the largest values of some terms at each of n samples."""
     least, greatest = np.empty((2, len(observed), n))
     for i in range(n):
         ends = [(float(a[i]), float(b[i])) for a, b in zip(lower, upper, strict=True)]

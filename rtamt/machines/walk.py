@@ -60,7 +60,7 @@ class TraceEnd(NamedTuple):
 
 
 def to_keys(numbers: NDArray[np.float64]) -> Keys:
-    """The integers of a column of numbers, in the memory of the numbers."""
+    """Return the integers of a column of numbers, in the memory of the numbers."""
     keys = numbers.view(np.int64)
     for begin in range(0, len(keys), _BLOCK):
         part = numbers[begin : begin + _BLOCK]
@@ -69,7 +69,7 @@ def to_keys(numbers: NDArray[np.float64]) -> Keys:
 
 
 def number_of(key: int) -> float:
-    """The number of an integer."""
+    """Return the number of an integer."""
     bits = key ^ _FLIP if key < 0 else key
     return float(np.int64(bits).view(np.float64))
 
@@ -126,7 +126,7 @@ class Walk:
         self._totals: dict[tuple[int, int], tuple[int, ...]] = {}
 
     def at_zero(self, ending: TraceEnd) -> float:
-        """The program's result at time 0."""
+        """Return the program's result at time 0."""
         found: dict[int, int] = {}
         for register in initial_registers(self._program):
             match self._program.instructions[register]:
@@ -142,16 +142,16 @@ class Walk:
         return number_of(found[self._program.result])
 
     def recorded(self, register: int, ending: TraceEnd) -> Keys:
-        """The values of a register at the recorded times."""
+        """Return the values of a register at the recorded times."""
         return self._between(register, ending, 0, self._n)
 
     def beyond(self, register: int, ending: TraceEnd) -> Keys:
-        """The values of a register at the times after the trace; the last one stays for ever."""
+        """Return the values of a register after the trace; the last value stays for ever."""
         tail = self._tail(register, ending)
         return tail.rest[self._n - tail.settled :]
 
     def _window_at_zero(self, register: int, window: Window, ending: TraceEnd) -> int:
-        """A window at time 0 alone, for which no column is made."""
+        """Return a window at time 0 alone, for which no column is made."""
         n, fold = self._n, FOLDS[window.fold]
         if ending.end == "cut" and window.endless and window.begin >= n:
             ending = TraceEnd("open", ending.best)
@@ -191,7 +191,7 @@ class Walk:
         return self._tail(register, ending).settled
 
     def _between(self, register: int, ending: TraceEnd, begin: int, end: int) -> Keys:
-        """The values at times from begin to before end, which may lie after the trace."""
+        """Return the values at times from begin to before end, which may lie after the trace."""
         if begin >= end:
             return _UNSEEN[ending.best][:0]
         if ending.end == "complete":
@@ -209,7 +209,7 @@ class Walk:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _of_complete(self, register: int) -> Keys:
-        """The values at all times of a complete trace."""
+        """Return the values at all times of a complete trace."""
         if register not in self._complete:
             for each in _needed(self._program, register):
                 if each not in self._complete:
@@ -234,7 +234,7 @@ class Walk:
                 return self._sliding(window, TraceEnd("complete", best=False), 0, self._n, self._n)
 
     def _tail(self, register: int, ending: TraceEnd) -> _Tail:
-        """The values in one ending that is not complete."""
+        """Return the values in one ending that is not complete."""
         if (register, ending) not in self._tails:
             for each in _needed(self._program, register):
                 if (each, ending) not in self._tails:
@@ -277,7 +277,7 @@ class Walk:
                 return _Tail(settled, found)
 
     def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:
-        """A window without end, which begins now."""
+        """Return a window without end, which begins now."""
         n, fold, args = self._n, FOLDS[window.fold], window.args
         opened, skips = TraceEnd("open", ending.best), window.skips(best=ending.best)
         end = max(self._tail(a, opened).last for a in args) + 1
@@ -298,7 +298,7 @@ class Walk:
     def _past(
         self, register: int, window: Window, hi: int, ending: TraceEnd, known: int, last: int
     ) -> _Tail:
-        """A window over all times up to an offset."""
+        """Return a window over all times up to an offset."""
         fold, args, nothing = FOLDS[window.fold], window.args, _NOTHING[window.fold]
         settled = min(self._n, known - hi)
         folded = max(0, settled + hi)  # elements in the value of the last settled time
@@ -315,15 +315,7 @@ class Walk:
     def _sliding(
         self, window: Window, ending: TraceEnd, begin: int, end: int, limit: int | None
     ) -> Keys:
-        """A window with both bounds at times from begin to before end.
-
-        Args:
-            window: The window.
-            ending: The ending of its operands.
-            begin: The first time.
-            end: The time after the last one.
-            limit: The time from which on elements are not there; None: they all are.
-        """
+        """Return a window with both bounds at times from begin to before end."""
         lo, hi = window.lo or 0, window.hi or 0
         fold, found = FOLDS[window.fold], np.empty(end - begin, np.int64)
         step = max(_BLOCK, hi - lo)
@@ -344,7 +336,7 @@ class Walk:
         return found
 
     def _total(self, fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
-        """The fold of all elements, of which there is one at least."""
+        """Return the fold of all elements, of which there is one at least."""
         if fold.width == 1:
             reduce = np.minimum if fold.identity[-1] > 0 else np.maximum
             return (int(reduce.reduce(columns[0])),)
@@ -376,13 +368,13 @@ class Walk:
         return self._fold_pairs(p, q, before, fold.identity[-1] < 0, backwards)
 
     def _suffixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-        """The folds from each element to the last one; of pairs those of the future."""
+        """Return the folds from each element to the last one; of pairs those of the future."""
         if fold.width > 1 and self._fold_pairs is not None:
             return self._scanned(fold, columns, backwards=True)
         return self._prefixes(FOLDS[fold.mirror], [column[::-1] for column in columns])[::-1]
 
     def _prefixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-        """The folds from the first element to each one; of pairs those of the past."""
+        """Return the folds from the first element to each one; of pairs those of the past."""
         if fold.width == 1:
             accumulate = (np.minimum if fold.identity[-1] > 0 else np.maximum).accumulate
             return accumulate(columns[0])
@@ -399,7 +391,7 @@ class Walk:
 
 @functools.lru_cache(maxsize=1024)  # programs are cached, and differ by identity
 def _needed(program: Program, register: int) -> tuple[int, ...]:
-    """The registers that a register is computed from, operands first, itself last."""
+    """Return the registers that a register is computed from, operands first, itself last."""
     return tuple(sorted(program.needed(register)))
 
 
@@ -413,7 +405,7 @@ def _mapped(function: str, columns: Sequence[Keys]) -> Keys:
 
 
 def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
-    """The folds of all runs of so many elements.
+    """Return the folds of all runs of so many elements.
 
     Folds of runs whose length is a power of 2 are folded in pairs. The last pair overlaps, which
     changes nothing, as folds are idempotent.
@@ -429,7 +421,7 @@ def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
 def _prefixes_of_block(
     fold: LatticeFold, total: tuple[int, ...], columns: Sequence[Keys]
 ) -> tuple[Keys, tuple[int, ...]]:
-    """The folds of what was before and the first elements, and the fold of all.
+    """Return the folds of what was before and the first elements, and the fold of all.
 
     Elements stand in rows of a table. Rows are folded side by side, then each one with the fold of
     all those before it.

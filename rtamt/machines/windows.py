@@ -26,7 +26,7 @@ class FoldedWindow(StateFields):
 
 
 def make_window(fold: LatticeFold, length: int | None) -> FoldedWindow:
-    """A window over the last ``length`` elements; None: over all of them."""
+    """Return a window over the last ``length`` elements; None: over all of them."""
     if length is None:
         return RunningWindow(fold)
     return LatestWindow() if length == 1 else SlidingWindow(fold, length)
@@ -144,15 +144,7 @@ class DelayLine(StateFields):
 def slide(
     fold: LatticeFold, elements: list[Element], rest: Element, width: int, count: int
 ) -> list[float]:
-    """Return the results of `count` windows, of which window i begins with element i.
-
-    Args:
-        fold: The fold, whose result is its last number.
-        elements: The elements up to some time.
-        rest: The element of all later times.
-        width: The number of elements in a window.
-        count: The number of windows.
-    """
+    """Return the results of `count` windows, of which window i begins with element i."""
     inside = max(0, min(count, len(elements) - width + 1))
     folds: list[Element] = []
     if inside:

@@ -98,7 +98,7 @@ def _max(x: float, y: float) -> float:
 
 
 def _negative(zero: float) -> bool:
-    """Whether a zero is -0.0."""
+    """Return whether a zero is -0.0."""
     return math.copysign(1.0, zero) < 0.0
 
 
@@ -161,13 +161,13 @@ FUNCTIONS: Mapping[str, Function] = {
 
 # min and max of arrays, none of whose numbers is nan.
 def lesser(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The lesser of the numbers of two arrays."""
+    """Return the lesser of the numbers of two arrays."""
     either = np.where(y < x, y, x).view(np.int64) | np.where(x < y, x, y).view(np.int64)
     return either.view(np.float64)
 
 
 def greater(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The greater of the numbers of two arrays."""
+    """Return the greater of the numbers of two arrays."""
     both = np.where(y > x, y, x).view(np.int64) & np.where(x > y, x, y).view(np.int64)
     return both.view(np.float64)
 

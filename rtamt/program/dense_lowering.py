@@ -81,21 +81,21 @@ class DenseProgram:
         return self.resolution / UNITS[self.program.specification.unit]
 
     def time(self, ticks: int) -> float:
-        """A number of ticks as a time in the specification's unit."""
+        """Return a number of ticks as a time in the specification's unit."""
         return float(ticks * self.tick)
 
     def bounds(self, node: Node) -> Bounds:
-        """The bounds of an operator's interval in ticks; that they are whole was checked."""
+        """Return the bounds of an operator's interval in ticks; that they are whole was checked."""
         first, last = self.program.specification.bounds(node.interval)
         return int(first / self.tick), None if last is None else int(last / self.tick)
 
     def latency(self, register: int) -> float:
-        """The time by which a register is late; inf if it needs the whole future."""
+        """Return the time by which a register is late; inf if it needs the whole future."""
         ticks = self.program.latencies[register]
         return math.inf if ticks is None else self.time(ticks)
 
     def result_alone(self) -> DenseProgram:
-        """The program without what only other named formulas need."""
+        """Return the program without what only other named formulas need."""
         result = self.program.result
         return replace(self, program=self.program.restricted(result, {}))
 
@@ -111,7 +111,7 @@ class DenseBuilder(ProgramBuilder):
         self._reaches: dict[Node, int] = {}
 
     def bounds(self, node: Node) -> Bounds:
-        """The bounds of an operator's interval, in ticks."""
+        """Return the bounds of an operator's interval, in ticks."""
         first, last = self.specification.bounds(node.interval)
         begin = self._ticks(node, first)
         return begin, None if last is None else self._ticks(node, last)
@@ -168,7 +168,7 @@ class DenseBuilder(ProgramBuilder):
         return self.map("min", held, self.window("max", -begin, -begin, recent))
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
-        """Until: p on [t, t'): up to the begin of the interval, and from there to t'."""
+        """Until: p on [t, t'): up to the start of the interval, and from there to t'."""
         begin, end = bounds
         # [t, t + begin] in place of [t, t + begin): another value at isolated instants only.
         reached = self.window("until", 0, None if end is None else end - begin, p, q)
@@ -204,7 +204,7 @@ class DenseBuilder(ProgramBuilder):
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
-    """The greatest duration of which both are multiples."""
+    """Return the largest duration of which both are multiples."""
     scale = math.lcm(a.denominator, b.denominator)
     return Fraction(math.gcd(int(a * scale), int(b * scale)), scale)
 
@@ -216,19 +216,7 @@ def compile_dense(
     interface: Interface = STANDARD,
     online: bool = False,
 ) -> DenseProgram:
-    """The program of a specification over dense time.
-
-    Args:
-        specification: What to compile.
-        resolution: The length of a tick in seconds.
-        interface: Whose robustness it computes; see `rtamt.program.interface`.
-        online: Whether every register must have a latency; see `Program.online`.
-
-    Raises:
-        SpecificationError: On operators on neighbouring samples (`prev`, `next`, `rise`, `fall`),
-            a formula without variables, or bounds that are no whole number of ticks or together
-            `MAX_TICKS` or more; with ``online``, also on a future without end.
-    """
+    """Return the program of a specification over dense time."""
     # Equal specifications may differ in their text, at which errors point.
     return _cached(specification, specification.text, resolution, interface, online)
 

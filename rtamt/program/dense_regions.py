@@ -41,7 +41,7 @@ class RegionProgram:
     reach: int
 
     def of(self, register: int) -> RegionProgram:
-        """The program with another result."""
+        """Return the program with another result."""
         program = replace(self.program, result=register)
         return replace(self, program=program, reach=_reach(program))
 
@@ -79,7 +79,7 @@ class _RegionBuilder(DenseBuilder):
 
 
 def _reach(program: Program) -> int:
-    """The sum of the longest offsets on a path of windows, in ticks."""
+    """Return the sum of the longest offsets on a path of windows, in ticks."""
     reaches: list[int] = []
     for instruction in program.instructions:
         reaches.append(_own_reach(instruction, reaches))
@@ -102,17 +102,7 @@ def compile_regions(
     interface: Interface = STANDARD,
     named: bool = False,
 ) -> RegionProgram:
-    """The program of a specification over the regions of dense time.
-
-    Args:
-        specification: What to compile.
-        resolution: The length of a tick in seconds.
-        interface: Whose robustness it computes; see `rtamt.program.interface`.
-        named: Whether it has the registers of all named formulas, not of the result alone.
-
-    Raises:
-        SpecificationError: As `compile_dense` does.
-    """
+    """Return the program of a specification over the regions of dense time."""
     # Equal specifications may differ in their text, at which errors point.
     return _cached(specification, specification.text, resolution, interface, named)
 
@@ -135,12 +125,6 @@ def _cached(
 def regions_of_all(
     specification: Specification, resolution: Fraction, *, interface: Interface
 ) -> RegionProgram:
-    """The program that `compile_regions` makes, with what other named formulas need.
-
-    Args:
-        specification: What to compile; `compile_dense` has taken it.
-        resolution: The length of a tick in seconds.
-        interface: Whose robustness it computes.
-    """
+    """Return the program that `compile_regions` makes, with what other named formulas need."""
     program = _RegionBuilder(specification, resolution, interface).program()
     return RegionProgram(program, resolution, _reach(program))

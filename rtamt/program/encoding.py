@@ -114,7 +114,7 @@ class EncodedEpisode(NamedTuple):
 # Programs are equal only if they are the same object: compilers cache them, so it comes again.
 @functools.lru_cache(maxsize=512)
 def encoded_discrete(program: Program) -> Encoded:
-    """The terms of a program on samples, and the schedule of its formulas."""
+    """Return the terms of a program on samples, and the schedule of its formulas."""
     rows = _terms(program)
     for slot, scheduled in schedule(program):
         length = start = 0
@@ -128,7 +128,7 @@ def encoded_discrete(program: Program) -> Encoded:
 
 @functools.lru_cache(maxsize=256)
 def encoded_episode(program: Program) -> EncodedEpisode:
-    """The placement of a program, for the machine that bounds an episode."""
+    """Return the placement of a program, for the machine that bounds an episode."""
     placement = place(program)
     program = placement.program
     formulas = []
@@ -152,7 +152,7 @@ def encoded_episode(program: Program) -> EncodedEpisode:
 
 @functools.lru_cache(maxsize=256)
 def encoded_regions(placement: Placement) -> EncodedRegions:
-    """The placement of a program over the regions of dense time."""
+    """Return the placement of a program over the regions of dense time."""
     program = placement.program
     rows = []
     for register in range(program.terms, len(program.instructions)):
@@ -177,7 +177,7 @@ def encoded_regions(placement: Placement) -> EncodedRegions:
 
 @functools.lru_cache(maxsize=512)
 def encoded_dense(dense: DenseProgram) -> EncodedDense:
-    """The instructions of a program over dense time; a row for each register."""
+    """Return the instructions of a program over dense time; a row for each register."""
     program = dense.program
     rows = []
     for instruction in program.instructions:
@@ -190,7 +190,7 @@ def encoded_dense(dense: DenseProgram) -> EncodedDense:
 
 
 def clock_of(tick: Fraction) -> tuple[float, int, int]:
-    """The clock of `EncodedDense`, for ticks of this length in the unit of time."""
+    """Return the clock of `EncodedDense`, for ticks of this length in the unit of time."""
     units, ticks = tick.as_integer_ratio()
     quotient = (ticks, units) if max(ticks, units) < MAX_TICKS else (0, 1)
     return (float(1 / tick), *quotient)
@@ -198,7 +198,7 @@ def clock_of(tick: Fraction) -> tuple[float, int, int]:
 
 @functools.lru_cache(maxsize=256)
 def encoded_terms(program: Program) -> tuple[DiscreteRow, ...]:
-    """The terms of a program, of any time."""
+    """Return the terms of a program, of any time."""
     return tuple(_terms(program))
 
 

@@ -126,7 +126,7 @@ class _Ways:
 
 @functools.lru_cache(maxsize=1024)
 def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
-    """The ways of an operator to the operands on which its value depends in one direction only."""
+    """Return the ways of an operator to operands on which it depends in one direction only."""
     row = OPERATORS[name]
     if row.operands == "term":
         return ()
@@ -142,7 +142,7 @@ _NO_BOUNDS: Bounds = (0, None)
 
 
 def _operands(node: Node) -> Mapping[int, bool]:
-    """The operands in which an implication can count, and whether they have the formula's sign."""
+    """Return the operands in which an implication can count, and whether their sign is kept."""
     if node.op is None:
         return {}
     ways = _ways(node.op.name, len(node.args), _NO_BOUNDS)
@@ -151,7 +151,7 @@ def _operands(node: Node) -> Mapping[int, bool]:
 
 @functools.lru_cache(maxsize=512)
 def implications(formula: Formula) -> tuple[Formula, ...]:
-    """The implications in positive position, each once, in the order of the text, the outer first.
+    """Return the implications in positive position in the order of the text, the outer first.
 
     Not those whose right side is ``false``, which nothing could answer.
 
@@ -203,7 +203,7 @@ def _counts(node: Node) -> bool:
 
 
 def unanswered(formula: Formula, answered: Sequence[Formula]) -> Formula:
-    """The formula with ``false`` as the right side of some implications in positive position."""
+    """Return the formula with ``false`` as the right side of implications in positive position."""
     changed: dict[tuple[Node, bool], Node] = {}
     false = make("false", ())
     for node in formula.nodes():
@@ -221,7 +221,7 @@ def unanswered(formula: Formula, answered: Sequence[Formula]) -> Formula:
 
 
 def _like(node: Node, args: tuple[Node, ...]) -> Node:
-    """The node with other operands."""
+    """Return the node with other operands."""
     assert node.op is not None  # noqa: S101 - it has operands
     return make(node.op.name, args, node.interval)
 
@@ -307,14 +307,14 @@ class TraceSpan(NamedTuple):
     dense: bool = False
 
     def along(self, steps: Sequence[_Step], runs: InstantRuns) -> InstantRuns:
-        """The instants that are reached from some."""
+        """Return the instants that are reached from some."""
         for step in steps:
             reached = [run for first, final in runs for run in self._step(step, first, final)]
             runs = tuple(reached) if len(reached) < 2 else _merged(reached)
         return runs
 
     def _step(self, step: _Step, first: int, final: float) -> Iterator[tuple[int, float]]:
-        """The instants that a window at each of a run of instants reads."""
+        """Return the instants that a window at each of a run of instants reads."""
         if step.open_end and step.lo == step.hi:
             return  # nothing is before the end of an interval without length
         unit, last = 2 if self.dense else 1, self.last

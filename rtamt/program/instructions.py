@@ -77,19 +77,16 @@ class Window:
         return (self.hi or 0) + 1 if self.guard else self.lo or 0
 
     def skips(self, *, best: bool) -> bool:
-        """Whether an unseen element counts nothing in a bound, as it may not be there.
+        """Return whether an unseen element counts nothing in a bound, as it may not be there.
 
         It is so for minima in the upper bound and for maxima in the lower; but not for the element
         of the window's own time.
-
-        Args:
-            best: Whether it is the upper bound.
         """
         ahead = self.hi is None or self.hi > 0
         return ahead and not self.guard and (FOLDS[self.fold].identity[-1] > 0) == best
 
     def mirrored(self) -> Window:
-        """The same window with time flipped: future is past."""
+        """Return the same window with time flipped: future is past."""
         lo = None if self.hi is None else -self.hi
         hi = None if self.lo is None else -self.lo
         return replace(self, fold=FOLDS[self.fold].mirror, lo=lo, hi=hi)
@@ -99,7 +96,7 @@ Instruction = Load | Const | Map | Window
 
 
 def operands(instruction: Instruction) -> tuple[int, ...]:
-    """The registers that the instruction reads."""
+    """Return the registers that the instruction reads."""
     match instruction:
         case Load() | Const():
             return ()
@@ -110,7 +107,7 @@ def operands(instruction: Instruction) -> tuple[int, ...]:
 
 
 def listed(instruction: Instruction) -> str:
-    """The text of an instruction in a listing."""
+    """Return the text of an instruction in a listing."""
     match instruction:
         case Load(variable):
             return f"LOAD {variable}"
@@ -127,7 +124,7 @@ def listed(instruction: Instruction) -> str:
 
 
 def latencies_of(instructions: Sequence[Instruction]) -> tuple[int | None, ...]:
-    """The latency of every register; None where it needs the whole future."""
+    """Return the latency of every register; None where it needs the whole future."""
     latencies: list[int | None] = []
     for instruction in instructions:
         latencies.append(latency_of(instruction, latencies, instructions))
@@ -139,7 +136,7 @@ def latency_of(
     latencies: Sequence[int | None],
     instructions: Sequence[Instruction],
 ) -> int | None:
-    """The latency of an instruction, from the instructions and latencies before it."""
+    """Return the latency of an instruction, from the instructions and latencies before it."""
     late = 0
     for operand in operands(instruction):
         if not isinstance(instructions[operand], Const):

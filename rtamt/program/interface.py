@@ -80,7 +80,7 @@ class Interface:
     outputs: tuple[str, ...] = ()
 
     def role(self, variable: str) -> Role | None:
-        """The role of a variable; a field's own role goes before the role of its message."""
+        """Return the role of a variable; a field's own role goes before the role of its message."""
         for name in lineage(variable):
             if name in self.inputs:
                 return "input"
@@ -111,19 +111,7 @@ def as_interface(
     inputs: Names | None = None,
     outputs: Names | None = None,
 ) -> Interface:
-    """The interface of a monitor, from its arguments and the declarations of its specification.
-
-    Args:
-        spec: Declares the inputs and outputs that are not given.
-        semantics: The name of the semantics.
-        inputs: As in `Interface`; None: the variables that the text declares ``input``.
-        outputs: As in `Interface`; None: the variables that the text declares ``output``.
-
-    Raises:
-        InputError: On an unknown semantics, a name that is no variable of the specification or
-            that is both input and output, or a semantics about inputs (outputs) where neither the
-            text nor the argument names any.
-        InputTypeError: On names that are no strings.
+    """Return the interface of a monitor, from its arguments and its specification.
 
     Example:
         >>> from rtamt.language.parser import parse

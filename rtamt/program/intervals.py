@@ -1,6 +1,6 @@
 """Interval arithmetic: which values a function can have where its operands are not known.
 
-The rules below say that for a function of doubles, from the least and the greatest value of each
+The rules below say that for a function of doubles, from the smallest and the largest value of each
 operand. Least and greatest go by the order in which -0.0 is below 0.0, so bounds keep the sign bit
 that says whether a predicate holds. Each row of `rtamt.program.algebra.FUNCTIONS` names its rule;
 `everything` is right for all of them. The C++ machines have the same rules in
@@ -29,8 +29,8 @@ class Range(NamedTuple):
     """The values that a term can have.
 
     Attributes:
-        lower: The least one.
-        upper: The greatest one.
+        lower: The smallest one.
+        upper: The largest one.
         known: Whether the term reads no unknown sample, so that both are its value.
     """
 
@@ -51,7 +51,7 @@ IntervalRule = Callable[..., Ends | None]
 
 
 def range_of(apply: _Apply, rule: IntervalRule, *operands: Range) -> Range | None:
-    """The values of a function; None if there is none, or it is nan for known operands."""
+    """Return the values of a function; None if there is none, or it is nan for known operands."""
     if all(operand.known for operand in operands):
         value = apply(*(operand.lower for operand in operands))
         return None if value != value else Range(value, value, known=True)  # noqa: PLR0124 - nan
@@ -60,18 +60,12 @@ def range_of(apply: _Apply, rule: IntervalRule, *operands: Range) -> Range | Non
 
 
 def everything(apply: _Apply, *operands: Range) -> Ends:  # noqa: ARG001 - it is a rule
-    """The rule of a function of which nothing else is known."""
+    """Return the rule of a function of which nothing else is known."""
     return EVERYTHING
 
 
 def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> IntervalRule:
-    """The rule of a function that rises (``+``) or falls (``-``) with each operand.
-
-    Args:
-        directions: A sign for each operand.
-        least: The least operand that has a value.
-        wider: Whether the function is rounded such that it may fall by a step where it rises.
-    """
+    """Return the rule of a function that rises (``+``) or falls (``-``) with each operand."""
 
     def rule(apply: _Apply, *operands: Range) -> Ends | None:
         low, high = [], []
@@ -88,26 +82,26 @@ def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> In
 
 
 def even(apply: _Apply, x: Range) -> Ends:
-    """The rule of the absolute value."""
+    """Return the rule of the absolute value."""
     ends = apply(x.lower), apply(x.upper)
     spans = _negative(x.lower) and not _negative(x.upper)
     return 0.0 if spans else _least(ends), _greatest(ends)
 
 
 def corners(apply: _Apply, *operands: Range) -> Ends:
-    """The rule of a function that is monotone in each operand, whichever way."""
+    """Return the rule of a function that is monotone in each operand, whichever way."""
     return _hull(apply(*values) for values in itertools.product(*(o[:2] for o in operands)))
 
 
 def quotient(apply: _Apply, x: Range, y: Range) -> Ends:
-    """The rule of a division: everything if an unknown divisor may be 0."""
+    """Return the rule of a division: everything if an unknown divisor may be 0."""
     if not y.known and y.lower <= 0.0 <= y.upper:
         return EVERYTHING
     return corners(apply, x, y)
 
 
 def near(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is a rule
-    """The rule of ``-abs(x - y)``, which is 0.0 where both are equal."""
+    """Return the rule of ``-abs(x - y)``, which is 0.0 where both are equal."""
     lower, upper = _hull((x.lower - y.upper, x.upper - y.lower))
     far = max(abs(lower), abs(upper))
     close = 0.0 if lower <= 0.0 <= upper else min(abs(lower), abs(upper))
@@ -115,14 +109,14 @@ def near(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is a r
 
 
 def meeting(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is a rule
-    """The rule of ``x == y`` without a margin."""
+    """Return the rule of ``x == y`` without a margin."""
     always = x.lower == x.upper == y.lower == y.upper
     ever = x.lower <= y.upper and y.lower <= x.upper
     return INF if always else -INF, INF if ever else -INF
 
 
 def opposite(rule: IntervalRule) -> IntervalRule:
-    """The rule of the function with the other sign."""
+    """Return the rule of the function with the other sign."""
 
     def negated(apply: _Apply, *operands: Range) -> Ends | None:
         ends = rule(apply, *operands)
@@ -132,7 +126,7 @@ def opposite(rule: IntervalRule) -> IntervalRule:
 
 
 def power(apply: _Apply, x: Range, y: Range) -> Ends | None:
-    """The rule of ``pow``: everything, unless it is monotone in both operands."""
+    """Return the rule of ``pow``: everything, unless it is monotone in both operands."""
     if _negative(x.lower):
         if x.lower > -INF and not _has_whole(y):  # a negative base has no such power
             if x.upper < 0.0:
@@ -144,14 +138,14 @@ def power(apply: _Apply, x: Range, y: Range) -> Ends | None:
 
 
 def _has_whole(y: Range) -> bool:
-    """Whether a whole number lies in a range; both infinities count as whole."""
+    """Return whether a whole number lies in a range; both infinities count as whole."""
     if math.isinf(y.lower) or math.isinf(y.upper):
         return True
     return math.ceil(y.lower) <= y.upper
 
 
 def _is_monotone_power(x: Range, y: Range) -> bool:
-    """Whether a power is monotone on a range of bases some of which are negative or -0.0."""
+    """Return whether a power is monotone on a range of bases some of which are negative or -0.0."""
     n = y.lower
     if n != y.upper or not _has_whole(y):
         return False
@@ -161,7 +155,7 @@ def _is_monotone_power(x: Range, y: Range) -> bool:
 
 
 def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> IntervalRule:
-    """The rule of ``log``, which is the quotient of two natural logarithms."""
+    """Return the rule of ``log``, which is the quotient of two natural logarithms."""
     of = functools.partial(monotone("+", least=-0.0), ln)
 
     def rule(apply: _Apply, x: Range, base: Range) -> Ends | None:  # noqa: ARG001 - it is a rule
@@ -180,13 +174,13 @@ def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]
 
 
 def _hull(values: Iterable[float]) -> Ends:
-    """The least and the greatest of some numbers; everything if one is nan."""
+    """Return the smallest and the largest of some numbers; everything if one is nan."""
     found = list(values)
     return EVERYTHING if any(map(math.isnan, found)) else (_least(found), _greatest(found))
 
 
 def _outward(ends: Ends) -> Ends:
-    """The range with each end one step further, but never of the other sign."""
+    """Return the range with each end one step further, but never of the other sign."""
     lower, upper = ends
     if lower != 0.0 or _negative(lower):
         lower = math.nextafter(lower, -INF)

@@ -52,7 +52,7 @@ class ProgramBuilder:
         self.term = False
 
     def program(self) -> Program:
-        """The program of the whole specification."""
+        """Return the program of the whole specification."""
         specification = self.specification
         known: dict[Node, int] = {}
         for node in specification.nodes():
@@ -91,7 +91,7 @@ class ProgramBuilder:
         return node.op.meaning(self, *args)
 
     def bounds(self, node: Node) -> Bounds:
-        """The bounds of an operator's interval, in samples."""
+        """Return the bounds of an operator's interval, in samples."""
         error = functools.partial(self.specification.error, node)
         unit = self.specification.unit
         bounds = samples(node.interval, self.period, unit, error, self.align)
@@ -125,11 +125,11 @@ class ProgramBuilder:
         return register
 
     def constant(self, value: float) -> int:
-        """The same value at every sample, seen or not."""
+        """Return the same value at every sample, seen or not."""
         return self._emit(Const(value), term=True)
 
     def map(self, function: str, *args: int) -> int:
-        """The function of the operands' values now; a constant if all operands are.
+        """Return the function of the operands' values now; a constant if all operands are.
 
         A neutral constant has two values, so nothing is made of it.
         """
@@ -143,7 +143,7 @@ class ProgramBuilder:
         return self._emit(Map(function, args), term=self.term)
 
     def rate(self, x: int) -> int:
-        """The rate of change of a variable, which readers of samples compute."""
+        """Return the rate of change of a variable, which readers of samples compute."""
         loaded = self.instructions[x]
         if not isinstance(loaded, Load):
             msg = f"register {x} is not a variable"
@@ -153,7 +153,7 @@ class ProgramBuilder:
         return self._emit(Load(name), term=True)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
-        """The fold over offsets lo to hi from now; if both are 0, the last operand itself."""
+        """Return the fold over offsets lo to hi; if both are 0, the last operand itself."""
         if fold not in FOLDS:
             msg = (
                 f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
@@ -165,7 +165,7 @@ class ProgramBuilder:
         return self.emit(Window(fold, lo, hi, args))
 
     def emit(self, window: Window) -> int:
-        """The register of a window."""
+        """Return the register of a window."""
         return self._emit(window, term=False)
 
     def _guard(self, begin: int, p: int, *, endless: bool) -> int:
@@ -175,7 +175,7 @@ class ProgramBuilder:
         return self.emit(Window("min", 0, begin - 1, (p,), guard=True, endless=endless))
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
-        """Since: the fold up to the begin of the interval, and p from there to now."""
+        """Since: the fold up to the start of the interval, and p from there to now."""
         begin, end = bounds
         fold = self.window("since", None if end is None else -end, -begin, p, q)
         if begin == 0:
@@ -183,7 +183,7 @@ class ProgramBuilder:
         return self.map("min", self.window("min", 1 - begin, 0, p), fold)
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
-        """Until: p from now to the begin of the interval, and the fold from there."""
+        """Until: p from now to the start of the interval, and the fold from there."""
         begin, end = bounds
         late_p, late_q = self.latencies[p], self.latencies[q]
         if begin == end:
@@ -209,19 +209,7 @@ def compile_program(
     align: Align | None = None,
     online: bool = False,
 ) -> Program:
-    """The program of a specification over samples.
-
-    Args:
-        specification: What to compile.
-        period: Seconds between samples; None: bounds are in samples.
-        interface: Whose robustness it computes; see `rtamt.program.interface`.
-        align: How bounds that are no whole number of samples become one; None refuses them.
-        online: Whether every register must have a latency; see `Program.online`.
-
-    Raises:
-        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`);
-            with ``online``, also on a future without end.
-    """
+    """Return the program of a specification over samples."""
     # Equal specifications may differ in their text, at which errors point.
     return _cached(specification, specification.text, period, interface, align, online)
 
@@ -241,15 +229,7 @@ def _cached(
 
 
 def refuse_rates(specification: Specification, reader: str) -> None:
-    """Check that a specification reads no rate of change.
-
-    Args:
-        specification: The specification.
-        reader: The name of what cannot compute rates, for the error.
-
-    Raises:
-        SpecificationError: If it reads one.
-    """
+    """Check that a specification reads no rate of change."""
     for node in specification.nodes():
         if node.op is not None and node.op.name == "rate":
             raise specification.error(

@@ -20,12 +20,7 @@ _WORLDS = 3
 
 
 def limit_discrete(program: Program, lanes: int = 1) -> None:
-    """Refuse a program whose windows and delays, in so many lanes, pass `limits.window_bytes`.
-
-    Raises:
-        SpecificationError: With the formula that needs most, the bytes and the limit.
-        InputError: If the limit is no number.
-    """
+    """Refuse a program whose windows and delays, in so many lanes, pass `limits.window_bytes`."""
     _limit(program, _discrete_needs(program), lanes, _where(lanes))
 
 
@@ -33,11 +28,6 @@ def limit_episode(program: Program, lanes: int = 1, *, unknown: bool = False) ->
     """Refuse a program whose streams, in so many lanes, pass `limits.window_bytes`.
 
     It raises the errors of `limit_discrete`.
-
-    Args:
-        program: The program.
-        lanes: How many lanes.
-        unknown: Whether samples may be unknown: a twin goes on from the first such sample.
     """
     where = _where(lanes) + " with samples that are not known" * unknown
     machines = _machines(program, unknown=unknown)
@@ -45,23 +35,13 @@ def limit_episode(program: Program, lanes: int = 1, *, unknown: bool = False) ->
 
 
 def intervals_fit(program: Program, lanes: int = 1) -> bool:
-    """Whether `limit_episode` allows samples that are not known."""
+    """Return whether `limit_episode` allows samples that are not known."""
     needed = _machines(program, unknown=True) * _episode_needs(program) * lanes * _DOUBLE
     return needed <= limits.window_bytes
 
 
 def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
-    """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow.
-
-    Args:
-        program: The program.
-        n: Length of the trace.
-        unknown: Whether samples are unknown.
-
-    Raises:
-        SpecificationError: With the formula that needs most, the bytes and the limit.
-        InputError: If the limit is no number.
-    """
+    """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow."""
     numbers = _most_beyond(program)
     if (2 if unknown else 1) * numbers * _DOUBLE > _checked_limit():
         clamped = program.clamped(sufficient(program, n))
@@ -70,7 +50,7 @@ def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
 
 
 def _beyond(program: Program, n: int) -> int:
-    """The numbers that windows which reach further than a trace of n samples keep."""
+    """Return the numbers that windows which reach further than a trace of n samples keep."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
     # Each variable and each window keeps them, in both worlds of each reading of the predicates.
@@ -188,7 +168,7 @@ def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
 
 
 def sufficient(program: Program, n: int) -> int:
-    """A number to which bounds may be cut for a trace of n samples or less.
+    """Return a number to which bounds may be cut for a trace of n samples or less.
 
     From some sample on, all unseen ones are equal, and it does not matter how many there are.
     """
@@ -198,7 +178,7 @@ def sufficient(program: Program, n: int) -> int:
 
 @functools.lru_cache(maxsize=512)
 def _memory_and_bound(program: Program) -> tuple[int, int]:
-    """After how many unseen samples all later ones are equal at most; the greatest window bound."""
+    """After how many unseen samples all later ones are equal at most; the largest window bound."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     before = [max(0, -_begin(window)) for window in windows]
     if not any(window.hi is None for window in windows):
@@ -211,6 +191,6 @@ def _memory_and_bound(program: Program) -> tuple[int, int]:
 
 
 def _begin(window: Window) -> int:
-    """The offset from which on a window must read one number alone to have a value that stays."""
+    """Return the offset from which on a window must read one number to have a value that stays."""
     # Folds are idempotent: a window without begin needs it at its end.
     return window.lo if window.lo is not None else window.hi or 0

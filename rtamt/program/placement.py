@@ -42,11 +42,7 @@ class Placement:
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def place(program: Program) -> Placement:
-    """Place the registers of a program, after its negations are removed.
-
-    Raises:
-        SpecificationError: On more than `MAX_UNKNOWNS` windows without end inside others.
-    """
+    """Place the registers of a program, after its negations are removed."""
     program = positive(program)
     initial, streams, unknowns = {program.result}, set[int](), list[int]()
     for register in range(len(program.instructions) - 1, program.terms - 1, -1):
@@ -78,7 +74,7 @@ def place(program: Program) -> Placement:
 
 
 def positive(program: Program) -> Program:
-    """The same robustness with negations pushed down to the predicates.
+    """Return the same robustness with negations pushed down to the predicates.
 
     A register that is read both negated and not becomes two registers, whose bounds are
     independent, as in interval arithmetic. A negated predicate becomes a term: at an unseen sample

@@ -77,7 +77,7 @@ class Program:
         return self.latencies[self.result]
 
     def term(self, register: int) -> Load | Const | Map:
-        """The instruction of a register of the terms."""
+        """Return the instruction of a register of the terms."""
         instruction = self.instructions[register]
         if isinstance(instruction, Window):
             msg = f"register {register} is a window among the terms"
@@ -85,7 +85,7 @@ class Program:
         return instruction
 
     def formula(self, register: int) -> Map | Window:
-        """The instruction of a register after the terms."""
+        """Return the instruction of a register after the terms."""
         instruction = self.instructions[register]
         if isinstance(instruction, Load | Const):
             msg = f"register {register} is an input behind the terms"
@@ -93,7 +93,7 @@ class Program:
         return instruction
 
     def window(self, register: int) -> Window:
-        """The instruction of a register that is a window."""
+        """Return the instruction of a register that is a window."""
         instruction = self.instructions[register]
         if not isinstance(instruction, Window):
             msg = f"register {register} is no window"
@@ -115,7 +115,7 @@ class Program:
         return read - late
 
     def start(self, register: int) -> int:
-        """The first sample at which a window takes in a value of its operands."""
+        """Return the first sample at which a window takes in a value of its operands."""
         instruction, late = self.instructions[register], self.latencies[register]
         if not isinstance(instruction, Window) or instruction.hi is None or late is None:
             msg = f"register {register} is no bounded window"
@@ -123,11 +123,7 @@ class Program:
         return late - instruction.hi
 
     def verify(self) -> None:
-        """Check that the program is well formed.
-
-        Raises:
-            AssertionError: If it is not, which is a bug in this package.
-        """
+        """Check that the program is well formed."""
         count = len(self.instructions)
         for register, instruction in enumerate(self.instructions):
             self._check(register, instruction)
@@ -169,13 +165,10 @@ class Program:
     def online(
         self, monitor: str = "Monitor", instead: str | Argument = "use EpisodeMonitor or evaluate()"
     ) -> Program:
-        """The program for a monitor, in which every register has a latency.
+        """Return the program for a monitor, in which every register has a latency.
 
         A top-level ``always p`` or ``eventually p`` without end becomes the fold over all samples
         so far. Any other unbounded future is refused.
-
-        Raises:
-            SpecificationError: Naming the operator, and what to write instead.
         """
         program = self.running(self.specification.formula)
         for register, instruction in enumerate(program.instructions):
@@ -191,13 +184,10 @@ class Program:
         return program
 
     def running(self, *formulas: Node) -> Program:
-        """The program in which formulas are judged as a whole trace of their own.
+        """Return the program in which formulas are judged as a whole trace of their own.
 
         Each that is ``always p`` or ``eventually p`` without end becomes the fold over all samples
         so far, as result and as output; inside others it stays what it is.
-
-        Args:
-            formulas: The specification's formula, or named ones.
         """
         instructions, sources = list(self.instructions), list(self.sources)
         folds: dict[int, int] = {}
@@ -229,7 +219,7 @@ class Program:
         ).pruned()
 
     def _is_running(self, formula: Node) -> bool:
-        """Whether a formula is ``always p`` or ``eventually p`` without bounds.
+        """Return whether a formula is ``always p`` or ``eventually p`` without bounds.
 
         The instruction does not tell: ``eventually[0:0](eventually p)`` compiles to the same one.
         """
@@ -238,17 +228,17 @@ class Program:
         return single and begin == 0 and end is None
 
     def pruned(self) -> Program:
-        """The program without registers that neither the result nor an output needs."""
+        """Return the program without registers that neither the result nor an output needs."""
         return self.restricted(self.result, self.outputs)
 
     def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
-        """The part of the program that computes this result and these outputs."""
+        """Return the part of the program that computes this result and these outputs."""
         kept = sorted(self.needed(result, *outputs.values()))
         part = replace(self, result=result, outputs=outputs)
         return part.reordered(kept, sum(r < self.terms for r in kept))
 
     def read_first(self) -> frozenset[str]:
-        """The variables whose value at sample 0 the result hangs on, in some trace."""
+        """Return the variables whose value at sample 0 the result hangs on, in some trace."""
         times: dict[int, set[tuple[int, float]]] = {self.result: {(0, 0)}}
         found = set[str]()
         for register in range(len(self.instructions) - 1, -1, -1):
@@ -271,7 +261,7 @@ class Program:
         return frozenset(found)
 
     def needed(self, *registers: int) -> set[int]:
-        """The registers that these are computed from, themselves included."""
+        """Return the registers that these are computed from, themselves included."""
         needed: set[int] = set()
         stack = [*registers]
         while stack:
@@ -282,7 +272,7 @@ class Program:
         return needed
 
     def reordered(self, kept: list[int], terms: int) -> Program:
-        """The program of these registers in this order, of which the first ``terms`` are terms."""
+        """Return the program of these registers in this order, ``terms`` of them terms."""
         new = {old: i for i, old in enumerate(kept)}
         instructions = tuple(_renumbered(self.instructions[r], new) for r in kept)
         return replace(
@@ -308,7 +298,7 @@ class Program:
         return replace(self, instructions=instructions)
 
     def clamped(self, n: int) -> Program:
-        """The program with bounds cut to n: equivalent on traces of n samples or less."""
+        """Return the program with bounds cut to n: equivalent on traces of n samples or less."""
 
         def cut(bound: int | None) -> int | None:
             return None if bound is None else max(-n, min(n, bound))
@@ -320,14 +310,14 @@ class Program:
         return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 
     def mirrored(self) -> Program:
-        """The program with time flipped: on a reversed trace it gives the reversed values."""
+        """Return the program with time flipped, whose values on a reversed trace are reversed."""
         instructions = tuple(
             i.mirrored() if isinstance(i, Window) else i for i in self.instructions
         )
         return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 
     def __str__(self) -> str:
-        """A listing, in columns: register, instruction, latency, source."""
+        """Return a listing, in columns: register, instruction, latency, source."""
         registers = [str(register) for register in range(len(self.instructions))]
         texts = [listed(instruction) for instruction in self.instructions]
         latencies = ["-" if late is None else str(late) for late in self.latencies]
@@ -364,7 +354,7 @@ Scheduled = Map | Window | Delay
 
 
 def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
-    """The instructions after the terms and the slots that they write, with the delay lines.
+    """Return the instructions after the terms and the slots that they write, with the delay lines.
 
     The program's registers take the first slots, delay lines the next. A delay line comes before
     the first instruction that reads it.
@@ -384,13 +374,9 @@ def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
 
 
 def ranges_of(program: Program, variables: Sequence[Range]) -> list[Range]:
-    """The ranges of a program's terms, in the order of their registers.
+    """Return the ranges of a program's terms, in the order of their registers.
 
     The list ends before the first term that has no value.
-
-    Args:
-        program: The program.
-        variables: The range of each variable.
     """
     found: list[Range] = []
     for instruction in program.instructions[: program.terms]:

@@ -92,7 +92,7 @@ def _no_period(period: object, what: str) -> SpecificationError:
 
 
 def _simplest(low: Fraction, high: Fraction) -> Fraction:
-    """The fraction of least denominator in [low, high], by continued fractions."""
+    """Return the fraction of least denominator in [low, high], by continued fractions."""
     whole = math.ceil(low)
     if whole <= high:
         return Fraction(whole)
@@ -101,11 +101,7 @@ def _simplest(low: Fraction, high: Fraction) -> Fraction:
 
 
 def as_align(align: object) -> Align | None:
-    """The way to round bounds, checked; None refuses bounds that do not fit.
-
-    Raises:
-        InputError: If it is unknown.
-    """
+    """Return the way to round bounds, checked; None refuses bounds that do not fit."""
     if align is None:
         return None
     known = get_args(Align)
@@ -130,20 +126,7 @@ def samples(
     error: Callable[[str, str], RtamtError],
     align: Align | None = None,
 ) -> Bounds:
-    """The bounds of an interval in whole samples.
-
-    Args:
-        interval: The interval; None is [0, inf).
-        period: Seconds between samples, or None: bounds without unit are samples.
-        unit: The unit of bounds that name none.
-        error: Makes an error from a reason and a hint; it adds the place in the text.
-        align: How bounds that are no whole number of samples become one; None refuses them.
-
-    Raises:
-        SpecificationError: From ``error``, on a unit without a period, a bound that is no multiple
-            of the period, a window that ``"inward"`` leaves empty, or a bound beyond `MAX_WINDOW`
-            samples.
-    """
+    """Return the bounds of an interval in whole samples."""
     if interval is None:
         return 0, None
     if period is None and interval.unit is not None:
@@ -192,14 +175,7 @@ def samples(
 def alignment(
     interval: Interval | None, period: Fraction | None, unit: str, bounds: Bounds
 ) -> str | None:
-    """What an interval became: ``[0:0.25] is samples 0 to 3, [0:0.3s]``; None if it fits exactly.
-
-    Args:
-        interval: The interval.
-        period: As `samples` takes it.
-        unit: As `samples` takes it.
-        bounds: What `samples` gave.
-    """
+    """Return a text such as ``[0:0.25] is samples 0 to 3, [0:0.3s]``; None if it fits exactly."""
     if interval is None:
         return None
     unit = interval.unit or unit
@@ -216,7 +192,7 @@ def alignment(
 
 
 def _step(period: Fraction | None, unit: str) -> Fraction:
-    """The time between samples, in the unit of the bounds."""
+    """Return the time between samples, in the unit of the bounds."""
     return Fraction(1) if period is None else period / UNITS[unit]
 
 
@@ -230,15 +206,7 @@ def _misfit(
     unit: str | None,
     error: Callable[[str, str], RtamtError],
 ) -> RtamtError:
-    """The error that refuses a bound which is no whole number of samples.
-
-    Args:
-        bound: The bound.
-        text: The bound with its unit.
-        step: The time between samples, in the unit of the bound.
-        unit: The unit of the bound; None if bounds are numbers of samples.
-        error: Makes an error from a reason and a hint.
-    """
+    """Return the error that refuses a bound which is no whole number of samples."""
     steps = bound / step
     low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
     if unit is None:
@@ -274,12 +242,12 @@ def _writable(time: Fraction, unit: str) -> str:
 
 
 def _nearest_below(steps: Fraction) -> int:
-    """The nearest whole number; of two, the lesser."""
+    """Return the nearest whole number; of two, the lesser."""
     return math.ceil(steps - Fraction(1, 2))
 
 
 def _nearest_above(steps: Fraction) -> int:
-    """The nearest whole number; of two, the greater."""
+    """Return the nearest whole number; of two, the greater."""
     return math.floor(steps + Fraction(1, 2))
 
 

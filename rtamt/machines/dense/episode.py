@@ -1,7 +1,7 @@
-"""The machine of `DenseEpisodeMonitor` in Python: robustness and bounds at the begin of a trace.
+"""The machine of `DenseEpisodeMonitor` in Python: robustness and bounds at the start of a trace.
 
 It does over the regions of dense time what `rtamt.machines.episode.machine` does over samples.
-Position 0 is the begin of the trace, and the last position that was seen is the instant of the
+Position 0 is the start of the trace, and the last position that was seen is the instant of the
 earliest of the variables' last events.
 """
 
@@ -48,7 +48,7 @@ from rtamt.program.placement import Placement, place, variants_of
 
 
 class Regions(StateFields):
-    """The registers of a program, at all positions or at the begin alone.
+    """The registers of a program, at all positions or at the start alone.
 
     Args:
         placement: The program, and at which positions registers are read.
@@ -127,7 +127,7 @@ class Regions(StateFields):
                 stream.look(world, t, self.unknowns)
 
     def look(self, worlds: Sequence[int]) -> list[float]:
-        """The robustness at the begin in some worlds."""
+        """Return the robustness at the start in some worlds."""
         for stream in self.streams.values():
             for world in worlds:
                 stream.look(world, self.t, self.unknowns)
@@ -154,7 +154,7 @@ class Regions(StateFields):
         return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
 
     def seen(self, register: int, world: int) -> Runs:
-        """All runs of a register that is a stream, in a world; if nothing has settled."""
+        """Return all runs of a register that is a stream, in a world; if nothing has settled."""
         return self.streams[register].seen(world, 0, self.unknowns)
 
     def reset(self) -> None:
@@ -177,10 +177,10 @@ class RegionRegisters(Protocol):
 
 
 class PythonDenseEpisodeMachine(Retiring, StateFields):
-    """Bounds the robustness at the begin of a trace, from events in chunks of any size.
+    """Bounds the robustness at the start of a trace, from events in chunks of any size.
 
     From the first value on that is not known, twins of the last registers go on from their state:
-    they take the greatest values of all terms, and the others the least, as
+    they take the largest values of all terms, and the others the smallest, as
     `rtamt.machines.episode.variants` does over samples.
 
     Args:
@@ -267,24 +267,19 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return self.robustness
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
-        """Take in a whole trace, with times as they were given.
-
-        Args:
-            given: For every variable the times of its events, and the values.
-            decided: Whether to find when the verdict was decided.
-        """
+        """Take in a whole trace, with times as they were given."""
         columns, dated = self.reader.counted(given, self._last, self._dated)
         self._take(columns, dated, decided=decided)
         if math.isinf(self._end):
             self.reader.refuse_end(self._first, self._last, self._dated)
 
     def complete(self) -> tuple[float, float]:
-        """The bounds if the trace is all there is."""
+        """Return the bounds if the trace is all there is."""
         found = [reading.look((0,))[0] for reading in self._all()]
         return found[0], found[-1]
 
     def _all(self) -> list[RegionRegisters]:
-        """The registers for the lower bound, for the robustness, and for the upper bound."""
+        """Return the registers for the lower bound, for the robustness, and for the upper bound."""
         return [*self._readings, *self._greatest]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated, *, decided: bool = True) -> None:
@@ -318,7 +313,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
                 self._go(rows, known, int(end - begin))
 
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
-        """For each of the registers the terms at all new times of the trace; changes nothing."""
+        """Return for each of the registers the terms at all new times; changes nothing."""
         trace = TraceValues(*together(self._waiting, begin, end), dated)
         terms = terms_of(self._programs, (self._find, self._ranges), self.reader, trace)
         if self._greatest and len(terms) == len(self._readings):

@@ -28,7 +28,7 @@ _Values = tuple[float, ...]
 
 
 def just_after(tick: float) -> float:
-    """The next tick; a stream with this frontier is known at the tick itself."""
+    """Return the next tick; a stream with this frontier is known at the tick itself."""
     return tick + 1
 
 
@@ -105,7 +105,7 @@ class Joint(StateFields):
         return tuple(self._now)
 
     def ahead(self, last: float) -> Iterator[tuple[float, _Values]]:
-        """The times up to the last with the values that `take` will return; removes nothing."""
+        """Return the times up to the last with the values of `take`; removes nothing."""
         now = self._now[:]
         steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))
         for time, group in itertools.groupby(steps, key=operator.itemgetter(0)):
@@ -423,7 +423,7 @@ class PythonDenseMachine(Retiring, StateFields):
         return self._settled_steps()
 
     def _rows(self, begin: float, end: float, dated: Dated) -> list[tuple[float, Registers]]:
-        """The terms at all new times of the trace; changes nothing."""
+        """Return the terms at all new times of the trace; changes nothing."""
         if begin > end:
             return []
         return [

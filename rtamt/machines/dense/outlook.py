@@ -31,7 +31,7 @@ class Places(NamedTuple):
     values: Sequence[bool]
 
     def first(self, begin: int, end: int) -> int | None:
-        """The first position from begin to end at which it is so."""
+        """Return the first position from begin to end at which it is so."""
         until = (*self.starts[1:], np.inf)
         for start, after, value in zip(self.starts, until, self.values, strict=True):
             if value and start <= end and begin < after and begin <= end:
@@ -42,14 +42,7 @@ class Places(NamedTuple):
 def recorded(
     program: Program, rows: Sequence[RegionRows], last: int, end: End
 ) -> tuple[Runs, Runs]:
-    """The least and the greatest result on a trace; the same one if all is known.
-
-    Args:
-        program: The program over regions.
-        rows: The terms at the positions of the trace, as `rows_of` gives them.
-        last: The last position.
-        end: The reading of the end.
-    """
+    """Return the smallest and the largest result on a trace; the same one if all is known."""
     low, high = (NOW, NOW) if end == "complete" or not _looks_ahead(program) else (LOWER, UPPER)
     worlds: Sequence[int] = (NOW,) if low == NOW else WORLDS
     if low != NOW and end == "cut":
@@ -78,7 +71,7 @@ def _looks_ahead(program: Program) -> bool:
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def everywhere(program: Program) -> Placement:
-    """A placement in which every register that is no term of a term is a stream."""
+    """Return a placement in which every register that is no term of a term is a stream."""
     every = tuple(range(len(program.instructions)))
     read = {a for r in every[program.terms :] for a in program.formula(r).args} | {program.result}
     streams = tuple(r for r in every if r >= program.terms or r in read)
@@ -172,13 +165,7 @@ class _Spans(NamedTuple):
 
     @classmethod
     def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> _Spans:
-        """The runs at which something is so.
-
-        Args:
-            true: Whether it is so, for each of the runs that begin at ``starts``.
-            starts: In order; None: at each instant from 0 on.
-            last: The last instant.
-        """
+        """Return the runs at which something is so."""
         changes = np.flatnonzero(true[1:] != true[:-1]) + 1
         if true[0]:
             changes = np.concatenate([np.zeros(1, np.int64), changes])
@@ -189,7 +176,7 @@ class _Spans(NamedTuple):
         return cls(begins, after - 1)
 
     def within(self, instants: InstantRuns) -> _Spans:
-        """The parts of the runs that lie in others."""
+        """Return the parts of the runs that lie in others."""
         if not len(self.begins):
             return self
         if len(instants) == 1:
@@ -207,7 +194,7 @@ class _Spans(NamedTuple):
         return _Spans(np.concatenate(begins), np.concatenate(ends))
 
     def cover(self, instants: InstantRuns, last: int) -> bool:
-        """Whether all of some instants are in them, and none is after the last recorded one."""
+        """Return whether all instants are in the runs, and none is after the last recorded one."""
         if instants and instants[-1][1] > last:
             return False
         found = self.within(instants)

@@ -3,8 +3,8 @@
 `rtamt.machines.episode.machine` explains settled and open values, worlds and unknowns, and
 `rtamt.program.dense_regions` positions. Here open values have no end: the last run of each lasts
 for ever. A trace may end at any time, now included. So beyond the last position t nothing is there
-in ``NOW``; in ``LOWER`` a future fold that takes the greatest reads only what has been seen, and
-its own position, as more may not be there; in ``UPPER`` one that takes the least does. A trace that
+in ``NOW``; in ``LOWER`` a future fold that takes the largest reads only what has been seen, and
+its own position, as more may not be there; in ``UPPER`` one that takes a minimum does. A trace that
 was cut goes on: there bounded windows read all, and those without an end read what was recorded or,
 if nothing of their window was, have the values of ``LOWER`` and ``UPPER``.
 """
@@ -43,7 +43,7 @@ UNSEEN = (-INF, -INF, INF, -INF, INF)
 
 
 def in_world(settled: Array, unknowns: Array) -> Array:
-    """The settled values for given values of the unknowns."""
+    """Return the settled values for given values of the unknowns."""
     for u in unknowns:
         settled = greater(settled[0], lesser(settled[1], u))
     return settled
@@ -84,7 +84,7 @@ class RegionStream(StateFields):
         self.kept: Runs = Runs(np.zeros(0, np.int64), (np.zeros((*self.corners, 0)),))
 
     def settle(self, t: int) -> Runs | None:
-        """The runs that settle with position t, in terms of unknowns of that time."""
+        """Return the runs that settle with position t, in terms of unknowns of that time."""
         end = t - self.late
         return self._settled(self.last + 1, end) if end > self.last else None
 
@@ -115,11 +115,11 @@ class RegionStream(StateFields):
         raise NotImplementedError
 
     def settled(self, begin: int, end: int) -> Runs:
-        """The settled runs of positions begin to end."""
+        """Return the settled runs of positions begin to end."""
         return clipped(self.kept, begin, end)
 
     def seen(self, world: int, begin: int, unknowns: Array) -> Runs:
-        """The runs of a world from a position on."""
+        """Return the runs of a world from a position on."""
         if begin > self.last:
             return clipped(self.open[world], begin)
         known = clipped(self.kept, begin)
@@ -170,7 +170,7 @@ class RegionConstant(RegionStream):
 
 
 class RegionPointwise(RegionStream):
-    """The least or greatest of the operands at one position."""
+    """The smallest or greatest of the operands at one position."""
 
     def __init__(self, fold: LatticeFold, streams: Sequence[RegionStream]) -> None:
         late = max(s.late for s in streams)
@@ -194,7 +194,7 @@ class RegionPointwise(RegionStream):
 
 
 def _stops(window: Window, world: int) -> bool:
-    """Whether a fold reads nothing behind the last position but its own."""
+    """Return whether a fold reads nothing behind the last position but its own."""
     ahead = window.hi is None or window.hi > 0
     return ahead if world == NOW else world not in CUT and window.skips(best=world == UPPER)
 
@@ -214,7 +214,7 @@ class RegionOperands:
             s.keep = max(s.keep, late - s.late - oldest)
 
     def settled(self, begin: int, end: int) -> Runs:
-        """The settled elements of positions begin to end, of which those before 0 are none."""
+        """Return the settled elements of positions begin to end, from 0 on."""
         first = max(0, begin)
         if first > end:
             return identities(self.fold, self.corners, begin)
@@ -222,7 +222,7 @@ class RegionOperands:
         return paired(self.fold.name, runs, end)
 
     def seen(self, world: int, begin: int, unknowns: Array) -> Runs:
-        """The elements of a world from a position on."""
+        """Return the elements of a world from a position on."""
         runs = joint([s.seen(world, max(0, begin), unknowns) for s in self.streams])
         return paired(self.fold.name, runs, None)
 
@@ -385,7 +385,7 @@ class AtBegin(StateFields):
             self._total = self._fold.combine_arrays(self._total, total)
 
     def value(self, world: int, t: int, unknowns: Array) -> float:
-        """The fold over settled and open values in a world after position t."""
+        """Return the fold over settled and open values in a world after position t."""
         endless = self._hi is None or self._window.endless
         if world in CUT and endless and self._window.begin > t:
             return self.value(world - 2, t, unknowns)

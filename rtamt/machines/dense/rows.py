@@ -44,27 +44,19 @@ class DeclaredValues:
         self._free = [name in defaults for name in variables]
 
     def begin(self, first: Sequence[float]) -> float:
-        """The begin of the trace.
-
-        Args:
-            first: Tick of every variable's first event; inf where there was none.
-        """
+        """Return the start of the trace."""
         awaited = [tick for tick, free in zip(first, self._free, strict=True) if not free]
         return max(awaited) if awaited else min(first)
 
     def end(self, last: Sequence[float]) -> float:
-        """The last tick that is known.
-
-        Args:
-            last: Tick of every variable's last event; -inf where there was none.
-        """
+        """Return the last tick that is known."""
         ends = zip(last, self._free, strict=True)
         return min(
             (tick for tick, free in ends if not (free and math.isinf(tick))), default=-math.inf
         )
 
     def after(self, first: Sequence[float], last: Sequence[float]) -> list[float]:
-        """The ticks that the next events of each variable have to be later than.
+        """Return the ticks that the next events of each variable have to be later than.
 
         A variable that has its declared value still has it at all ticks that are known.
         """
@@ -75,7 +67,7 @@ class DeclaredValues:
 
 
 def declared_of(program: Program) -> DeclaredValues:
-    """The declared values of the variables of a program."""
+    """Return the declared values of the variables of a program."""
     return DeclaredValues(program.variables, program.specification.defaults)
 
 
@@ -112,7 +104,7 @@ class Waiting(StateFields):
             self._chunks.pop()
 
     def upto(self, last: int) -> TimedColumn:
-        """The events up to a tick; in front of their values the one before."""
+        """Return the events up to a tick; in front of their values the one before."""
         times: list[Ticks] = []
         values: list[Floats] = [np.array([self._before])]
         for chunk in self._chunks:
@@ -148,14 +140,14 @@ _NO_TICKS: Ticks = np.empty(0, np.int64)
 
 
 def _divided(events: TimedColumn, last: int) -> tuple[TimedColumn, TimedColumn]:
-    """The events up to a tick, and those after it."""
+    """Return the events up to a tick, and those after it."""
     ticks, values = events
     read = len(ticks) if ticks[-1] <= last else int(ticks.searchsorted(last, "right"))
     return (ticks[:read], values[:read]), (ticks[read:], values[read:])
 
 
 def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, list[Floats]]:
-    """The ticks from begin to last at which a variable has an event, and all values there.
+    """Return the ticks from begin to last at which a variable has an event, and all values there.
 
     At ``begin`` all variables have values. Those of a variable are numbers, or pairs of ends.
     """
@@ -171,7 +163,7 @@ def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, 
 
 
 def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
-    """The values at ticks of a signal that `Waiting.upto` gave."""
+    """Return the values at ticks of a signal that `Waiting.upto` gave."""
     steps, values = signal
     if len(steps) == len(ticks) and np.array_equal(steps, ticks):
         return values[1:]
@@ -202,25 +194,14 @@ class RegionRows(NamedTuple):
 
 
 def dense_of(regions: RegionProgram) -> DenseProgram:
-    """The program for a reader of its events."""
+    """Return the program for a reader of its events."""
     return DenseProgram(regions.program, regions.resolution)
 
 
 def rows_of(
     regions: RegionProgram, given: Sequence[Given], reader: EventReader, terms: FindBoth
 ) -> tuple[int, int, list[RegionRows]]:
-    """The first tick of a whole trace, its last position, and the terms.
-
-    Args:
-        regions: The program.
-        given: The events of its variables, which a machine has taken in before.
-        reader: Counts their times, as the machine's reader does.
-        terms: Evaluates terms.
-
-    Returns:
-        The terms are those of each of `variants_of`, the least ones, and the greatest ones of the
-        last of them if not all values are known.
-    """
+    """Return the first tick of a whole trace, its last position, and the terms."""
     columns, dated = reader.counted(given, [-math.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     last = min(int(ticks[-1]) for ticks, _ in columns)
@@ -238,7 +219,7 @@ def rows_between(
     reader: EventReader,
     terms: FindBoth,
 ) -> list[RegionRows]:
-    """The terms of `rows_of` on a trace from one tick to another, of events that were counted."""
+    """Return the terms of `rows_of` from one tick to another, of events that were counted."""
     columns, dated = counted
     begin, last = trace
     events = [Waiting() for _ in columns]
@@ -254,7 +235,7 @@ def rows_between(
 
 
 def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
-    """The variables that are not known somewhere in a whole trace."""
+    """Return the variables that are not known somewhere in a whole trace."""
     if reader.max_gap is None and not any(
         values.ndim > 1 or np.isnan(values).any() for _, values, _ in given
     ):
@@ -296,7 +277,7 @@ class _Refusal(NamedTuple):
 def terms_of(
     programs: Sequence[Program], terms: FindBoth, reader: EventReader, trace: TraceValues
 ) -> list[list[Floats]]:
-    """The least terms of programs and, if not all values are known, the greatest of the last."""
+    """Return the smallest terms of programs, and the largest of the last if not all are known."""
     find, ranges = terms
     refusal = _Refusal(reader, trace)
     lower = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 0]) for v in trace.values]

@@ -20,7 +20,7 @@ Positions = NDArray[np.int64]
 
 
 def distinct(*positions: Positions) -> Positions:
-    """The positions of some arrays in their order, each once; `np.unique` hashes them, slowly."""
+    """Return the sorted positions of arrays, each once; `np.unique` is slower, as it hashes."""
     every = np.concatenate(positions)
     every.sort(kind="stable")  # lines that are sorted: in linear time
     new = np.append(True, every[1:] != every[:-1])[: len(every)]
@@ -45,11 +45,11 @@ class Runs(NamedTuple):
         return self.values[-1]
 
     def places(self, positions: Positions) -> NDArray[np.intp]:
-        """The run in which each position lies."""
+        """Return the run in which each position lies."""
         return self.starts.searchsorted(positions, "right") - 1
 
     def merged(self) -> Runs:
-        """The same signal without runs that are equal to the one before, to the sign of zeros."""
+        """Return the signal without runs that equal the run before, signs of zeros included."""
         if len(self.starts) < 2:
             return self
         new = np.zeros(len(self.starts), bool)
@@ -63,7 +63,7 @@ class Runs(NamedTuple):
 
 
 def clipped(runs: Runs, begin: int, end: int | None = None) -> Runs:
-    """The runs from a position on; with an end, those that begin up to there."""
+    """Return the runs from a position on; with an end, those that begin up to there."""
     first = max(0, int(runs.starts.searchsorted(begin, "right")) - 1)
     after = len(runs.starts) if end is None else int(runs.starts.searchsorted(end, "right"))
     starts = runs.starts[first:after]
@@ -92,16 +92,11 @@ def joint(signals: Sequence[Runs]) -> Runs:
 
 
 def paired(name: str, runs: Runs, end: int | None) -> Runs:
-    """The elements of a fold: of two operands p and q those at instants and at intervals.
+    """Return the elements of a fold: of two operands p and q those at instants and at intervals.
 
     At an instant the last number is q, at an interval also p is needed (for dual folds: p is
     enough). Inside a run nothing tells an instant from an interval but at the end where the fold
     begins: for futures the first position, else the last one.
-
-    Args:
-        name: The fold.
-        runs: The operands.
-        end: The last position of the last run; None: it has none.
     """
     if len(runs.values) == 1 or not len(runs.starts):
         return runs
@@ -131,12 +126,12 @@ def paired(name: str, runs: Runs, end: int | None) -> Runs:
 
 
 def identities(fold: LatticeFold, corners: tuple[int, ...], start: int) -> Runs:
-    """A run of elements that are the identity of a fold."""
+    """Return a run of elements that are the identity of a fold."""
     return Runs(np.array([start]), tuple(np.full((*corners, 1), e) for e in fold.identity))
 
 
 def scanned(fold: LatticeFold, elements: Arrays) -> Arrays:
-    """For each element the fold of all up to it."""
+    """Return for each element the fold of all up to it."""
     size, count = 1, elements[0].shape[-1]
     while size < count:
         later = fold.combine_arrays(
@@ -151,23 +146,14 @@ def scanned(fold: LatticeFold, elements: Arrays) -> Arrays:
 
 
 def suffixes(fold: LatticeFold, elements: Arrays) -> Arrays:
-    """For each element the fold of all from it on."""
+    """Return for each element the fold of all from it on."""
     mirror = FOLDS[fold.mirror]
     backwards = scanned(mirror, tuple(a[..., ::-1] for a in elements))
     return tuple(np.ascontiguousarray(a[..., ::-1]) for a in backwards)
 
 
 def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int | None) -> Runs:
-    """The fold over offsets lo to hi of every position from begin to end.
-
-    Args:
-        fold: The fold.
-        runs: Its elements; before the first there is nothing.
-        lo: The first offset.
-        hi: The last offset.
-        begin: The first position.
-        end: The last one; None: there is none.
-    """
+    """Return the fold over offsets lo to hi of every position from begin to end."""
     corners = runs.last.shape[:-1]
     if not len(runs.starts) or begin + lo < runs.starts[0]:
         runs = concatenated(identities(fold, corners, begin + lo), runs)

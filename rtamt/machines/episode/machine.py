@@ -189,7 +189,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self.robustness, self.lower, self.upper = map(self._at_zero, WORLDS)
 
     def _at_zero(self, world: int) -> float:
-        """The value at time 0 in a world; nan in ``NOW`` before the first sample."""
+        """Return the value at time 0 in a world; nan in ``NOW`` before the first sample."""
         program, t = self.program, self.samples - 1
         if t < 0 and world == NOW:
             return math.nan
