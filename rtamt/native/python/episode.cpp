@@ -1,14 +1,23 @@
-// The episode machine as a Python class.
-#include "python/episode.hpp"
-
+// The episode machine, and panels of several that take in the same samples, as Python classes.
 #include <nanobind/nanobind.h>
 
+#include <limits>
 #include <utility>
+#include <vector>
 
+#include "core/order.hpp"
+#include "episode/variants.hpp"
 #include "python/encoding.hpp"
+#include "python/readout.hpp"
+#include "python/samples.hpp"
 
 namespace rtamt {
 namespace {
+
+struct EpisodeObject : NamedObject<EpisodeVariants> {
+    Readout readout;
+    bool nan_is_unknown = false;  // as the reader has it
+};
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                const nb::sequence& initial, const nb::sequence& streams,
@@ -70,6 +79,226 @@ double get(const EpisodeObject& object) {
 
 PyMethodDef methods[] = {sample_update<EpisodeObject>(), {nullptr, nullptr, 0, nullptr}};
 
+namespace panel {
+
+// How a number of a sample is read.
+struct Source {
+    enum class Kind { element, held, called };
+    Kind kind;
+    nb::object what;       // the key of an element, the array that holds the number, or a function
+    Py_ssize_t index = -1; // of an element or in the array; -1: the key is none
+};
+
+struct Part {
+    nb::object owner;  // holds the machine
+    EpisodeObject* object;
+    std::vector<std::size_t> places;  // of its variables in a sample
+};
+
+struct EpisodePanel {
+    std::vector<Part> parts;
+    std::vector<Source> sources;
+    nb::object decided;
+    nb::object seen;
+    nb::object number;
+    std::vector<double> sample;
+    bool feeding = false;
+    const Numpy& numpy = Numpy::instance();
+};
+
+Source source_of(nb::handle given) {
+    // A tuple of anything else is a key, of an array of several dimensions.
+    if (PyTuple_CheckExact(given.ptr()) && PyTuple_GET_SIZE(given.ptr()) == 2 &&
+        Numpy::instance().is_array(PyTuple_GET_ITEM(given.ptr(), 0))) {
+        const nb::tuple pair = nb::borrow<nb::tuple>(given);
+        const auto index = nb::cast<Py_ssize_t>(pair[1]);
+        double number;
+        // The array beneath is held, never a view of it: Python before 3.11.8 crashes when its
+        // collector clears a memoryview that something else still reads.
+        if (!Numpy::instance().element(nb::object(pair[0]).ptr(), index, number))
+            throw nb::value_error("expected an element of an array of float64 or float32");
+        return {Source::Kind::held, pair[0], index};
+    }
+    const nb::object what = nb::borrow(given);
+    if (PyCallable_Check(given.ptr())) return {Source::Kind::called, what};
+    Source element{Source::Kind::element, what};
+    if (PyLong_CheckExact(given.ptr())) element.index = nb::cast<Py_ssize_t>(given);
+    return element;
+}
+
+void construct(EpisodePanel* self, const nb::sequence& machines, const nb::sequence& places,
+               const nb::sequence& reads, nb::object decided, nb::object seen,
+               nb::type_object number) {
+    EpisodePanel made;
+    for (nb::handle read : reads) made.sources.push_back(source_of(read));
+    made.sample.resize(made.sources.size());
+    if (nb::len(machines) != nb::len(places))
+        throw nb::value_error("expected the places of the variables of each machine");
+    for (std::size_t i = 0; i < nb::len(machines); ++i) {
+        Part part{machines[i], nullptr, {}};
+        part.object = &nb::cast<EpisodeObject&>(part.owner);
+        for (nb::handle place : nb::sequence(places[i]))
+            part.places.push_back(nb::cast<std::size_t>(place));
+        if (part.places.size() != part.object->machine.variables())
+            throw nb::value_error("expected a place for each variable of a machine");
+        for (std::size_t place : part.places)
+            if (place >= made.sources.size()) throw nb::value_error("expected places in a sample");
+        made.parts.push_back(std::move(part));
+    }
+    if (!made.numpy.makes(reinterpret_cast<PyTypeObject*>(number.ptr())))
+        throw nb::type_error("expected float or numpy.float64");
+    made.decided = std::move(decided);
+    made.seen = std::move(seen);
+    made.number = std::move(number);
+    new (self) EpisodePanel(std::move(made));
+}
+
+// What float() makes of an object that a caller has given.
+double float_of(const nb::object& given) {
+    if (!given.is_valid()) nb::raise_python_error();
+    double number;
+    if (Numpy::instance().number(given.ptr(), number)) return number;
+    const nb::object made = nb::steal(PyNumber_Float(given.ptr()));
+    if (!made.is_valid()) nb::raise_python_error();
+    return PyFloat_AS_DOUBLE(made.ptr());
+}
+
+double read(const EpisodePanel& panel, const Source& source, PyObject* const* args, Py_ssize_t n) {
+    double number;
+    switch (source.kind) {
+    case Source::Kind::element:
+        if (n == 0) throw std::runtime_error("expected what elements are read from");
+        if (panel.numpy.element(args[0], source.index, number)) [[likely]] return number;
+        return float_of(nb::steal(PyObject_GetItem(args[0], source.what.ptr())));
+    case Source::Kind::held:
+        if (panel.numpy.element(source.what.ptr(), source.index, number)) [[likely]] return number;
+        throw std::runtime_error("an array has lost the element that is read");
+    default:
+        const auto count = static_cast<std::size_t>(n);
+        return float_of(
+            nb::steal(PyObject_Vectorcall(source.what.ptr(), args, count, nullptr)));
+    }
+}
+
+// Has a machine take in the numbers of a sample that it reads.
+void feed(Part& part, const double* sample) {
+    EpisodeObject& object = *part.object;
+    require_open(object);
+    double* pending = object.machine.pending();
+    for (std::size_t place : part.places) *pending++ = sample[place];
+    if (!object.machine.take()) [[unlikely]] {
+        nb::list values;  // what update() would be called with
+        for (std::size_t place : part.places) values.append(nb::float_(sample[place]));
+        const nb::tuple args(values);
+        const auto n = static_cast<Py_ssize_t>(nb::len(args));
+        take_pending(object, PySequence_Fast_ITEMS(args.ptr()), n, nullptr);
+    }
+    if (!nb::steal(result_of(object)).is_valid()) nb::raise_python_error();
+}
+
+struct Numbers {
+    double robustness = std::numeric_limits<double>::infinity();
+    double lower = robustness;
+    double upper = robustness;
+    std::int64_t decided = 0;
+};
+
+Numbers least(const EpisodePanel& panel) {
+    Numbers found;
+    for (const Part& part : panel.parts) {
+        const EpisodeVariants& machine = part.object->machine;
+        found.robustness = alone::lesser(found.robustness, machine.result());
+        found.lower = alone::lesser(found.lower, machine.lower());
+        found.upper = alone::lesser(found.upper, machine.upper());
+        found.decided += machine.verdict() != 0;
+    }
+    return found;
+}
+
+PyObject* shown(const EpisodePanel& panel, const Numbers& found) {
+    auto* type = reinterpret_cast<PyTypeObject*>(panel.number.ptr());
+    PyObject* made = PyTuple_New(3);
+    if (made == nullptr) return nullptr;
+    const double numbers[] = {found.robustness, found.lower, found.upper};
+    for (Py_ssize_t i = 0; i < 3; ++i) {
+        PyObject* number = Numpy::number_of(type, numbers[i]);
+        if (number == nullptr) {
+            Py_DECREF(made);
+            return nullptr;
+        }
+        PyTuple_SET_ITEM(made, i, number);
+    }
+    return made;
+}
+
+// Reads a sample, and has all machines take it in.
+Numbers take(EpisodePanel& panel, PyObject* const* args, Py_ssize_t n) {
+    if (panel.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
+    struct Feeding {
+        explicit Feeding(bool& flag) : flag(flag) { flag = true; }
+        ~Feeding() { flag = false; }
+        bool& flag;
+    } feeding(panel.feeding);
+    for (std::size_t i = 0; i < panel.sources.size(); ++i)
+        panel.sample[i] = read(panel, panel.sources[i], args, n);
+    for (Part& part : panel.parts) feed(part, panel.sample.data());
+    const Numbers found = least(panel);
+    if (found.decided != 0 && !panel.decided.is_none()) panel.decided(found.decided);
+    if (!panel.seen.is_none()) panel.seen(list_of(panel.sample.data(), panel.sample.size()));
+    return found;
+}
+
+PyObject* feed_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
+    return call<EpisodePanel>(
+        self, [=](EpisodePanel& panel) { return shown(panel, take(panel, args, n)); });
+}
+
+PyObject* take_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
+    return call<EpisodePanel>(self, [=](EpisodePanel& panel) {
+        take(panel, args, n);
+        return Py_NewRef(Py_None);
+    });
+}
+
+PyObject* look(PyObject* self, PyObject*) {
+    return call<EpisodePanel>(self,
+                              [](EpisodePanel& panel) { return shown(panel, least(panel)); });
+}
+
+int traverse_panel(PyObject* self, visitproc visit, void* arg) {
+    Py_VISIT(Py_TYPE(self));
+    if (!nb::inst_ready(self)) return 0;
+    const EpisodePanel& panel = *nb::inst_ptr<EpisodePanel>(self);
+    for (const Part& part : panel.parts) Py_VISIT(part.owner.ptr());
+    for (const Source& source : panel.sources) Py_VISIT(source.what.ptr());
+    Py_VISIT(panel.decided.ptr());
+    Py_VISIT(panel.seen.ptr());
+    return 0;
+}
+
+int clear_panel(PyObject* self) {
+    if (!nb::inst_ready(self)) return 0;
+    EpisodePanel& panel = *nb::inst_ptr<EpisodePanel>(self);
+    // Taken out first: what goes may run code that looks at the panel.
+    const auto parts = std::exchange(panel.parts, {});
+    const auto sources = std::exchange(panel.sources, {});
+    const nb::object decided = std::exchange(panel.decided, nb::none());
+    const nb::object seen = std::exchange(panel.seen, nb::none());
+    return 0;
+}
+
+PyMethodDef methods[] = {
+    {"feed", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(feed_all)), METH_FASTCALL,
+     "feed($self, /, *args)\n--\n\n"
+     "Read a sample, have all machines take it in, and return the least robustness and bounds."},
+    {"take", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(take_all)), METH_FASTCALL,
+     "take($self, /, *args)\n--\n\nAs feed, but return None: the numbers are made for look."},
+    {"look", look, METH_NOARGS,
+     "look($self, /)\n--\n\nReturn the least robustness and bounds of the samples so far."},
+    {nullptr, nullptr, 0, nullptr}};
+
+}  // namespace panel
+
 }  // namespace
 
 void bind_episode(nb::module_& m) {
@@ -106,6 +335,27 @@ void bind_episode(nb::module_& m) {
              "Keep slots of a monitor at robustness, lower, upper and verdict while it lives.");
     m.def("read_only", read_only, nb::arg("slot"),
           "Return a descriptor that reads a slot of a class, and does not write it.");
+}
+
+void bind_episode_panel(nb::module_& m) {
+    PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(panel::traverse_panel)},
+                           {Py_tp_clear, reinterpret_cast<void*>(panel::clear_panel)},
+                           {Py_tp_methods, panel::methods},
+                           {0, nullptr}};
+    nb::class_<panel::EpisodePanel>(
+        m, "EpisodePanel", nb::type_slots(slots),
+        "Has several episode machines take in the same samples.\n\n"
+        "Args:\n"
+        "    machines: The machines.\n"
+        "    places: For each machine the places of its variables in a sample.\n"
+        "    reads: What reads each number of a sample: an array and an index, a function of the\n"
+        "        arguments of feed, or else the key of an element of the first of these.\n"
+        "    decided: Called after a sample with the number of verdicts that are decided, unless\n"
+        "        it is 0; or None.\n"
+        "    seen: Called after that with the numbers of the sample; or None.\n"
+        "    number: The class of the numbers that feed and look return: float or numpy.float64.")
+        .def("__init__", panel::construct, nb::arg("machines"), nb::arg("places"), nb::arg("reads"),
+             nb::arg("decided").none(), nb::arg("seen").none(), nb::arg("number"));
 }
 
 }  // namespace rtamt
