@@ -32,7 +32,7 @@ class DenseTrace:
         interface: The semantics of the verdict.
         end: The end mode.
         regions: The program of the verdict.
-        given: For each variable the times and values of its events.
+        events: For each variable the times and values of its events.
         reader: Counts their times.
         backend: The back-end.
 
@@ -46,18 +46,18 @@ class DenseTrace:
         interface: Interface,
         end: End,
         regions: RegionProgram,
-        given: Sequence[Given],
+        events: Sequence[Given],
         reader: EventReader,
         backend: BackendName,
     ) -> None:
         self._specification, self._interface, self._end = specification, interface, end
-        self._regions, self._given, self._reader = regions, given, reader
+        self._regions, self._events, self._reader = regions, events, reader
         self._machines = BACKENDS[backend]
         self._backend = backend
         self.formula = specification.formula
         self.hides = reads_hidden(specification.formula, interface)
         machine = self._machines.dense_episode_machine(regions, reader)
-        machine.run(given)
+        machine.run(events)
         self._decided = verdict_of(machine.lower, machine.upper) != 0
         self.complete = machine.complete()
         machine.finish(end)
@@ -69,12 +69,12 @@ class DenseTrace:
         if not self._decided:
             return None
         again = self._machines.dense_episode_machine(self._regions, self._reader)
-        again.run(self._given, decided=True)
+        again.run(self._events, decided=True)
         return again.decided_at
 
     def early_end(self) -> str:
         """Return how a variable ends the trace before others do; empty if none does."""
-        return self._reader.early_end(self._given)
+        return self._reader.early_end(self._events)
 
     @property
     def extent(self) -> TraceSpan:
@@ -92,8 +92,8 @@ class DenseTrace:
         regions, reader = _opposite(
             self._regions, left, self._backend, whole.nan, whole.max_gap, whole.unknown
         )
-        given = self._given_of(regions)
-        return self._machines.dense_signs(regions, reader, given, self._span, self._end)
+        events = self._events_of(regions)
+        return self._machines.dense_signs(regions, reader, events, self._span, self._end)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
@@ -102,7 +102,7 @@ class DenseTrace:
             specification, self._regions.resolution, interface=self._interface
         )
         machine = self._machines.dense_episode_machine(regions, self._reader.of(dense_of(regions)))
-        machine.run(self._given_of(regions))
+        machine.run(self._events_of(regions))
         machine.finish(self._end)
         return verdict_of(machine.lower, machine.upper) == 1
 
@@ -112,14 +112,14 @@ class DenseTrace:
         seconds, ticks_in = self._regions.resolution.as_integer_ratio()
         first = None
         if place is not None:
-            dated = are_dates(self._given[0].times)  # dates do not mix with numbers
+            dated = are_dates(self._events[0].times)  # dates do not mix with numbers
             first = self._reader.time(self._span[0] + place // 2, dated)
         return DenseAsked(text, ticks * seconds / ticks_in, occasions, first, vacuous)
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""
         terms = self._machines.term_columns, self._machines.term_ranges
-        begin, last, rows = rows_of(self._regions, self._given, self._reader, terms)
+        begin, last, rows = rows_of(self._regions, self._events, self._reader, terms)
         cut = self._end == "cut"
         outlook = DenseOutlook(self._regions.program, rows, last, cut=cut)
         program = outlook.program
@@ -132,9 +132,9 @@ class DenseTrace:
         clock = TraceClock(self._regions.resolution, begin, step=2)
         return TraceRegisters(program, clock, last, last, cut, outlook.undecided, reach)
 
-    def _given_of(self, regions: RegionProgram) -> list[Given]:
+    def _events_of(self, regions: RegionProgram) -> list[Given]:
         """Return the events of the variables of a program of some of them."""
-        events = dict(zip(self._regions.program.variables, self._given, strict=True))
+        events = dict(zip(self._regions.program.variables, self._events, strict=True))
         return [events[name] for name in regions.program.variables]
 
 

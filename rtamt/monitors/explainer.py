@@ -422,10 +422,10 @@ def explain_dense(
     )
     alone = program.result_alone()
     reader = EventReader(alone)
-    given = reader.whole(signals)
+    whole = reader.whole(signals)
     machines = BACKENDS[backend]
-    machines.dense_machine(alone, reader, ()).run(given)  # refuses what evaluate_dense refuses
-    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
+    machines.dense_machine(alone, reader, ()).run(whole)  # refuses what evaluate_dense refuses
+    columns, dated = reader.counted(whole, [-np.inf] * len(whole), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))

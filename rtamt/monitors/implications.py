@@ -183,8 +183,8 @@ class DenseImplications(_Implications):
         specification, interface, backend, whole = self._compiled
         regions = compile_regions(specification, whole.resolution, interface=interface)
         reader = event_reader(dense_of(regions), self._options)
-        given = reader.whole(signals)
-        trace = DenseTrace(specification, interface, mode, regions, given, reader, backend)
+        events = reader.whole(signals)
+        trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
         satisfied = verdict_of(*trace.values[1:]) if verdict is None else verdict
         return evidence_of(trace, satisfied=satisfied > 0)
 

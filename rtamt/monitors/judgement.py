@@ -202,8 +202,8 @@ class Judgement:
         for each in self.asked:
             # Where values are not known, its left side may hold at an instant.
             never = each.first is None and bool(self.unknown)
-            said = "not asked for certain" if never else str(each)
-            yield said if len(self.asked) == 1 else f"{said}: {each.text}"
+            text = "not asked for certain" if never else str(each)
+            yield text if len(self.asked) == 1 else f"{text}: {each.text}"
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
                 yield f"no reading of the end decides it: it hangs on {self.open_for}"
@@ -264,7 +264,7 @@ def judge(
         robustness -inf, bounds -inf to 2 under end="cut"
         no reading of the end decides it: it hangs on values of x that are not known
     """
-    reading = checked_end(end)
+    mode = checked_end(end)
     program = compiled(judge, spec, period, options, online=False)
     reader = SampleReader(program.program, program.nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
@@ -273,9 +273,9 @@ def judge(
     if greatest is not least:
         pairs = zip(program.program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
-    trace = SampleTrace(program, options.get("align"), reading, (least, greatest), length)
+    trace = SampleTrace(program, options.get("align"), mode, (least, greatest), length)
     bounds, complete = trace.judge()
-    return Judgement.of(trace, reading, bounds, complete, tuple(unknown))
+    return Judgement.of(trace, mode, bounds, complete, tuple(unknown))
 
 
 @listed_in_signature(EventOptions)
@@ -343,18 +343,18 @@ def judge_dense(
 
     Source: see `DenseMonitor`.
     """
-    reading = checked_end(end)
+    mode = checked_end(end)
     specification, interface, backend, whole = compiled_dense(
         judge_dense, spec, resolution, options, online=False, bounds=True
     )
     regions = compile_regions(specification, whole.resolution, interface=interface)
     reader = event_reader(dense_of(regions), options)
-    given = reader.whole(signals)
+    events = reader.whole(signals)
     if until is not None:
-        given = reader.held(given, until)
-    trace = DenseTrace(specification, interface, reading, regions, given, reader, backend)
-    unknown = unknown_of(given, reader)
-    return Judgement.of(trace, reading, trace.values, trace.complete, unknown)
+        events = reader.held(events, until)
+    trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
+    unknown = unknown_of(events, reader)
+    return Judgement.of(trace, mode, trace.values, trace.complete, unknown)
 
 
 def _number(value: float) -> str:

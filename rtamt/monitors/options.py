@@ -162,16 +162,16 @@ def compiled(
         options: The keywords of the call.
         online: Whether a future without an end is refused; see `Program.online`.
     """
-    given: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
-    if len(given) > len(_SAMPLE_DEFAULTS):
-        raise _unknown(caller, given, _SAMPLE_DEFAULTS)
-    specification, interface, backend = _understood(spec, given)
+    settings: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
+    if len(settings) > len(_SAMPLE_DEFAULTS):
+        raise _unknown(caller, settings, _SAMPLE_DEFAULTS)
+    specification, interface, backend = _understood(spec, settings)
     seconds = as_period(period)
-    align = as_align(given["align"])
+    align = as_align(settings["align"])
     program = compile_program(
         specification, seconds, interface=interface, align=align, online=online
     )
-    return Compiled(specification, interface, backend, given["nan"], seconds, program)
+    return Compiled(specification, interface, backend, settings["nan"], seconds, program)
 
 
 def compiled_dense(
@@ -185,20 +185,16 @@ def compiled_dense(
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
     """Check the options of a monitor or an evaluation of events, and compile its specification.
 
-    The arguments mean what they mean to `compiled`; the resolution is the length of a tick, and
-    ``bounds`` says whether the caller takes `EventOptions`.
-
-    Returns:
-        Specification, interface, chosen back-end, program.
+    The arguments are as for `compiled`; ``bounds`` is set if the caller takes `EventOptions`.
     """
     known = _EVENT_DEFAULTS if bounds else _DEFAULTS
-    given: Options = {**known, **options}
-    if len(given) > len(known):
+    settings: Options = {**known, **options}
+    if len(settings) > len(known):
         for name in () if bounds else ("nan", "max_gap"):
-            if name in given:
+            if name in settings:
                 raise InputError(f"{name}= speaks of values that are not known; {NO_DENSE_BOUNDS}")
-        raise _unknown(caller, given, known)
-    specification, interface, backend = _understood(spec, given)
+        raise _unknown(caller, settings, known)
+    specification, interface, backend = _understood(spec, settings)
     program = compile_dense(
         specification, as_resolution(resolution), interface=interface, online=online
     )
@@ -206,23 +202,14 @@ def compiled_dense(
 
 
 def event_reader(dense: DenseProgram, options: EventOptions) -> EventReader:
-    """The reader of a program's events for what gives bounds.
-
-    Raises:
-        InputError: On a nan policy or a longest gap that is none.
-        InputTypeError: On a gap that is neither a number nor text.
-    """
+    """Return the reader of a program's events for machines that give bounds."""
     max_gap = as_period(options.get("max_gap"), "max_gap")
     most = None if max_gap is None else int(max_gap / dense.resolution)
     return EventReader(dense, checked_nan(options.get("nan", "raise")), most, bounds=True)
 
 
 def checked_end(end: object) -> End:
-    """The reading of the end of a trace.
-
-    Raises:
-        InputError: If there is no such reading.
-    """
+    """Return the end mode; raise InputError on another one."""
     if not isinstance(end, str) or end not in _ENDS:
         msg = f"expected end={alternatives(_ENDS)}, got {brief(end)}"
         raise InputError(msg + nearest(brief(end), _ENDS))
@@ -287,8 +274,8 @@ def _understood(spec: Spec, options: Options) -> tuple[Specification, Interface,
     return specification, interface, choose(options["backend"])
 
 
-def _unknown(caller: Callable[..., object], given: Options, known: Options) -> TypeError:
-    unknown = next(name for name in given if name not in known)
+def _unknown(caller: Callable[..., object], settings: Options, known: Options) -> TypeError:
+    unknown = next(name for name in settings if name not in known)
     names = inspect.signature(caller).parameters
     hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
     return TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")

@@ -212,14 +212,14 @@ class VectorEpisodeMonitor(
 
         Args:
             mask: num booleans: the lanes that end. None: all.
-            end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
+            end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
 
         Returns:
             ``robustness`` of all lanes, finished or not, as a fresh array.
 
         Raises:
             StateError: If one of these lanes has no sample; then no lane is finished.
-            InputError: On a mask of another shape than (num,), or another reading of the end.
+            InputError: On a mask of another shape than (num,), or another end mode.
             InputTypeError: On a mask that is not of booleans.
         """
         if isinstance(mask, str):
