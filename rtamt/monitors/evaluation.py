@@ -87,13 +87,23 @@ def evaluate(
     if lengths is not None or _is_batch(data, reader.variables):
         if n is not None:
             raise InputError("n= is the length of one trace, got a batch. Use lengths=.")
-        return _evaluate_batch(parts, reader, data, lengths)
+        return _evaluate_batch(parts, reader, data, lengths, strict=True)
     columns, length = raw_trace(reader, data, n, period)
     machine = BACKENDS[parts.backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
 
 
-evaluate_many = evaluate
+def evaluate_many(
+    spec: Spec,
+    data: TraceColumns,
+    period: Period | None = None,
+    *,
+    lengths: ArrayLike | None = None,
+    **options: Unpack[SampleOptions],
+) -> Floats:
+    """Return `evaluate` of a batch, as its name in the previous version does."""
+    parts = compiled(evaluate_many, spec, period, options, online=False)
+    return _evaluate_batch(parts, SampleReader(parts.program, parts.nan), data, lengths)
 
 
 @listed_in_signature(Options)
@@ -202,10 +212,26 @@ def _depth(values: Any) -> int:  # noqa: ANN401 - an array or nested lists
     return depth + getattr(values, "ndim", 0)
 
 
+def _check_unambiguous(data: TraceColumns, shape: tuple[int, int]) -> None:
+    """Refuse columns of shape (n, 1), which may be one trace or n traces."""
+    if isinstance(data, Mapping) and shape[1] == 1 < shape[0]:
+        raise InputError(
+            f"A column has the shape {shape}: one trace of {shape[0]} samples, or {shape[0]} "
+            "traces of one sample. Pass a column of one dimension, or lengths= for a batch."
+        )
+
+
 def _evaluate_batch(
-    parts: Compiled, reader: SampleReader, data: TraceColumns, lengths: ArrayLike | None
+    parts: Compiled,
+    reader: SampleReader,
+    data: TraceColumns,
+    lengths: ArrayLike | None,
+    *,
+    strict: bool = False,
 ) -> Floats:
-    columns, shape = _tables(reader, data, lengths)
+    columns, shape = _tables(reader, data)
+    if strict and lengths is None:
+        _check_unambiguous(data, shape)
     ends = _ends(lengths, shape)
     robustness = np.full(shape, np.nan)
     if not len(ends):
@@ -225,20 +251,12 @@ def _evaluate_batch(
     return robustness
 
 
-def _tables(
-    reader: SampleReader, data: TraceColumns, lengths: ArrayLike | None
-) -> tuple[list[Floats], tuple[int, int]]:
+def _tables(reader: SampleReader, data: TraceColumns) -> tuple[list[Floats], tuple[int, int]]:
     """Return for each variable a table of shape (traces, samples), and that shape."""
     names = reader.variables
     if isinstance(data, Mapping):
         tables = _named_tables(names, cast("Mapping[str, ArrayLike]", data))
         shape = tables[0].shape
-        if lengths is None and shape[1] == 1 < shape[0]:
-            raise InputError(
-                f"'{names[0]}' has the shape {shape}: one trace of {shape[0]} samples, or "
-                f"{shape[0]} traces of one sample. Pass a column of one dimension, or lengths= for "
-                "a batch."
-            )
     else:
         table = array_of_numbers(data, "the traces")
         if table.ndim != 3 or table.shape[2] != len(names):

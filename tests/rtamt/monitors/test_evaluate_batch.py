@@ -128,8 +128,8 @@ X = "always(sqrt(x) > 1)"
             {},
             InputError,
             (
-                "'x' has the shape (2, 1): one trace of 2 samples, or 2 traces of one sample. Pass "
-                "a column of one dimension, or lengths= for a batch."
+                "A column has the shape (2, 1): one trace of 2 samples, or 2 traces of one sample. "
+                "Pass a column of one dimension, or lengths= for a batch."
             ),
         ),
         (

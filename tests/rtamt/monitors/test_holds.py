@@ -24,7 +24,6 @@ from rtamt import (
     VectorMonitor,
     Verdict,
     evaluate,
-    evaluate_many,
     explain,
     holds,
     parse,
@@ -211,7 +210,7 @@ def test_many_traces_have_the_bits_of_one(
     one = {name: [value for trace in rows for value in trace[name]] for name in names}
     n = len(one[names[0]])
     block = {name: np.array([values, values]) for name, values in one.items()}
-    many = evaluate_many(formula, block, backend=backend)
+    many = evaluate(formula, block, lengths=[n, n], backend=backend)
     expected = bits(evaluate(formula, one, n=n, backend=backend)[:1])
     assert bits(np.atleast_2d(many)[:, 0]) == expected * 2
 
