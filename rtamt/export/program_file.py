@@ -33,7 +33,7 @@ between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are writ
 ``regions REACH``                          in place of ``episode`` over dense time: an
                                            `EncodedRegions` begins, and by how many ticks it looks
                                            away; ``sample-row``, ``initial``, ``streams`` as there
-``region-row`` and the fields of a row     `EncodedRegionRow`
+``region-row`` and the fields of a row     `FormulaRow`
 ``unknowns R ...``                         streams that never settle
 ``dense TERMS``                            in place of ``monitor``: an `EncodedDense` begins
 ``dense-row`` and the fields of a row      `DenseRow`

@@ -23,12 +23,7 @@ _M = TypeVar("_M", PythonDiscreteMachine, PythonEpisodeVariants)
 
 
 class _PythonBank(StateFields, Generic[_M]):
-    """Machines of one program, each with a time of its own.
-
-    Args:
-        machines: A new one for each lane.
-        reader: Turns arguments into samples, and refuses them.
-    """
+    """Machines of one program, each with a time of its own."""
 
     STATE = ("_machines",)
 

@@ -23,11 +23,6 @@ class PythonDiscreteMachine(PythonSampleMachine):
     After sample t the register r holds its value of time t - latency(r). For times outside the
     trace a window takes in the identity of its fold instead of its operands' values: that cuts it
     to the trace, at the start and, in `evaluate`, at the end.
-
-    Args:
-        program: What to run.
-        reader: Turns arguments into samples, and refuses them.
-        observed: Registers whose values `run` returns.
     """
 
     STATE = ("samples", "inputs", "registers", "_end", "_parts")

@@ -29,7 +29,7 @@ from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.encoding import (
     DiscreteRow,
-    EncodedRegionRow,
+    FormulaRow,
     clock_of,
     encoded_dense,
     encoded_discrete,
@@ -170,7 +170,7 @@ def dense_signs(
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def _encoded_signs(
     program: RegionProgram,
-) -> tuple[tuple[DiscreteRow, ...], tuple[EncodedRegionRow, ...], int, tuple[float, int, int]]:
+) -> tuple[tuple[DiscreteRow, ...], tuple[FormulaRow, ...], int, tuple[float, int, int]]:
     (known,) = variants_of(program.program)
     rows, clock = encoded_regions(everywhere(known)).rows, clock_of(dense_of(program).tick)
     return encoded_terms(known), rows, known.result, clock

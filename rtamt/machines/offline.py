@@ -58,14 +58,7 @@ class _Plan(NamedTuple):
 
 
 class Passes:
-    """The machines that evaluate the named formulas of a program, one trace after the other.
-
-    Args:
-        program: The program; its windows may have no end.
-        reader: Raises the errors of terms that are nan.
-        machine: Makes the discrete machines of a back-end.
-        n: Length of the longest trace, 1 or more.
-    """
+    """The machines that evaluate the named formulas of a program, one trace after the other."""
 
     def __init__(
         self, program: Program, reader: SampleReader, machine: MakeMachine, n: int

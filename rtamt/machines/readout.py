@@ -18,13 +18,7 @@ from numpy.typing import NDArray
 
 
 class Readout:
-    """Keeps slots of a monitor at robustness, lower, upper and verdict while the monitor lives.
-
-    Args:
-        monitor: The monitor, whose class has a slot for weak references.
-        slots: The descriptors of the four slots.
-        verdicts: What the last slot shows: violated, undecided and satisfied.
-    """
+    """Keeps slots of a monitor at robustness, lower, upper and verdict while the monitor lives."""
 
     def __init__(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]

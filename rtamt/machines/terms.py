@@ -28,13 +28,7 @@ _Place = TypeVar("_Place")
 
 
 class Terms(Generic[_Place]):
-    """Evaluates the terms of a program on one sample.
-
-    Args:
-        program: The program whose terms are evaluated.
-        refuse: Raises the error of a term that is nan, from the values of the variables and their
-            place: a sample number, or a tick and its kind.
-    """
+    """Evaluates the terms of a program on one sample."""
 
     def __init__(self, program: Program, refuse: Callable[[list[float], _Place], NoReturn]) -> None:
         self._refuse: Callable[[list[float], _Place], NoReturn] = refuse

@@ -100,14 +100,7 @@ class _Tail(NamedTuple):
 
 
 class Walk:
-    """The values of a program's registers over a trace.
-
-    Args:
-        program: A program of bounds, whose variables are predicates.
-        columns: The values of each variable.
-        n: Length of the trace, 1 or more.
-        fold_pairs: Folds pairs faster than NumPy; see `_prefixes`.
-    """
+    """The values of a program's registers over a trace."""
 
     def __init__(
         self,

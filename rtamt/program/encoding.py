@@ -30,7 +30,7 @@ class DiscreteRow(NamedTuple):
 
 
 class FormulaRow(NamedTuple):
-    """An instruction after the terms; a bound is None where a window has none."""
+    """An instruction after the terms; bounds are samples, or positions of dense time, or None."""
 
     kind: str
     name: str
@@ -54,25 +54,12 @@ class DenseRow(NamedTuple):
     hi: int | None
 
 
-class EncodedRegionRow(NamedTuple):
-    """An instruction after the terms over the regions of dense time; bounds are positions."""
-
-    kind: str
-    name: str
-    first: int
-    second: int
-    lo: int | None
-    hi: int | None
-    guard: bool  # these two as in `rtamt.program.instructions.Window`
-    endless: bool
-
-
 class EncodedRegions(NamedTuple):
     """A program over regions as `rtamt.program.placement.Placement` describes it."""
 
     terms: int
     constants: tuple[tuple[int, float], ...]  # the terms that are constants
-    rows: tuple[EncodedRegionRow, ...]
+    rows: tuple[FormulaRow, ...]
     initial: tuple[int, ...]
     streams: tuple[int, ...]
     unknowns: tuple[int, ...]
@@ -131,19 +118,9 @@ def encoded_episode(program: Program) -> EncodedEpisode:
     """Return the placement of a program, for the machine that bounds an episode."""
     placement = place(program)
     program = placement.program
-    formulas = []
-    for register in range(program.terms, len(program.instructions)):
-        instruction = program.formula(register)
-        lo = hi = None
-        guard = endless = False
-        if isinstance(instruction, Window):
-            lo, hi = instruction.lo, instruction.hi
-            guard, endless = instruction.guard, instruction.endless
-        kind, name, first, second, _ = _fields(program, instruction)
-        formulas.append(FormulaRow(kind, name, first, second, lo, hi, guard, endless))
     return EncodedEpisode(
         tuple(_terms(program)),
-        tuple(formulas),
+        _formulas(program),
         placement.initial,
         placement.streams,
         program.variables,
@@ -154,21 +131,11 @@ def encoded_episode(program: Program) -> EncodedEpisode:
 def encoded_regions(placement: Placement) -> EncodedRegions:
     """Return the placement of a program over the regions of dense time."""
     program = placement.program
-    rows = []
-    for register in range(program.terms, len(program.instructions)):
-        instruction = program.formula(register)
-        lo = hi = None
-        guard = endless = False
-        if isinstance(instruction, Window):
-            lo, hi = instruction.lo, instruction.hi
-            guard, endless = instruction.guard, instruction.endless
-        kind, name, first, second, _ = _fields(program, instruction)
-        rows.append(EncodedRegionRow(kind, name, first, second, lo, hi, guard, endless))
     terms = enumerate(program.instructions[: program.terms])
     return EncodedRegions(
         program.terms,
         tuple((register, term.value) for register, term in terms if isinstance(term, Const)),
-        tuple(rows),
+        _formulas(program),
         placement.initial,
         placement.streams,
         placement.unknowns,
@@ -205,6 +172,20 @@ def encoded_terms(program: Program) -> tuple[DiscreteRow, ...]:
 def _terms(program: Program) -> list[DiscreteRow]:
     terms = enumerate(program.instructions[: program.terms])
     return [DiscreteRow(register, *_fields(program, term)) for register, term in terms]
+
+
+def _formulas(program: Program) -> tuple[FormulaRow, ...]:
+    rows = []
+    for register in range(program.terms, len(program.instructions)):
+        instruction = program.formula(register)
+        lo = hi = None
+        guard = endless = False
+        if isinstance(instruction, Window):
+            lo, hi = instruction.lo, instruction.hi
+            guard, endless = instruction.guard, instruction.endless
+        kind, name, first, second, _ = _fields(program, instruction)
+        rows.append(FormulaRow(kind, name, first, second, lo, hi, guard, endless))
+    return tuple(rows)
 
 
 def _fields(program: Program, row: Instruction | Delay) -> tuple[str, str, int, int, float]:

@@ -239,12 +239,7 @@ class Reads(NamedTuple):
 
 
 class Routes:
-    """The ways from a formula to its implications, for traces of any length.
-
-    Args:
-        formula: The formula; it is judged at instant 0.
-        bounds: The bounds of an operator with an interval, in samples or ticks.
-    """
+    """The ways from a formula to its implications, for traces of any length."""
 
     __slots__ = ("_ends", "_legs", "_places")
 

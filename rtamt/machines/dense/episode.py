@@ -48,11 +48,7 @@ from rtamt.program.placement import Placement, place, variants_of
 
 
 class Regions(StateFields):
-    """The registers of a program, at all positions or at the start alone.
-
-    Args:
-        placement: The program, and at which positions registers are read.
-    """
+    """The registers of a program, at all positions or at the start alone."""
 
     STATE = ("t", "_first", "_keepers")
     t: int
@@ -182,13 +178,6 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
     From the first value on that is not known, twins of the last registers go on from their state:
     they take the largest values of all terms, and the others the smallest, as
     `rtamt.machines.episode.variants` does over samples.
-
-    Args:
-        regions: The program.
-        reader: Turns arguments into events, and refuses them.
-        make: Makes the registers of a back-end.
-        find: Evaluates terms.
-        ranges: Evaluates terms of values that are not known.
     """
 
     STATE = (

@@ -60,12 +60,7 @@ class StepStream(StateFields):
 
 
 class Joint(StateFields):
-    """Queues of breakpoints of several streams, which are read in the order of time.
-
-    Args:
-        width: The number of streams.
-        before: The value of each before its first breakpoint; none if it is not given.
-    """
+    """Queues of breakpoints of several streams, which are read in the order of time."""
 
     __slots__ = ("_before", "_now", "_waiting")
     STATE = ("_now", "_waiting")
@@ -329,11 +324,6 @@ class PythonDenseMachine(Retiring, StateFields):
     of their last events. Terms are computed wherever a variable has an event; then each register of
     a formula goes as far as its operands are known. The terms at the last known time wait: if no
     event follows, that time is the end of the trace, an instant; if one does, a step begins there.
-
-    Args:
-        dense: The program.
-        reader: Turns arguments into events, and refuses them.
-        observed: Registers whose values `values` lists.
     """
 
     STATE = ("finished", "_dated", "_first", "_last", "_begin", "_end", "_waits", "_parts")

@@ -81,12 +81,6 @@ def everywhere(program: Program) -> Placement:
 class DenseOutlook:
     """The bounds of all registers on a trace.
 
-    Args:
-        program: The program over regions.
-        rows: The terms at the positions of the trace, as `rows_of` gives them.
-        last: The last position.
-        cut: Whether the trace was cut; else anything may follow, nothing too.
-
     Attributes:
         program: The program whose registers `undecided` takes.
     """
@@ -116,16 +110,7 @@ class DenseOutlook:
 
 
 class PythonDenseSigns:
-    """The signs of a formula, for certain, at the positions of a whole trace.
-
-    Args:
-        regions: The program.
-        reader: Counts the times of its variables.
-        given: The events of its variables, which a machine has taken in before.
-        trace: The first and the last tick of the trace.
-        end: The reading of the end.
-        terms: Evaluates terms.
-    """
+    """The signs of a formula, for certain, at the positions of a whole trace."""
 
     def __init__(
         self,

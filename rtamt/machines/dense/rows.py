@@ -30,10 +30,6 @@ class DeclaredValues:
     Nothing waits for a variable with a declared value: the trace begins when the last of the others
     does, and ends where the first of those that have events does. If all variables have declared
     values, it begins with the first event of all.
-
-    Args:
-        variables: Names of the variables.
-        defaults: The declared values.
     """
 
     __slots__ = ("_free", "before")
@@ -76,9 +72,6 @@ class Waiting(StateFields):
 
     They stay in the arrays in which they came, so that a call costs what it takes in and reads,
     however many events of a variable that runs ahead wait.
-
-    Args:
-        before: The value before the first event; nan if there is none.
     """
 
     __slots__ = ("_before", "_chunks", "_declared")
