@@ -104,7 +104,7 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
     running: dict[int, tuple[Task, PlayEpisode]] = {}
     try:
         while todo or running:
-            while starting := dict(zip(batch.free(running), _taken(todo), strict=False)):
+            while todo and (starting := _starting(todo, batch.free(running))):
                 batch.start(starting)
                 for place, task in starting.items():
                     since = time.perf_counter()
@@ -126,9 +126,9 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
         batch.close()
 
 
-def _taken(todo: deque[Task]) -> Iterator[Task]:
-    while todo:
-        yield todo.popleft()
+def _starting(todo: deque[Task], places: Sequence[int]) -> dict[int, Task]:
+    """Take a task for each place, as far as there are any."""
+    return {place: todo.popleft() for place in places[: len(todo)]}
 
 
 def _advanced(
