@@ -24,6 +24,7 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.play import campaign
 from rtamt_gym.play import process as campaign_process
 from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.play.loop import Task
 from rtamt_gym.play.process import Setup, end_processes, run_chunk
 from rtamt_gym.play.workers import Recipe, chosen_workers
 
@@ -151,7 +152,7 @@ def test_libraries_of_a_process_start_no_more_threads_than_there_are_cores_for(
     monkeypatch.setenv("OMP_NUM_THREADS", "7")  # what the user says holds
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     runner = Runner(threads, {"dry": "always(level < 0)"}, period=1)
-    tasks = [(i, Case({"variable": float(i)}), None) for i in range(2)]
+    tasks = [Task(i, Case({"variable": float(i)}), None) for i in range(2)]
     setup = Setup("threads", Recipe(runner).pickled("threads"), None, 3)
     rows = dict(run_chunk(setup, tasks))
     assert [rows[i].outcomes["dry"].robustness for i in range(2)] == [-3, -7]
@@ -166,7 +167,7 @@ def test_a_process_that_has_waited_too_long_for_tasks_is_followed_by_another(
 ) -> None:
     monkeypatch.setattr(campaign_process, "_IDLE", 1.0)
     setup = Setup("idle", Recipe(tank_runner()).pickled("tank"), None, 1)
-    tasks = [(i, Case(case), None) for i, (case, _) in enumerate(tank_tasks(3))]
+    tasks = [Task(i, Case(case), None) for i, (case, _) in enumerate(tank_tasks(3))]
     rows = run_chunk(setup, tasks)
     (process,) = campaign_process._idle["idle"]
     process._process.wait(100)
