@@ -110,6 +110,20 @@ def test_what_was_given_is_told_from_what_equals_a_default() -> None:
     assert Reading(view="episode").options() == {"view": "episode"}
 
 
+def test_given_options_stay_given() -> None:
+    both = Reading(nan="hold").over(Reading(view="step"), "a", "b")
+    assert both.given == {"nan", "view"}
+    assert Reading(end="cut").whole("samples").given == {"end", *names_for("samples")}
+
+
+def test_monitors_report_wrong_semantics_and_names() -> None:
+    specs = {name: rtamt.parse("always(x < 1)") for name in "ab"}
+    reading = Reading(semantics="bolean", inputs=["z"])  # type: ignore[arg-type]  # misspelled
+    assert reading.of_monitors({"a": specs["a"]})["a"]["inputs"] == ("z",)
+    with pytest.raises(rtamt.InputError, match="'z' in inputs is a variable of no specification"):
+        reading.of_monitors(specs)
+
+
 @pytest.mark.parametrize(
     ("option", "value"), [(name, value) for name, pair in OTHERS.items() for value in pair]
 )
