@@ -129,18 +129,19 @@ _SHARED = (
     ),
     Option(
         "--signal NAME=SELECTOR",
-        "what a variable reads, as for rtamt run; variables of a scenario read what they name",
+        "what a variable reads, as for rtamt run; a scenario has signals for its own variables",
         repeat=True,
     ),
     Option("--only NAME", "judge this requirement alone", repeat=True),
     Option(
         "--constant NAME=VALUE",
-        "the value of a constant, in place of the value in the text",
+        "the value of a constant, instead of the value in the text",
         repeat=True,
     ),
     Option(
         "--policy POLICY",
-        "how to act where no signal does: zero, baseline, sb3:FILE.zip or module:function",
+        "the policy, where no signal sets the action: zero, baseline, sb3:FILE.zip or "
+        "module:function",
         usual="the scenario's own",
     ),
     Option("--seed S", "seed of the first {trial}, one more for each further one", 0, read=whole),
@@ -153,13 +154,13 @@ _SHARED = (
     Option("--duration SECONDS", "simulated time", usual="to the end", read=float),
     Option(
         "-j N",
-        "run simulations in N processes of their own: one that crashes loses itself alone",
+        "run simulations in N processes: a crash loses only its own simulation",
         read=positive,
         dest="n_jobs",
     ),
     Option(
         "--timeout SECONDS",
-        "end a simulation that takes longer, even if it hangs; it runs in another process",
+        "end a simulation that takes longer, even if it hangs; it runs in a process of its own",
         read=float,
     ),
     Option(
@@ -174,7 +175,7 @@ _SHARED = (
     ),
     Option(
         "--allow-failures N",
-        "how many simulations may fail, of which nothing is known; exit 3 if more do",
+        "how many simulations may fail without a result; exit 3 if more do",
         read=whole,
     ),
     Option(
@@ -187,8 +188,8 @@ _SHARED = (
     ),
     Option(
         "--require-answered",
-        "exit 3 too if the verdict on such a requirement hangs on an answer in no {trial}: each "
-        "that puts it to the test satisfies it without one, or leaves it open",
+        "also exit 3 if no {trial} answers such a requirement: every {trial} that triggers it "
+        "satisfies it without an answer, or leaves it undecided",
     ),
     Option(
         "--min-duration TIME",
@@ -196,21 +197,20 @@ _SHARED = (
     ),
     Option(
         "--apart OTHER",
-        "judge 'REQUIREMENT iff OTHER' in place of the requirement, which is violated where one of "
-        "the two holds and the other does not: OTHER is a mutant, for instance, that 'rtamt "
-        "monitor --mutants' has not noticed",
+        "judge 'REQUIREMENT iff OTHER' instead of the requirement: it is violated where only one "
+        "of the two holds. OTHER may be a mutant that 'rtamt monitor --mutants' did not notice",
     ),
     Option(
         "--vary NAME=LOW:HIGH",
-        "what is varied: a parameter, mass=1:2 or mass=1:2,log or gear=1|2|3; a signal over time, "
+        "what to vary: a parameter, mass=1:2 or mass=1:2,log or gear=1|2|3; a signal over time, "
         "throttle=0:100,points=7 or throttle=0:100,points=7,linear (or hold, pchip); or the name "
-        "alone of an input or a parameter of the scenario, which has a range",
+        "of an input or a parameter of the scenario, which has a range",
         usual="the inputs of the scenario",
         repeat=True,
     ),
     Option(
         "--set NAME=NUMBER",
-        "a parameter that has one value in all simulations",
+        "a parameter with one value in all simulations",
         repeat=True,
     ),
 )
