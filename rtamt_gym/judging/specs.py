@@ -14,7 +14,6 @@ from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, Sp
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
 from rtamt_gym.options.evaluation import Reading
-from rtamt_gym.signals.signals import unknown_at_reset
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 """Text, the path of a ``.stl`` file, a formula built in Python, or a parsed specification."""
@@ -260,6 +259,8 @@ def with_unknown_start(
     Raises:
         InputError: If an argument does not allow an unknown sample.
     """
+    from rtamt_gym.signals.signals import unknown_at_reset  # it imports Gymnasium
+
     names = unknown_at_reset(signals)
     if not names or reading.nan == "unknown":
         return reading, False
