@@ -326,9 +326,9 @@ def single_env(env: Any) -> gym.Env[Any, Any]:
         return env
     way_out = "make it with gym.make"
     if many:
-        way_out = "VectorStlMonitor and VectorStlReward are for many environments at once"
+        way_out = "use VectorStlMonitor or VectorStlReward for many environments"
     elif hasattr(env, "possible_agents"):
-        way_out = "ParallelStlMonitor is for several agents"
+        way_out = "use ParallelStlMonitor for several agents"
     raise InputTypeError(f"expected an environment of Gymnasium, got {env!r}; {way_out}")
 
 
@@ -380,7 +380,7 @@ class CostEnv(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructor
             within = within.env
         if not isinstance(within, StlMonitor):
             raise InputError(
-                f"expected an environment with an StlMonitor, which gives the cost, got {env}; "
+                f"expected an environment with an StlMonitor, which adds the cost, got {env}; "
                 'such as CostEnv(StlMonitor(env, specs, signals, cost="violation"))'
             )
         if within.cost is None:

@@ -489,7 +489,7 @@ def _violation_words(words: object, specs: Collection[str]) -> dict[str, OnViola
     for name in specs:
         if name not in words:
             raise InputError(
-                f"on_violation= has no word for {name!r}, so it could end the episode or not; add "
+                f"on_violation= has no word for {name!r}; add "
                 f'{name!r}: "terminate", "truncate" or "report"'
             )
         check_choice(f"on_violation[{name!r}]", words[name], choices)

@@ -190,7 +190,7 @@ def monitor_inside(env: gym.Env[Any, Any], name: str) -> StlMonitor[Any, Any]:
             return within
         within = within.env
     raise InputError(
-        f"{name} shows what a StlMonitor or a StlReward inside of it says, got none in {env}; "
+        f"{name} needs an StlMonitor or StlReward inside of it, got none in {env}; "
         f'wrap the environment first: {name}(StlMonitor(env, "always(x > 0)", {{"x": "obs[0]"}}))'
     )
 

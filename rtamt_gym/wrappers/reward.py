@@ -180,16 +180,15 @@ def find_or_make(
         if isinstance(within, Rewarding):
             raise InputError(
                 f"expected an environment without a reward of its requirements, got one with "
-                f"{type(within).__name__}, "
-                "which pays for its specifications already; give one wrapper all specifications, "
-                'and what each counts in weights={"upright": 1.0, "near": 0.5} or priorities='
+                f"{type(within).__name__}; give one wrapper all specifications, with "
+                'weights={"upright": 1.0, "near": 0.5} or priorities='
             )
         if isinstance(within, kind):
             names = [*(name for name, value in required.items() if value is not None), *options]
             if names:
                 raise InputError(
-                    f"{', '.join(f'{name}=' for name in names)} would describe another monitor, "
-                    f"and the environment has {what}, which is used; give them to that one"
+                    f"{', '.join(f'{name}=' for name in names)} would describe a second "
+                    f"monitor, but the environment has {what}; give them to that one"
                 )
             return env, within
         within = getattr(within, "env", None)

@@ -64,7 +64,7 @@ def as_vector_env(
         return PufferVectorEnv(env, final_obs)
     way_out = "make it with gym.make_vec, envpool.make_gymnasium or pufferlib.vector.make"
     if isinstance(env, gym.Env):
-        way_out = "StlMonitor and StlReward are for one environment"
+        way_out = "use StlMonitor or StlReward for one environment"
     raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 

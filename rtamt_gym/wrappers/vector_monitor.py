@@ -300,7 +300,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             words = choice.values() if isinstance(choice, Mapping) else [choice]
             if any(word != "report" for word in words):
                 raise InputError(
-                    f"{name}={choice!r} needs an environment that resets when it is told, "
+                    f"{name}={choice!r} needs an environment that the caller resets, "
                     f"AutoresetMode.DISABLED, got {self._autoreset} of {self.env}; wrap each "
                     "environment, gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) "
                     f"with StlMonitor, or take {name}='report'"

@@ -94,7 +94,7 @@ def test_the_monitor_may_be_below_other_wrappers() -> None:
         (
             lambda: gym.wrappers.TimeLimit(Replay([0, 3]), 5),
             (
-                "expected an environment with an StlMonitor, which gives the cost, got "
+                "expected an environment with an StlMonitor, which adds the cost, got "
                 "<TimeLimit<Replay instance>>; such as "
                 'CostEnv(StlMonitor(env, specs, signals, cost="violation"))'
             ),

@@ -139,7 +139,7 @@ def test_environments_that_reset_by_themselves_cannot_be_ended() -> None:
             sync(makes, AutoresetMode.NEXT_STEP), SPECS, X, period=1, on_satisfaction="truncate"
         )
     assert str(caught.value) == (
-        "on_satisfaction='truncate' needs an environment that resets when it is told, "
+        "on_satisfaction='truncate' needs an environment that the caller resets, "
         "AutoresetMode.DISABLED, got AutoresetMode.NEXT_STEP of SyncVectorEnv(num_envs=1); wrap "
         "each environment, gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with "
         "StlMonitor, or take on_satisfaction='report'"

@@ -230,7 +230,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(InputError) as none:
         RobustnessOverlay(Painted(VALUES))
     assert str(none.value) == (
-        "RobustnessOverlay shows what a StlMonitor or a StlReward inside of it says, got none in "
+        "RobustnessOverlay needs an StlMonitor or StlReward inside of it, got none in "
         "<Painted instance>; wrap the environment first: RobustnessOverlay(StlMonitor(env, "
         '"always(x > 0)", {"x": "obs[0]"}))'
     )

@@ -149,7 +149,7 @@ def test_a_monitor_that_is_there_is_used() -> None:
     env.reset()
     assert env.possible_agents == ["lead", "wing"]
     assert (env.samples, env.unwrapped) == (1, inner.unwrapped)
-    with pytest.raises(InputError, match="describe another monitor"):
+    with pytest.raises(InputError, match="describe a second monitor"):
         ParallelStlReward(inner, SPECS, SIGNALS, mode="replace")
     with pytest.raises(InputError, match="expected specs="):
         ParallelStlReward(Crew({"lead": [1.0, 2.0]}), mode="replace")

@@ -179,7 +179,7 @@ def test_many_environments_need_a_vector_wrapper() -> None:
     envs = gym.make_vec("CartPole-v1", 2)
     expected = (
         f"expected an environment of Gymnasium, got {envs!r}; "
-        "VectorStlMonitor and VectorStlReward are for many environments at once"
+        "use VectorStlMonitor or VectorStlReward for many environments"
     )
     assert refusal(StlMonitor, envs) == expected
     assert refusal(StlReward, envs, mode="add") == expected
@@ -189,7 +189,7 @@ def test_one_environment_needs_a_scalar_wrapper() -> None:
     env = gym.make("CartPole-v1")
     expected = (
         f"expected a vector environment of Gymnasium, got {env!r}; "
-        "StlMonitor and StlReward are for one environment"
+        "use StlMonitor or StlReward for one environment"
     )
     assert refusal(VectorStlMonitor, env) == expected
     assert refusal(VectorStlReward, env, mode="add") == expected
@@ -204,7 +204,7 @@ def test_several_agents_need_a_parallel_wrapper() -> None:
 
     assert refusal(StlMonitor, Agents()) == (
         "expected an environment of Gymnasium, got <Agents>; "
-        "ParallelStlMonitor is for several agents"
+        "use ParallelStlMonitor for several agents"
     )
 
 

@@ -339,8 +339,8 @@ def test_a_reward_without_a_monitor_is_refused() -> None:
 def test_a_second_monitor_is_refused() -> None:
     env = TimeLimit(StlMonitor(Replay([1]), "always(x > 1)", X), 9)
     assert refused(env, specs="always(x > 2)", period=1) == (
-        "specs=, period= would describe another monitor, and the environment has an StlMonitor, "
-        "which is used; give them to that one"
+        "specs=, period= would describe a second monitor, but the environment has an StlMonitor; "
+        "give them to that one"
     )
 
 
@@ -350,9 +350,8 @@ def test_a_reward_around_a_reward_is_refused() -> None:
         for given in ({}, {"specs": "always(x > 2)", "signals": X}):
             assert refused(env, **given) == (
                 "expected an environment without a reward of its requirements, got one with "
-                "StlReward, which pays for its specifications already; give one wrapper all "
-                'specifications, and what each counts in weights={"upright": 1.0, "near": 0.5} or '
-                "priorities="
+                "StlReward; give one wrapper all specifications, with "
+                'weights={"upright": 1.0, "near": 0.5} or priorities='
             )
 
 

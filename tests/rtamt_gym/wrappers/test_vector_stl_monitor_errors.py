@@ -32,7 +32,7 @@ WAY_OUT = (
             {"on_violation": "terminate"},
             InputError,
             (
-                "on_violation='terminate' needs an environment that resets when it is told, "
+                "on_violation='terminate' needs an environment that the caller resets, "
                 "AutoresetMode.DISABLED, got AutoresetMode.NEXT_STEP of "
                 "CartPoleVectorEnv(CartPole-v1, num_envs=2); wrap each environment, "
                 "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "

@@ -135,8 +135,8 @@ def test_a_monitor_that_is_there_is_used() -> None:
     with pytest.raises(InputError) as caught:
         VectorStlReward(monitored, "always(x > 0)", mode="add", period=1)
     assert str(caught.value) == (
-        "specs=, period= would describe another monitor, and the environment has a "
-        "VectorStlMonitor, which is used; give them to that one"
+        "specs=, period= would describe a second monitor, but the environment has a "
+        "VectorStlMonitor; give them to that one"
     )
 
 
@@ -150,9 +150,8 @@ def test_a_reward_around_a_reward_is_refused() -> None:
                 VectorStlReward(env, **given, mode="add")
             assert str(caught.value) == (
                 "expected an environment without a reward of its requirements, got one with "
-                "VectorStlReward, which pays for its specifications already; give one wrapper all "
-                'specifications, and what each counts in weights={"upright": 1.0, "near": 0.5} or '
-                "priorities="
+                "VectorStlReward; give one wrapper all specifications, with "
+                'weights={"upright": 1.0, "near": 0.5} or priorities='
             )
         with pytest.raises(InputError, match="without a monitor, got one with VectorStlMonitor"):
             VectorStlMonitor(env, **requirement)

@@ -157,8 +157,10 @@ def test_mapping_is_part_of_the_specification_of_the_environment() -> None:
 
 WANTED = "'terminate' or 'truncate' or 'report'"
 ERRORS: dict[str, Any] = {
-    "on_violation= has no word for 'c', so it could end the episode or not; add 'c': "
-    '"terminate", "truncate" or "report"': {"a": "report", "b": "report"},
+    'on_violation= has no word for \'c\'; add \'c\': "terminate", "truncate" or "report"': {
+        "a": "report",
+        "b": "report",
+    },
     f"expected on_violation['b']={WANTED}, got 'stop'": {**MIXED, "b": "stop"},
     f"expected on_violation['b']={WANTED}, got 'reprot'; did you mean 'report'?": {
         **MIXED,
@@ -190,7 +192,7 @@ def test_unknown_names_and_words_are_errors_at_construction(message: str, words:
 
 def test_mapping_that_ends_episodes_needs_environments_that_the_caller_resets() -> None:
     envs = sync([lambda: Replay(CAST[0])], AutoresetMode.NEXT_STEP)
-    with pytest.raises(InputError, match="needs an environment that resets when it is told"):
+    with pytest.raises(InputError, match="needs an environment that the caller resets"):
         VectorStlMonitor(envs, SPECS, X, on_violation=MIXED)
     reported: dict[str, OnViolation] = {"a": "report", "b": "report", "c": "report"}
     assert VectorStlMonitor(envs, SPECS, X, on_violation=reported).num_envs == 1
