@@ -313,7 +313,7 @@ class ParsedSignal:
         row = sources[selector.source]
         if default is None and not row.at_reset:
             what = f"signal {name!r}: {value} has no value at reset"
-            raise InputError(*_asks_for_default(name, value, what, "there"))
+            raise InputError(*_asks_for_default(name, value, what))
         if default is not None and row.at_reset is True:
             raise InputError(
                 f"signal {name!r}: {value} has a value at reset, which "
@@ -401,7 +401,7 @@ class ParsedSignal:
 
     def absent(self, error: AbsentError) -> AbsentError:
         """Return the error of a reset that lacks the value, with the fix."""
-        return AbsentError(*_asks_for_default(self.name, str(self.reads), str(error), "at reset"))
+        return AbsentError(*_asks_for_default(self.name, str(self.reads), str(error)))
 
     def at_reset(self, error: RtamtError) -> RtamtError:
         """Return the error of a function at a reset, with the fix if it has read a None."""
@@ -409,9 +409,9 @@ class ParsedSignal:
         if self.row is not None or not ("NoneType" in text or f"from {self}, got None" in text):
             return error
         return type(error)(
-            f"{text}; at a reset there is no action and no reward: say what it is there, "
-            f'"{self.name}": (FUNCTION, VALUE), or "{self.name}": (FUNCTION, None) where that is '
-            "not known: then no always over it can be satisfied"
+            f"{text}; at a reset there is no action and no reward: give a first value, "
+            f'"{self.name}": (FUNCTION, VALUE), or "{self.name}": (FUNCTION, None) if it is '
+            "unknown: then no always over it can be satisfied"
         )
 
     def is_nan(self) -> InputError:
@@ -551,15 +551,15 @@ def own_signals(env: Any) -> Mapping[str, Any]:
     return own if isinstance(own, Mapping) else {}
 
 
-def _asks_for_default(name: str, selector: str, what: str, where: str) -> tuple[object, ...]:
+def _asks_for_default(name: str, selector: str, what: str) -> tuple[object, ...]:
     """The pieces of an error about a missing value at reset."""
     pair = f'"{name}": ("{selector}", '
     return (
-        f"{what}; say what it is {where}, ",
+        f"{what}; give a first value, ",
         Argument("signals", {name: (selector, "VALUE")}, words=f"{pair}VALUE)"),
         ", or ",
         Argument("signals", {name: (selector, "unknown")}, words=f"{pair}None)"),
-        " where that is not known: then no always over it can be satisfied",
+        " if it is unknown: then no always over it can be satisfied",
     )
 
 

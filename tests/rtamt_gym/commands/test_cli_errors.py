@@ -211,8 +211,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "run CartPole-v1 --spec always(x<1) --signal x=action",
             (
                 "signal 'x': action has no value at reset; "
-                'say what it is there, --signal "x=action,VALUE", or --signal '
-                '"x=action,unknown" where that is not known: then no always over it can be '
+                'give a first value, --signal "x=action,VALUE", or --signal '
+                '"x=action,unknown" if it is unknown: then no always over it can be '
                 "satisfied"
             ),
         ),

@@ -195,7 +195,7 @@ def test_the_infos_of_a_reset_are_read_where_they_are() -> None:
             (found,) = relabel([raw], "always(s > 0)", {"s": "info['s']"})
             assert found.infos["robustness"].tolist() == [first, 1.0, 1.0]
             continue
-        with pytest.raises(InputError, match=r"is nan at sample 0|say what it is at reset, "):
+        with pytest.raises(InputError, match=r"is nan at sample 0|give a first value, "):
             relabel([raw], "always(s > 0)", {"s": "info['s']"})
 
 

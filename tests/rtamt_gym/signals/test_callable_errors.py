@@ -96,8 +96,8 @@ def test_a_function_of_what_no_reset_has_is_told_to_say_it(
     text = str(caught.value)
     assert text.startswith(message)
     assert text.endswith(
-        "; at a reset there is no action and no reward: say what it is there, "
-        '"x": (FUNCTION, VALUE), or "x": (FUNCTION, None) where that is not known: then no always '
+        "; at a reset there is no action and no reward: give a first value, "
+        '"x": (FUNCTION, VALUE), or "x": (FUNCTION, None) if it is unknown: then no always '
         "over it can be satisfied"
     )
     if read is paid:

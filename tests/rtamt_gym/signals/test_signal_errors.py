@@ -190,8 +190,8 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             "action[0]",
             InputError,
             (
-                "signal 'x': action[0] has no value at reset; say what it is there, "
-                '"x": ("action[0]", VALUE), or "x": ("action[0]", None) where that is not known: '
+                "signal 'x': action[0] has no value at reset; give a first value, "
+                '"x": ("action[0]", VALUE), or "x": ("action[0]", None) if it is unknown: '
                 "then no always over it can be satisfied"
             ),
         ),
@@ -199,8 +199,8 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             "reward",
             InputError,
             (
-                "signal 'x': reward has no value at reset; say what it is there, "
-                '"x": ("reward", VALUE), or "x": ("reward", None) where that is not known: then '
+                "signal 'x': reward has no value at reset; give a first value, "
+                '"x": ("reward", VALUE), or "x": ("reward", None) if it is unknown: then '
                 "no always over it can be satisfied"
             ),
         ),

@@ -62,9 +62,9 @@ class One(gym.Env[Any, Any]):
             {"signals": {**GAP, "x": "lead: action[0]"}},
             InputError,
             (
-                "signal 'x': lead: action[0] has no value at reset; say what it is there, "
-                '"x": ("lead: action[0]", VALUE), or "x": ("lead: action[0]", None) where that is '
-                "not known: then no always over it can be satisfied"
+                "signal 'x': lead: action[0] has no value at reset; give a first value, "
+                '"x": ("lead: action[0]", VALUE), or "x": ("lead: action[0]", None) if it is '
+                "unknown: then no always over it can be satisfied"
             ),
         ),
         (

@@ -55,8 +55,8 @@ class Distances(gym.Env[Any, Any]):
 
 
 REFUSED = (
-    "signal 'd': the info has no info['d']; its keys are 'other'; say what it is at reset, "
-    '"d": ("info[\'d\']", VALUE), or "d": ("info[\'d\']", None) where that is not known: then '
+    "signal 'd': the info has no info['d']; its keys are 'other'; give a first value, "
+    '"d": ("info[\'d\']", VALUE), or "d": ("info[\'d\']", None) if it is unknown: then '
     "no always over it can be satisfied"
 )
 
@@ -105,7 +105,7 @@ def test_many_environments_are_asked_at_every_reset(mode: AutoresetMode) -> None
     )
     with pytest.raises(InputError) as caught:
         trajectory(envs, 4)
-    assert "; say what it is at reset, " in str(caught.value)
+    assert "; give a first value, " in str(caught.value)
     assert "0.0" not in str(caught.value)
 
 
@@ -114,8 +114,8 @@ def test_what_no_reset_has_is_asked_for_without_a_number(signal: str) -> None:
     with pytest.raises(InputError) as caught:
         StlMonitor(Distances(), "always(u < 1)", {"u": signal})
     assert str(caught.value) == (
-        f"signal 'u': {signal} has no value at reset; say what it is there, "
-        f'"u": ("{signal}", VALUE), or "u": ("{signal}", None) where that is not known: then no '
+        f"signal 'u': {signal} has no value at reset; give a first value, "
+        f'"u": ("{signal}", VALUE), or "u": ("{signal}", None) if it is unknown: then no '
         "always over it can be satisfied"
     )
 
