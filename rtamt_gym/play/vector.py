@@ -336,7 +336,6 @@ class VectorBatch(PlayBatch):
             if len(running) > 1:
                 raise
             self._places[running[0]].error = error
-            self._fresh = True
             return 0.0
         self._obs, terminated = result[0], result[2]
         if self._tap is not None:
