@@ -171,6 +171,7 @@ FOREIGN = {
 def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
     monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
     monitor.update(req=3.0, gnt=0.0)
+    monitor.finish()
     before = offered(monitor)
     own: Any = monitor.__reduce__()[2]
     other: Any = EpisodeMonitor(SPEC, backend=backend).__reduce__()[2]
@@ -178,6 +179,7 @@ def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
         with pytest.raises(ValueError, match=f"^{re.escape(error)}"):
             monitor.__setstate__(state)
         assert offered(monitor) == before
+        assert str(monitor.__reduce__()[2]) == str(own)
 
 
 def test_what_is_not_known_is_that_of_the_last_sample(backend: Backend) -> None:
