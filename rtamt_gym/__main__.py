@@ -23,7 +23,7 @@ from rtamt import InputError
 from rtamt.errors import nearest, no_such, shown_lines
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.errors import options_of, refusal, unexpected, valued
-from rtamt_gym.commands.exit_codes import INTERRUPTED
+from rtamt_gym.results.warnings import INTERRUPTED
 
 __all__ = ["main"]
 

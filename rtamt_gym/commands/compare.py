@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from rtamt_gym.commands.evaluate import check_files, tell_files
-from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
+from rtamt_gym.results.warnings import exit_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from rtamt import InputError
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import INTERRUPTED, Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.success import (
     SUCCESS,
@@ -30,6 +29,13 @@ from rtamt_gym.options.command_line import (
     add_options,
     positive,
     read_evaluation_options,
+)
+from rtamt_gym.results.warnings import (
+    INTERRUPTED,
+    Required,
+    evidence_warnings,
+    exit_code,
+    print_warnings,
 )
 from rtamt_gym.tables import counted
 
@@ -198,12 +204,12 @@ def run(options: argparse.Namespace) -> int:
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
-    hollow = unasked(evaluation.record, "episode", Required.of(options))
-    hollow += not_kept(evaluation.record) if options.success else []
-    tell(hollow)
+    verdict_warnings = evidence_warnings(evaluation.record, "episode", Required.of(options))
+    verdict_warnings += not_kept(evaluation.record) if options.success else []
+    print_warnings(verdict_warnings)
     if evaluation.interrupted is not None:
         return INTERRUPTED
-    return exit_code(_words(evaluation.decision or {}, options.target), hollow)
+    return exit_code(_words(evaluation.decision or {}, options.target), verdict_warnings)
 
 
 def _so_far(pressed: KeyboardInterrupt) -> tuple[Evaluation, int]:

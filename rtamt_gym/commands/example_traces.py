@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import Answer, Equivalence, ExampleTrace, InputError, Specification
-from rtamt_gym.commands.exit_codes import exit_code
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
+from rtamt_gym.results.warnings import exit_code
 from rtamt_gym.tables import counted, number, table
 
 if TYPE_CHECKING:

@@ -6,10 +6,16 @@ import argparse
 import sys
 
 from rtamt import Verdict
-from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.commands.traces import read_arguments
 from rtamt_gym.options.command_line import add_options
+from rtamt_gym.results.warnings import (
+    Required,
+    evidence_warnings,
+    exit_code,
+    length_warnings,
+    print_warnings,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print an explanation for each requirement of each trace; return the exit code."""
-    from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of, too_short
+    from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
     from rtamt_gym.results.matrix import note_lines, undecided_lines
 
     asked, paths = read_arguments(options)
@@ -51,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
     extent_lines = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
     if extent_lines := [*extent_lines, *note_lines(matrix)]:
         print("", *extent_lines, sep="\n", flush=True)
-    hollow = unasked(matrix, "trace", Required.of(options)) + too_short(asked, rows)
-    tell(hollow)
+    warnings = evidence_warnings(matrix, "trace", Required.of(options))
+    warnings += length_warnings(rows, asked.min_duration)
+    print_warnings(warnings)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
-    return exit_code([matrix.word], hollow)
+    return exit_code([matrix.word], warnings)

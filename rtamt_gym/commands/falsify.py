@@ -13,16 +13,6 @@ from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import (
-    INTERRUPTED,
-    Hollow,
-    Required,
-    exit_code,
-    hollow_failures,
-    tell,
-    unasked,
-    undecided,
-)
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
@@ -32,6 +22,16 @@ from rtamt_gym.options.command_line import (
     positive,
     read_evaluation_options,
     shared,
+)
+from rtamt_gym.results.warnings import (
+    INTERRUPTED,
+    Required,
+    VerdictWarning,
+    evidence_warnings,
+    exit_code,
+    failure_warnings,
+    print_warnings,
+    undecided_warnings,
 )
 from rtamt_gym.tables import shorten
 
@@ -159,14 +159,16 @@ def run(options: argparse.Namespace) -> int:
         files = list(_write(result, options, opened.path))
         if files and not options.json:
             print("", *files, sep="\n")
-    hollow: list[Hollow] = []
+    verdict_warnings: list[VerdictWarning] = []
     if not result.falsified:
-        hollow += hollow_failures(result.record, options, result.not_violated)
-        hollow += undecided(result.record, "simulation", fails=True)
-    hollow += unasked(result.record, "simulation", Required.of(options))
-    tell(hollow, stderr=options.json)
+        verdict_warnings += failure_warnings(
+            len(result.record.failed()), options.allow_failures, result.not_violated
+        )
+        verdict_warnings += undecided_warnings(result.record, "simulation", fails=True)
+    verdict_warnings += evidence_warnings(result.record, "simulation", Required.of(options))
+    print_warnings(verdict_warnings, stderr=options.json)
     words: list[Word] = ["violated"] if result.falsified else []
-    return INTERRUPTED if result.interrupted else exit_code(words, hollow)
+    return INTERRUPTED if result.interrupted else exit_code(words, verdict_warnings)
 
 
 def _so_far(pressed: KeyboardInterrupt) -> Falsification:

@@ -16,30 +16,17 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
-from rtamt_gym.commands.exit_codes import Hollow, Required
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace, outside_ranges
-from rtamt_gym.results.asked import (
-    never_answered_texts,
-    never_asked_texts,
-    never_asked_word,
-    rests_on_unknown,
-    seldom_triggered_texts,
-)
-from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.results.unmet import Unmet
 from rtamt_gym.tables import number, shorten
-
-_NAMED = 3
-"""Traces that a summary names."""
 
 _T = TypeVar("_T")
 
@@ -318,66 +305,6 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """Return the rows, with the formulas of the requirements."""
     texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
     return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
-
-
-def unmet_of(
-    asked: TracesAsked, matrix: Matrix, required: Required, *, undecided: bool = False
-) -> Unmet:
-    """Return the required evidence that the traces lack: the warnings that fail.
-
-    Args:
-        asked: What the command line asks for.
-        matrix: The outcomes.
-        required: The evidence that the command requires of the traces.
-        undecided: Whether an undecided verdict counts as a failure.
-    """
-    unasked = {} if required.triggered is None else never_asked_texts(matrix)
-    seldom = seldom_triggered_texts(matrix, required.triggered)
-    unanswered = never_answered_texts(matrix) if required.answered else {}
-    short = {
-        row.name: text
-        for row in matrix.rows
-        if asked.min_duration is not None and row.judged_extent is not None
-        if (text := short_text({row.name: row.judged_extent}, asked.min_duration))
-    }
-    words: dict[str, list[str]] = {}
-    for name in unasked:
-        word = never_asked_word(unknown=rests_on_unknown(matrix, name))
-        words.setdefault(word, []).append(name)
-    if seldom:
-        words["triggered too seldom"] = list(seldom)
-    if unanswered:
-        words["never answered"] = list(unanswered)
-    parts = [f"{word}: {', '.join(names)}" for word, names in words.items()]
-    parts += [warning.text for warning in too_short(asked, matrix.rows)]
-    parts += [warning.text for warning in out_of_range(asked, matrix.rows)]
-    return Unmet(
-        unasked,
-        seldom,
-        unanswered,
-        short,
-        {row.name: row.outside for row in matrix.rows if asked.strict_ranges},
-        undecided=undecided,
-        summary="; ".join(parts),
-    )
-
-
-def out_of_range(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
-    """Return the text on traces with values outside their declared ranges, if that is to fail."""
-    names = [row.name for row in rows if row.outside]
-    if not (asked.strict_ranges and names):
-        return []
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return [Hollow(f"outside declared ranges: {', '.join(names[:_NAMED])}{more}", fails=True)]
-
-
-def too_short(asked: TracesAsked, rows: Sequence[Trial]) -> list[Hollow]:
-    """Return the warning on traces shorter than ``--min-duration``, if there are any."""
-    if asked.min_duration is None:
-        return []
-    extents = {row.name: each for row in rows if (each := row.judged_extent) is not None}
-    text = short_text(extents, asked.min_duration)
-    return [Hollow(text, fails=True)] if text else []
 
 
 def failure_lines(matrix: Matrix) -> list[str]:

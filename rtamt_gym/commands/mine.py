@@ -11,12 +11,12 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.exit_codes import Hollow, tell
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, read_trace_of, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, read_evaluation_options
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.results.warnings import VerdictWarning, print_warnings
 
 if TYPE_CHECKING:
     from rtamt_gym.search.mining.traces import Samples
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(mined.to_json() if options.json else mined)
     if options.json and mined.never_asked:
-        tell([Hollow(mined.never_asked)], stderr=True)
+        print_warnings([VerdictWarning(mined.never_asked)], stderr=True)
     return 0
 
 

@@ -15,21 +15,29 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import check_outputs
-from rtamt_gym.commands.exit_codes import Hollow, Required, exit_code, tell, unasked
-from rtamt_gym.commands.mutants import MutantWatch, hollow_scores, write_apart
+from rtamt_gym.commands.mutants import MutantWatch, score_warnings, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
 from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, with_stages
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, positive
+from rtamt_gym.results.warnings import (
+    Required,
+    VerdictWarning,
+    evidence_warnings,
+    exit_code,
+    length_warnings,
+    print_warnings,
+    range_warnings,
+    undecided_cells,
+)
 
 if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
     from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import MutationScore
-    from rtamt_gym.results.unmet import Unmet
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
 """The options that write what becomes of one trace over time."""
@@ -161,10 +169,7 @@ def run(options: argparse.Namespace) -> int:
         judge_file,
         judge_files,
         matrix_of,
-        out_of_range,
         row_of,
-        too_short,
-        unmet_of,
     )
 
     for option in _OVER_TIME:
@@ -191,15 +196,15 @@ def run(options: argparse.Namespace) -> int:
         workers = options.workers
         rows = judge_files(asked, paths, workers=workers, explain=explain, watch=watch)
     matrix = matrix_of(asked, rows)
-    required = Required.of(options)
-    hollow = unasked(matrix, "trace", required) + too_short(asked, rows)
-    hollow += out_of_range(asked, rows)
-    hollow += map(Hollow, (*identified_texts(asked.specs), *asked.ignored))
+    warnings = evidence_warnings(matrix, "trace", Required.of(options))
+    warnings += length_warnings(rows, asked.min_duration)
+    warnings += range_warnings(rows) if asked.strict_ranges else []
+    warnings += map(VerdictWarning, (*identified_texts(asked.specs), *asked.ignored))
     scores = {} if watch is None else watch.scores(matrix)
-    hollow += hollow_scores(options, scores)
+    warnings += score_warnings(options, scores)
     # Traces that test a requirement violate it too: then their verdicts are no failure.
     word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word
-    code = exit_code([word], hollow)
+    code = exit_code([word], warnings)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
@@ -214,12 +219,12 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(*_report(matrix, judged), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
-    unmet = unmet_of(asked, matrix, required, undecided=options.undecided == "fail")
-    messages = _write(options, asked, matrix, judged, unmet)
+    undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
+    messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
     if options.write_apart is not None:
         messages.append(write_apart(scores, asked, matrix, options.write_apart))
     print(*messages, sep="", end="", file=sys.stderr if options.json else sys.stdout)
-    tell(hollow, stderr=options.json)
+    print_warnings(warnings, stderr=options.json)
     print(end="", flush=True)
     if failed := failure_lines(matrix):
         print(*failed, sep="", end="", file=sys.stderr)
@@ -285,20 +290,22 @@ def _write(
     asked: TracesAsked,
     matrix: Matrix,
     judged: Judged | None,
-    unmet: Unmet,
+    warnings: Sequence[VerdictWarning],
 ) -> list[str]:
     """Write the output files; return a line about each."""
     messages = []
     if options.junit:
         from rtamt_gym.results.junit import to_junit
 
-        junit = to_junit(matrix, _rules(asked), unmet, least=asked.min_duration)
+        junit = to_junit(matrix, _rules(asked), warnings, least=asked.min_duration)
         options.junit.write_bytes(junit)
         messages.append(f"outcomes: {options.junit}\n")
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown
 
-        options.markdown.write_text(to_markdown(matrix, unmet, asked.constants), encoding="utf-8")
+        options.markdown.write_text(
+            to_markdown(matrix, warnings, asked.constants), encoding="utf-8"
+        )
         messages.append(f"outcomes: {options.markdown}\n")
     if judged is None or judged.trace is None or not judged.judgements:
         return messages

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final, Literal
 import rtamt
 from rtamt import InputError, Mutant, RtamtError, Verdict
 from rtamt_gym.commands.example_traces import write_samples
-from rtamt_gym.commands.exit_codes import Hollow
 from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.recorded.progress import progress
+from rtamt_gym.results.warnings import VerdictWarning
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -286,9 +286,9 @@ def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtam
     return (one.always(), other.always()) if asked.reading.view == "step" else (one, other)
 
 
-def hollow_scores(
+def score_warnings(
     options: argparse.Namespace, scores: Mapping[str, MutationScore]
-) -> Iterator[Hollow]:
+) -> Iterator[VerdictWarning]:
     """Yield the warning on surviving mutants, which fails below ``--min-noticed``."""
     from rtamt_gym.results.mutation import percent, score_text
 
@@ -297,10 +297,10 @@ def hollow_scores(
         if score.share is not None and score.share < 1:
             fails = least is not None and score.share < least
             below = f", which is {percent(score.share)}" if fails else ""
-            yield Hollow(f"{score_text(name, score)}{below}", fails)
+            yield VerdictWarning(f"{score_text(name, score)}{below}", fails=fails)
     reasons = {m.why for score in scores.values() for m in score.mutants if m.says == "unknown"}
     for why in sorted(reasons):
-        yield Hollow(f"not known whether mutants differ: {shorten(why, 200)}")
+        yield VerdictWarning(f"not known whether mutants differ: {shorten(why, 200)}")
 
 
 def write_apart(

@@ -11,8 +11,13 @@ from typing import TYPE_CHECKING
 from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
+from rtamt_gym.results.warnings import (
+    Required,
+    evidence_warnings,
+    exit_code,
+    print_warnings,
+)
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
@@ -64,15 +69,15 @@ def run(options: argparse.Namespace) -> int:
         save(draw([with_inputs(replayed, saved.case)]), options.plot)
         print("", f"picture: {options.plot}", sep="\n")
     trial, text = replayed.trial(), str(saved.requirement.formula)
-    hollow = unasked(Results([trial], {saved.name: text}), "run", Required.of(options))
-    tell(hollow)
-    return exit_code([] if saved.gives(replayed) else ["violated"], hollow)
+    warnings = evidence_warnings(Results([trial], {saved.name: text}), "run", Required.of(options))
+    print_warnings(warnings)
+    return exit_code([] if saved.gives(replayed) else ["violated"], warnings)
 
 
 def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     from rtamt_gym.play.summaries import case_lines
-    from rtamt_gym.results.asked import asked_texts
     from rtamt_gym.results.outcome import verdict_text
+    from rtamt_gym.results.warnings import trigger_texts
 
     course = replayed.courses[saved.name]
     yield shown(f"{saved.name} of {replayed.system}")
@@ -85,7 +90,7 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"
-    asked = asked_texts(course.asked or (), lambda at: sample_text(int(at), replayed.period))
+    asked = trigger_texts(course.asked or (), lambda at: sample_text(int(at), replayed.period))
     if saved.repeats(replayed):
         yield f"{got}: as expected, to the last bit"
         yield from (line for text in asked for line in _wrapped(text, ""))

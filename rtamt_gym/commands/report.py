@@ -13,8 +13,12 @@ from rtamt import InputError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import Hollow, exit_code, tell
 from rtamt_gym.options.command_line import Option, add_options
+from rtamt_gym.results.warnings import (
+    VerdictWarning,
+    exit_code,
+    print_warnings,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,13 +96,13 @@ def run(options: argparse.Namespace) -> int:
         )
     options.output.write_text(render(report), encoding="utf-8")
     print(f"report: {options.output}", flush=True)
-    hollow = [
-        Hollow(f"{path} was not played again: {section.not_played}", fails=options.play)
+    warnings = [
+        VerdictWarning(f"{path} was not played again: {section.not_played}", fails=options.play)
         for path, section in zip(paths, report.sections, strict=True)
         if section.not_played
     ]
-    tell(hollow, stderr=True)
-    return exit_code([], hollow)
+    print_warnings(warnings, stderr=True)
+    return exit_code([], warnings)
 
 
 def _tell_imports(paths: Sequence[str]) -> None:

@@ -13,10 +13,15 @@ from rtamt import SpecificationError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.ends import noted_ends
-from rtamt_gym.commands.exit_codes import Required, exit_code, tell, unasked
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json
+from rtamt_gym.results.warnings import (
+    Required,
+    evidence_warnings,
+    exit_code,
+    print_warnings,
+)
 
 if TYPE_CHECKING:
     from rtamt_gym.play.run import Run
@@ -140,9 +145,9 @@ def run(options: argparse.Namespace) -> int:
         shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown}: {options.plot}")
-    hollow = unasked(record, "episode", Required.of(options))
-    tell(hollow)
-    return exit_code(["failed"] if failed else [], hollow)
+    warnings = evidence_warnings(record, "episode", Required.of(options))
+    print_warnings(warnings)
+    return exit_code(["failed"] if failed else [], warnings)
 
 
 def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.exit_codes import Hollow
 from rtamt_gym.options.command_line import Option
 from rtamt_gym.options.evaluation import seconds_of
+from rtamt_gym.results.warnings import VerdictWarning
 from rtamt_gym.success import readings
 from rtamt_gym.tables import counted
 
@@ -119,7 +119,7 @@ def flag_signal(
     return {**signals, _FLAG: (f"info[{key!r}]", 0.0)}
 
 
-def not_kept(results: Results) -> list[Hollow]:
+def not_kept(results: Results) -> list[VerdictWarning]:
     """Return the warnings on episodes that succeed at some step, and lose it."""
     lost = [
         row.seed
@@ -131,7 +131,7 @@ def not_kept(results: Results) -> list[Hollow]:
     named = ", ".join(map(str, lost[:_NAMED])) + (", ..." if len(lost) > _NAMED else "")
     seeds = "seed" if len(lost) == 1 else "seeds"
     return [
-        Hollow(
+        VerdictWarning(
             f"success at some step, and not kept: {len(lost)} of "
             f"{counted(len(results), 'episode')}, {seeds} {named}"
         )

@@ -14,15 +14,6 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.exit_codes import (
-    Hollow,
-    Required,
-    exit_code,
-    hollow_failures,
-    tell,
-    unasked,
-    undecided,
-)
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
@@ -33,6 +24,15 @@ from rtamt_gym.options.command_line import (
     shared,
 )
 from rtamt_gym.play.summaries import record_json
+from rtamt_gym.results.warnings import (
+    Required,
+    VerdictWarning,
+    evidence_warnings,
+    exit_code,
+    failure_warnings,
+    print_warnings,
+    undecided_warnings,
+)
 from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:
@@ -168,14 +168,17 @@ def run(options: argparse.Namespace) -> int:
         print("", *notes, sep="\n")
     _write(done, options)
     failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
-    hollow = hollow_failures(done.record, options, f"{failed} of {every} failed")
-    hollow += undecided(done.record, "simulation", fails=False)
-    hollow += unasked(done.record, "simulation", Required.of(options))
+    verdict_warnings = failure_warnings(
+        failed, options.allow_failures, f"{failed} of {every} failed"
+    )
+    verdict_warnings += undecided_warnings(done.record, "simulation", fails=False)
+    verdict_warnings += evidence_warnings(done.record, "simulation", Required.of(options))
     unsatisfied = _never_satisfied(done.record)
-    hollow += [Hollow(text, options.require_satisfied) for text, _ in unsatisfied]
-    tell(hollow)
+    fails = options.require_satisfied
+    verdict_warnings += [VerdictWarning(text, fails=fails) for text, _ in unsatisfied]
+    print_warnings(verdict_warnings)
     violated = options.require_satisfied and any(violated for _, violated in unsatisfied)
-    return exit_code(["violated"] if violated else [], hollow)
+    return exit_code(["violated"] if violated else [], verdict_warnings)
 
 
 def _never_satisfied(record: Results) -> list[tuple[str, bool]]:

@@ -20,13 +20,13 @@ from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.play.runner import Requirements
-from rtamt_gym.results.asked import never_asked_lines
 from rtamt_gym.results.codec import document, read_as, save
 from rtamt_gym.results.fingerprint import ChangedModelError, listed
 from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
+from rtamt_gym.results.warnings import NEVER, evidence_warnings
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.policies import check_name_of_policy
 from rtamt_gym.tables import counted, shorten
@@ -355,8 +355,8 @@ def _notes(
             )
         if (reuse := each.record.provenance.reuse) is not None:
             yield from (f"{name}: {mixture.line('episode')}" for mixture in reuse.mixtures)
-        for text in never_asked_lines(each.record, "episode"):
-            yield f"{text} of {name}"
+        warnings = evidence_warnings(each.record, "episode")
+        yield from (f"{warning.text} of {name}" for warning in warnings if warning.kind == NEVER)
         if each.decision is not None:
             yield (
                 f"{name} ran until its answer was known, so its rate may lean to that answer; "

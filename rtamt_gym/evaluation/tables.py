@@ -12,11 +12,11 @@ from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, points
 from rtamt_gym.play.summaries import failures
-from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.intervals import promise, rate_interval
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_of
 from rtamt_gym.results.trial import end_note, open_at_stop
+from rtamt_gym.results.warnings import evidence_lines
 from rtamt_gym.tables import Terminal, counted, p_text, short
 
 __all__ = ["comparison_table", "evaluation_table", "show"]
@@ -34,7 +34,7 @@ _LEAST_NAME: Final = 11
 def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str:  # noqa: ANN401 - an `Evaluation`, which prints itself so
     """The table of an evaluation as text; without a terminal plain, of 80 columns."""
     lines = _of_evaluation(evaluation, terminal or Terminal())
-    return "\n".join([*lines, *asked_said(evaluation.record, "episode")])
+    return "\n".join([*lines, *evidence_lines(evaluation.record, "episode")])
 
 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`

@@ -17,10 +17,10 @@ from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.results.asked import asked_texts
 from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.statistics import progress_text
+from rtamt_gym.results.warnings import trigger_texts
 from rtamt_gym.tables import number, sample_text, time_text
 
 
@@ -168,7 +168,7 @@ class TraceJudgement:
     @property
     def asked(self) -> list[str]:
         """How many times each implication was put to the test, in words; empty if none was."""
-        return asked_texts(self.found.asked, self._instant)
+        return trigger_texts(self.found.asked, self._instant)
 
     def _instant(self, at: float) -> str:
         """Return the text of a sample, or of a time in dense time."""

@@ -10,7 +10,6 @@ from typing import Any
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.results.codec import document, plain_results, plain_trial
 from rtamt_gym.results.matrix import Matrix, label
-from rtamt_gym.results.version_1 import documented
 
 
 def to_json(
@@ -54,7 +53,6 @@ def to_json(
             **({} if mutants is None else {"mutants": _mutants(mutants)}),
             **plain_results(matrix, rates=False),
             "trials": trials,
-            "traces": documented(trials),
         },
     )
 

@@ -10,9 +10,9 @@ from typing import Final, Literal, get_args
 from rtamt_gym.reports.charts import NOUNS
 from rtamt_gym.reports.model import Section, ShownRequirement
 from rtamt_gym.reports.views import ComparedRequirement
-from rtamt_gym.results.asked import never_asked_word
 from rtamt_gym.results.mutation import percent
 from rtamt_gym.results.outcome import Word
+from rtamt_gym.results.warnings import never_triggered_word
 from rtamt_gym.tables import counted
 
 __all__ = ["Standing", "key_of", "standing_of", "word_of"]
@@ -78,7 +78,7 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     of = [f"{words[each]} {each}" for each in (*get_args(Word)[1:], "failed") if words[each]]
     never: dict[str, list[str]] = {}
     for key in (key for key, ever in asked.items() if not ever):
-        never.setdefault(never_asked_word(unknown=key in unknown), []).append(names[key])
+        never.setdefault(never_triggered_word(unknown=key in unknown), []).append(names[key])
     parts = [
         f"of {counted(len(found), 'requirement')} {', '.join(of)}",
         *_runs(sections),

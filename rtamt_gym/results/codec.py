@@ -27,7 +27,6 @@ from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.results.version_1 import upgraded
 
 __all__ = [
     "FORMAT",
@@ -69,6 +68,9 @@ KINDS: Final[Mapping[str, str]] = {
 
 _RATES: Final = ("rate", "interval")
 """The statistics of trials that differ by chance alone."""
+
+_VERSION_1: Final = re.compile("rtamt (evaluation|comparison|record|search|case|outcomes) 1")
+"""The formats of files that rtamt 0.5 wrote."""
 
 _BROKEN: Final = (KeyError, TypeError, ValueError, AttributeError, IndexError)
 """What is raised where a file lacks something or holds something else."""
@@ -281,7 +283,7 @@ def check_name(path: str | os.PathLike[str]) -> None:
 def read(
     path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS), others: str = ""
 ) -> dict[str, Any]:
-    """Reads the file of a result; one of version 1 is read as what version 2 would have.
+    """Read the file of a result.
 
     Args:
         path: The file.
@@ -302,23 +304,21 @@ def read(
         kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
         raise InputError(f"{where} holds {what}: {expected}, got no JSON: {error}") from error
-    try:
-        found = _headed(kept) if isinstance(kept, dict) else None
-    except _BROKEN as error:
-        raise InputError(
-            f"cannot read {where}: {type(error).__name__}: {error} in what says that it is "
-            f"{kept.get('format', 'a result')!r}"
-        ) from error
-    if found is None:
+    if not isinstance(kept, dict):
         raise InputError(f"{where} holds {what}: {expected}")
-    if found["version"] != VERSION:
+    version = 1 if _VERSION_1.fullmatch(str(kept.get("format"))) else kept.get("version")
+    known = isinstance(kept.get("kind"), str) and kept.get("format") == FORMAT
+    if version != 1 and not (known and isinstance(version, int)):
+        raise InputError(f"{where} holds {what}: {expected}")
+    if version != VERSION:
+        other = "install a newer rtamt" if version > VERSION else "make it again"
         raise InputError(
-            f"{where} holds a result of version {found['version']}, and rtamt {rtamt.__version__} "
-            f"reads versions 1 and {VERSION}; install a newer rtamt"
+            f"{where} holds a result of version {version}, and rtamt {rtamt.__version__} reads "
+            f"version {VERSION}; {other}"
         )
-    if found["kind"] not in kinds:
-        raise InputError(f"{where} holds {what} but a result of kind {found['kind']!r}: {expected}")
-    return found
+    if kept["kind"] not in kinds:
+        raise InputError(f"{where} holds {what} but a result of kind {kept['kind']!r}: {expected}")
+    return kept
 
 
 def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str, Any]], T]) -> T:
@@ -349,14 +349,6 @@ def made(
             f"cannot read {os.fspath(path)}: it is no result of kind {kind!r} that {KINDS[kind]} "
             f"wrote: {type(error).__name__}: {error}"
         ) from error
-
-
-def _headed(kept: dict[str, Any]) -> dict[str, Any] | None:
-    """A result of version 2 or later; None if it is none."""
-    if kept.get("format") != FORMAT:
-        return upgraded(kept)
-    known = isinstance(kept.get("version"), int) and isinstance(kept.get("kind"), str)
-    return kept if known else None
 
 
 def _no_number(text: str) -> float:

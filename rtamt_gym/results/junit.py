@@ -11,11 +11,10 @@ from xml.etree import ElementTree as ET
 
 from rtamt import RequirementId, Verdict
 from rtamt.errors import shown_lines
-from rtamt_gym.results.asked import never_asked_word
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.results.unmet import Unmet
+from rtamt_gym.results.warnings import VerdictWarning, failing_cell, never_triggered_word
 from rtamt_gym.tables import number
 
 __all__ = ["discard_junit", "to_junit"]
@@ -23,13 +22,11 @@ __all__ = ["discard_junit", "to_junit"]
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
 
-_NONE = Unmet()
-
 
 def to_junit(
     matrix: Matrix,
     rules: Mapping[str, str],
-    unmet: Unmet = _NONE,
+    warnings: Sequence[VerdictWarning] = (),
     *,
     least: Fraction | None = None,
 ) -> bytes:
@@ -43,12 +40,12 @@ def to_junit(
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name; properties of every suite.
-        unmet: What was asked for beside verdicts, and is not so.
+        warnings: The warnings of the command; those that make it fail are failures.
         least: How long each trace is to last, in seconds, which is the property ``shorter_than`` of
             the suite of one that is shorter; None: any time.
     """
     counts = _counts(
-        [_word(row, name, unmet) for row in matrix.rows for name in matrix.requirements]
+        [_word(row, name, warnings) for row in matrix.rows for name in matrix.requirements]
     )
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
@@ -56,7 +53,7 @@ def to_junit(
     said = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
     for row in matrix.rows:
         own = {**rules, **said} if row.name in shorter else rules
-        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids, unmet))
+        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids, warnings))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
@@ -79,9 +76,9 @@ def _suite(
     formulas: Mapping[str, str],
     rules: Mapping[str, str],
     ids: Mapping[str, RequirementId],
-    unmet: Unmet,
+    warnings: Sequence[VerdictWarning],
 ) -> ET.Element:
-    counts = _counts([_word(row, name, unmet) for name in formulas])
+    counts = _counts([_word(row, name, warnings) for name in formulas])
     suite = ET.Element("testsuite", {"name": _xml(row.name), **counts})
     properties = ET.SubElement(suite, "properties")
     for name, value in rules.items():
@@ -94,9 +91,9 @@ def _suite(
             properties = ET.SubElement(case, "properties")
             for key, value in own.items():
                 ET.SubElement(properties, "property", name=key, value=_xml(value))
-        _say(case, cell, formulas[name], unmet.of(row.name, name, cell))
+        _say(case, cell, formulas[name], failing_cell(warnings, row.name, name, cell))
         if isinstance(cell, Outcome) and cell.asked:
-            never = never_asked_word(unknown=bool(cell.unknown))
+            never = never_triggered_word(unknown=bool(cell.unknown))
             rows = (f"{never if each.first is None else each}: {each.text}" for each in cell.asked)
             ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
     if row.described:
@@ -121,14 +118,14 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
 
 
 def _say(
-    case: ET.Element, cell: Outcome | Failure, formula: str, unmet: tuple[str, str] | None
+    case: ET.Element, cell: Outcome | Failure, formula: str, failing: tuple[str, str] | None
 ) -> None:
     """Adds what is to say of a requirement that is not satisfied, or not as was asked for."""
     if isinstance(cell, Failure):
         said = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
         said.text = _xml(cell.traceback or cell.message)
-    elif unmet is not None:
-        kind, message = unmet
+    elif failing is not None:
+        kind, message = failing
         said = ET.SubElement(case, "failure", message=_xml(message), type=kind)
         reasons = [each for each in (cell.text, *cell.not_recorded, cell.way_out) if each]
         said.text = _xml("\n".join([formula, "", message, *reasons]))
@@ -142,10 +139,10 @@ def _say(
         said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
 
 
-def _word(row: Trial, name: str, unmet: Unmet) -> Word:
+def _word(row: Trial, name: str, warnings: Sequence[VerdictWarning]) -> Word:
     """What a test case counts as."""
     cell = row.cell(name)
-    return word(cell) if unmet.of(row.name, name, cell) is None else "violated"
+    return word(cell) if failing_cell(warnings, row.name, name, cell) is None else "violated"
 
 
 def _counts(words: Sequence[Word]) -> dict[str, str]:

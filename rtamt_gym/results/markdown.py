@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from rtamt.errors import shown, shown_lines
-from rtamt_gym.results.asked import asked_in, never_asked_lines, partly_asked_lines
 from rtamt_gym.results.matrix import Matrix, cell_text, label, legend, summary, times_text
 from rtamt_gym.results.outcome import Failure, Outcome
-from rtamt_gym.results.unmet import Unmet
+from rtamt_gym.results.warnings import (
+    VerdictWarning,
+    evidence_warnings,
+    failing_summary,
+    triggered_in,
+)
 
 __all__ = ["to_markdown"]
 
@@ -17,11 +21,10 @@ _MOST = 50
 """The number of cells that are explained: the pages of CI systems are limited in size."""
 
 
-_NONE = Unmet()
-
-
 def to_markdown(
-    matrix: Matrix, unmet: Unmet = _NONE, constants: Mapping[str, str] = MappingProxyType({})
+    matrix: Matrix,
+    warnings: Sequence[VerdictWarning] = (),
+    constants: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
     """The table of outcomes, and below it why a requirement is violated, undecided or in error.
 
@@ -29,12 +32,12 @@ def to_markdown(
 
     Args:
         matrix: The outcomes.
-        unmet: What was asked for beside verdicts, and is not so; the heading says it.
+        warnings: The warnings of the command; the heading shows those that make it fail.
         constants: The values of constants that replace those of the specifications, by name.
     """
-    asked = {name for name in matrix.requirements if asked_in(matrix, name) is not None}
+    asked = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
     names = [_escaped(name) + " | asked" * (name in asked) for name in matrix.requirements]
-    heading = [label(matrix.word), *filter(None, [_escaped(unmet.summary)])]
+    heading = [label(matrix.word), *filter(None, [_escaped(failing_summary(warnings))])]
     lines = [f"# {', '.join(heading)}", ""]
     lines += [f"{_escaped(text)}  " for text in summary(matrix)]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
@@ -52,8 +55,8 @@ def to_markdown(
     for name, each in matrix.provenance.ids.items():
         shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
         lines += ["", f"{_escaped(name)}: {shown}"]
-    said = [*never_asked_lines(matrix), *partly_asked_lines(matrix)]
-    lines += [""] * bool(said) + [f"{_escaped(text)}  " for text in said]
+    evidence = evidence_warnings(matrix)
+    lines += [""] * bool(evidence) + [f"{_escaped(warning.text)}  " for warning in evidence]
     explained = list(_explained(matrix))
     for head, why in explained[:_MOST]:
         fence, text = "`" * 3, shown_lines(why)

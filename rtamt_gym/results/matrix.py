@@ -9,11 +9,11 @@ from fractions import Fraction
 from typing import get_args
 
 from rtamt import Verdict
-from rtamt_gym.results.asked import asked_in, asked_line
 from rtamt_gym.results.extent import gap_summary, length_text
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
 from rtamt_gym.results.provenance import ids_lines
 from rtamt_gym.results.table import Results
+from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
 
 __all__ = [
@@ -150,7 +150,7 @@ def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
     """The head and the cells of a requirement, with a second column if it could be asked."""
     cells = [cell_text(row.cell(name), on_defaults=on_defaults) for row in matrix.rows]
     column = [f"{shorten(name, 16)}  {' ' * on_defaults}", *cells]
-    if asked_in(matrix, name) is None:
+    if triggered_in(matrix, name) is None:
         return column
     asked = ["asked", *(times_text(row.cell(name)) for row in matrix.rows)]
     width, other = max(map(len, column)), max(map(len, asked))
@@ -181,8 +181,8 @@ def summary(matrix: Matrix) -> Iterator[str]:
     ):
         if worst:
             yield f"worst {what}: {worst[0]}, {worst[1]}"
-    if asked := asked_line(matrix):
-        yield asked
+    if triggers := trigger_line(matrix):
+        yield triggers
     if gaps := gap_summary({row.name: row.extent for row in matrix.rows if row.extent}):
         yield gaps
     yield from _notes(matrix)

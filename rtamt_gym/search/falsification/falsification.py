@@ -22,13 +22,17 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.summaries import case_lines, failures
-from rtamt_gym.results.asked import asked_said, never_asked
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.fingerprint import listed
 from rtamt_gym.results.outcome import BY_END, violated_by_end
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.results.undecided import decides_nothing, undecided_in, undecided_texts
+from rtamt_gym.results.warnings import (
+    evidence_lines,
+    triggered_in,
+    undecided_in,
+    undecided_warnings,
+)
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.tables import counted, number
@@ -118,14 +122,15 @@ class Falsification:
     @property
     def not_violated(self) -> str:
         """What a search without a violation has shown: of judged simulations alone."""
-        hollow = ", and never asked" * (self.requirement in never_asked(self.record))
-        if decides_nothing(self.record, self.requirement):
-            left, every = undecided_in(self.record, self.requirement)
-            hollow += f", and is undecided in {left} of {counted(every, 'simulation')}"
+        triggers = triggered_in(self.record, self.requirement)
+        but = ", and never asked" * (triggers is not None and not triggers[0])
+        undecided, judged = undecided_in(self.record, self.requirement)
+        if 0 < judged == undecided:
+            but += f", and is undecided in {undecided} of {counted(judged, 'simulation')}"
         if not self.failed:
-            return f"not violated{hollow}"
-        judged = counted(self.judged, "judged simulation")
-        return f"not violated in {judged}{hollow}; {self.failed} failed"
+            return f"not violated{but}"
+        total = counted(self.judged, "judged simulation")
+        return f"not violated in {total}{but}; {self.failed} failed"
 
     def replay(self) -> Run:
         """Runs `input` again, alone, and keeps every sample.
@@ -250,8 +255,10 @@ class Falsification:
         return f"{markup.plain(repr(self)[1:-1])}<br>{formula}{inputs}"
 
     def __str__(self) -> str:
-        left = {} if self.falsified else undecided_texts(self.record, "simulation")
-        return "\n".join([*self.lines(), *asked_said(self.record, "simulation", left.values())])
+        undecided = []
+        if not self.falsified:
+            undecided = undecided_warnings(self.record, "simulation", fails=False)
+        return "\n".join([*self.lines(), *evidence_lines(self.record, "simulation", undecided)])
 
     @property
     def _by_end(self) -> bool:

@@ -26,9 +26,9 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.play.summaries import failures, record_table
-from rtamt_gym.results.asked import asked_said
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.warnings import evidence_lines
 from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
 from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
@@ -205,7 +205,7 @@ class Sweep:
         return f"<Sweep {repr(self.record).removeprefix('<Record ')}"
 
     def __str__(self) -> str:
-        return "\n".join([*self.lines(), *asked_said(self.record, "simulation")])
+        return "\n".join([*self.lines(), *evidence_lines(self.record, "simulation")])
 
     def lines(self) -> list[str]:
         """The record in a table, and the map of a grid of two columns, as lines of text."""

@@ -117,13 +117,13 @@ def test_json_says_how_a_bag_was_read_and_a_report_reads_it_again(
     reading, outcomes = json.loads(text)["reading"], json.loads(text)
     assert reading["period"] == "1/10"
     assert reading["columns"] == {"signals": {"cmd.linear.x": "robot0/cmd_vel.linear.x"}}
-    assert [each["verdict"] for each in outcomes["traces"]] == [
+    assert [each["verdict"] for each in outcomes["trials"]] == [
         "SATISFIED",
         "VIOLATED",
         "SATISFIED",
         "VIOLATED",
     ]
-    assert outcomes["traces"][1]["requirements"]["slow"]["certain_from"] == 0.4
+    assert outcomes["trials"][1]["outcomes"]["slow"]["decided_at"]["seconds"] == 0.4
     (folder / "outcomes.json").write_text(text)
     assert main(["report", "outcomes.json", "-o", "page.html"]) == 0
     assert "not shown in full" not in (folder / "page.html").read_text()
@@ -177,7 +177,7 @@ def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsy
         assert main(["monitor", "spec.stl", *options]) == 2
         assert capsys.readouterr().err == f"rtamt: error: {message}\n"
     assert main(["monitor", "spec.stl", "--period", "0.1", "--json", path]) == 0
-    (trace,) = json.loads(capsys.readouterr().out)["traces"]
+    (trace,) = json.loads(capsys.readouterr().out)["trials"]
     assert trace["notes"] == ["/robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end"]
 
 

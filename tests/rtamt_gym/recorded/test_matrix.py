@@ -245,16 +245,17 @@ def test_cells_worst_and_exit_code_are_those_of_the_judgements(
             c for c, v in ((1, "VIOLATED"), (3, "UNDECIDED"), (0, "SATISFIED")) if v in verdicts
         )
         codes.add(code)
-        for row in found["traces"]:
-            for name, cell in row["requirements"].items():
-                judgement = expected[row["trace"]][name]
+        for row in found["trials"]:
+            for name, cell in row["outcomes"].items():
+                judgement = expected[row["name"]][name]
                 assert cell["verdict"] == judgement.verdict.name
                 assert float(cell["robustness"]) == judgement.robustness
                 assert (float(cell["lower"]), float(cell["upper"])) == (
                     *(judgement.lower, judgement.upper),
                 )
                 at = judgement.decided_at
-                assert cell["certain_from"] == (None if at is None else at / 2)
+                decided = cell["decided_at"]
+                assert decided == (at if at is None else {"sample": at, "seconds": at / 2})
                 assert cell.get("not_recorded", []) == [str(u) for u in judgement.untested]
 
         def badness(judgements: list[rtamt.Judgement]) -> tuple[int, int, float]:
@@ -368,10 +369,12 @@ def test_cells_of_events_are_those_of_dense_judgements(
         code = main(["monitor", "all.stl", "--dense", "--end", end, "--json", "--", *paths])
         found = json.loads(capsys.readouterr().out)
         assert code == found["exit_code"]
-        for row in found["traces"]:
-            for name, cell in row["requirements"].items():
-                judgement = expected[row["trace"]][name]
+        for row in found["trials"]:
+            for name, cell in row["outcomes"].items():
+                judgement = expected[row["name"]][name]
                 assert cell["verdict"] == judgement.verdict.name
                 assert float(cell["robustness"]) == judgement.robustness
-                assert cell["certain_from"] == judgement.decided_at
+                at = judgement.decided_at
+                decided = cell["decided_at"]
+                assert decided == (at if at is None else {"sample": None, "seconds": at})
                 assert cell.get("not_recorded", []) == [str(u) for u in judgement.untested]

@@ -240,7 +240,7 @@ def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(
     paths = [*names[:3], "deadly.csv", *names[3:]]
     assert main(["monitor", "p = always(x > 0)", "-j", "2", "--json", "--", *paths]) == 2
     said = capsys.readouterr()
-    cells = {row["trace"]: row["requirements"]["p"] for row in json.loads(said.out)["traces"]}
+    cells = {row["name"]: row["outcomes"]["p"] for row in json.loads(said.out)["trials"]}
     message = "deadly.csv: the process that judged it died, perhaps for lack of memory"
     assert said.err == f"rtamt: error: {message}\n"
     assert cells.pop("deadly.csv") == {"verdict": "ERROR", "error": message}

@@ -401,7 +401,6 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     assert bad["outcomes"] == {
         name: {"verdict": "ERROR", "error": BAD} for name in ("near", "answered")
     }
-    assert [trace["trace"] for trace in kept["traces"]] == ["near.csv", "bad.csv"]
 
 
 def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -421,50 +420,11 @@ def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
     return {**found, **numbers, **counts}
 
 
-def test_the_keys_of_version_1_stand_beside_those_of_version_2(capsys: Output) -> None:
-    main(["monitor", "req.stl", "--json", "--", "near.csv", "bad.csv"])
-    assert strict(capsys.readouterr().out)["traces"] == [
-        {
-            "trace": "near.csv",
-            "verdict": "VIOLATED",
-            "described": DESCRIBED,
-            "notes": [CONSTANT],
-            "requirements": {
-                "near": {
-                    "verdict": "VIOLATED",
-                    "robustness": -1.0,
-                    "lower": -1.0,
-                    "upper": -1.0,
-                    "certain_from": 0.5,
-                    "explanation": EXPLAINED,
-                },
-                "answered": {
-                    "verdict": "SATISFIED",
-                    "robustness": 3.0,
-                    "lower": 3.0,
-                    "upper": 3.0,
-                    "certain_from": None,
-                },
-            },
-        },
-        {
-            "trace": "bad.csv",
-            "verdict": "ERROR",
-            "described": None,
-            "notes": [],
-            "requirements": {
-                "near": {"verdict": "ERROR", "error": BAD},
-                "answered": {"verdict": "ERROR", "error": BAD},
-            },
-        },
-    ]
-
-
 def test_json_says_why_a_verdict_is_open_and_keeps_the_sign_of_zeros(
     folder: Path, capsys: Output
 ) -> None:
     assert main(["monitor", "req.stl", "--json", "open.csv"]) == 3
-    cell = strict(capsys.readouterr().out)["traces"][0]["requirements"]["answered"]
+    cell = strict(capsys.readouterr().out)["trials"][0]["outcomes"]["answered"]
     assert (cell["not_recorded"], cell["way_out"]) == ([WHY_OPEN], WAY_OUT)
     (folder / "zero.csv").write_text("x\n0\n")
     assert main(["monitor", "always(x > 0)", "--json", "zero.csv"]) == 1

@@ -264,8 +264,8 @@ def test_the_other_requirements_are_judged_where_one_has_defaults_alone(
 ) -> None:
     alone = "input float64 limit = 0.5; alone = always(limit > 0)"
     assert main(["monitor", TEXT, alone, table(tmp_path, ABSENT), "--json"]) == 2
-    (found,) = json.loads(capsys.readouterr().out)["traces"]
-    verdicts = {name: cell["verdict"] for name, cell in found["requirements"].items()}
+    (found,) = json.loads(capsys.readouterr().out)["trials"]
+    verdicts = {name: cell["verdict"] for name, cell in found["outcomes"].items()}
     assert verdicts == {"out": "SATISFIED", "alone": "ERROR"}
 
 
@@ -287,7 +287,7 @@ def test_a_default_is_kept_with_the_outcomes(
     assert main(["monitor", TEXT, path, "--json"]) == 0
     outcomes = json.loads(capsys.readouterr().out)
     assert outcomes["reading"]["columns"] == {"starts": {"limit": 0.5}}
-    (cell,) = outcomes["traces"][0]["requirements"].values()
+    (cell,) = outcomes["trials"][0]["outcomes"].values()
     assert cell["robustness"] == 0.25
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["out"])

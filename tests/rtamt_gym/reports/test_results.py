@@ -240,12 +240,13 @@ def test_a_file_that_is_called_parquet_and_is_none_is_refused(
 def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     path = tmp_path / "o.json"
     path.write_text(
-        '{"format": "rtamt outcomes 1", "traces": [{"described": ""}]}', encoding="utf-8"
+        '{"format": "rtamt result", "version": 2, "kind": "traces", "trials": []}', encoding="utf-8"
     )
     with pytest.raises(InputError) as caught:
         section_of(path, ROOM)
     assert str(caught.value) == (
-        f"cannot read {path}: KeyError: 'requirements' in what says that it is 'rtamt outcomes 1'"
+        f"cannot read {path}: it is no result of kind 'traces' that rtamt monitor --json wrote: "
+        "KeyError: 'requirements'"
     )
 
 
