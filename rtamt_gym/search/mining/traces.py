@@ -192,7 +192,7 @@ def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
 
 def _is_a(given: object, module: str, name: str) -> bool:
     """Whether this is a `Run` or a `Sweep`; their modules need Gymnasium, which files do not."""
-    room = {"run": "simulation", "sweep": "search.sweeps"}[module]
+    room = {"run": "play", "sweep": "search.sweeps"}[module]
     loaded = sys.modules.get(f"rtamt_gym.{room}.{module}")
     return loaded is not None and isinstance(given, getattr(loaded, name))
 
