@@ -212,7 +212,7 @@ class TextNumbers:
         Args:
             cells: The cells by column.
             selected: Whether each row is read; None if all are.
-            complete: Whether these are all rows of the file, which `finish` converts.
+            complete: Whether these are all rows of the file.
         """
         time = self._wanted.time
         if not self._rows and time is not None and not _holds_numbers(cells[time][:1]):
@@ -226,8 +226,7 @@ class TextNumbers:
         if selected is not None:
             own = {name: column.selected(selected) for name, column in own.items()}
         self._pending.append(own)
-        known = self._option is not None or any(self._marks[n].evidence for n in self._read)
-        if known and not complete:
+        if self._option is not None or any(self._marks[name].evidence for name in self._read):
             self._convert(self._decide(None))
 
     def _look(

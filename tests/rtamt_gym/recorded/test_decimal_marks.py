@@ -18,6 +18,7 @@ import rtamt
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.recording import Wanted
 from rtamt_gym.recorded.sample_rows import read_trace
 
 COMMA = "numbers are read with a decimal comma"
@@ -327,6 +328,37 @@ def test_unread_columns_are_read_again_as_evidence(
     assert (values[0], values[-1], notes[0]) == (12500, 1000, COMMA)
 
 
+def test_both_splitters_return_the_same_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "t.csv"
+    for text, encoding in [
+        ('time, name\n0, "a"\n1, "b"\n', "utf-8"),
+        ("time,name\n0,a\n1,b", "utf-16"),
+    ]:
+        path.write_bytes(text.encode(encoding))
+        for long in (1 << 40, 0):
+            monkeypatch.setattr(csv_reader, "_LONG", long)
+            with open_recording(str(path)) as recording:
+                cells = recording.read(Wanted((), cells=["name"])).cells
+            assert cells["name"].tolist() == ["a", "b"]
+
+
+def test_rows_far_below_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_reader, "_BLOCK", 50)
+
+    def result(*last: str, columns: Columns | None = None) -> Any:  # noqa: ANN401 - as `reading`
+        lines = ["x;y;", *["12345;a;"] * 300, *last]
+        return reading(tmp_path, monkeypatch, "\n".join(lines), columns)
+
+    values, notes = result("12.500;a;")
+    assert (values[0], values[-1], notes) == (12345, 12.5, [])
+    assert result("1;a;7") == ", line 302: expected 2 values (x, y), got 3"
+    assert result("0.5;b;", "1;b;", "bad;b;").startswith(", line 304, column 'x': expected a numb")
+    where = Columns(where={"y": "b"})
+    assert result("0.5;b;", "1;a;", "bad;b;", columns=where).startswith(", line 304, column 'x'")
+
+
 SKIPPED = "lines 1 to 2 are skipped: the names of the columns are in line 3"
 UNITS = "line 2 is a row of units: s, m"
 
@@ -455,3 +487,14 @@ def test_texts_in_other_formats_have_the_same_readings(extension: str, tmp_path:
     )
     assert result(x="1.5 N/A").endswith("got 'N/A'; give --missing hold or --missing unknown")
     assert result(x="1.5 ERR").endswith("row 2, column 'x': expected a number, got 'ERR'")
+
+
+def test_empty_cell_of_a_table_is_not_called_nan(tmp_path: Path) -> None:
+    path = tmp_path / "t.ndjson"
+    for variable, row in {"x": '{"time": 1, "x": null}', "time": '{"time": null, "x": 1}'}.items():
+        path.write_text(f'{{"time": 0, "x": 1}}\n{row}\n')
+        with (
+            open_recording(str(path)) as recording,
+            pytest.raises(rtamt.InputError, match=f"row 2, column '{variable}': .* got none"),
+        ):
+            read_trace(recording, ["x"])
