@@ -144,14 +144,16 @@ class ArrowCells(TextCells):
     def __iter__(self) -> Iterator[str]:
         return iter(self._texts)
 
-    @cached_property
-    def _bytes(self) -> bytes:
-        data = (part.buffers()[2] for part in self._column.chunks)
-        return b"".join(memoryview(buffer) for buffer in data if buffer is not None)
+    def _parts(self) -> Iterator[bytes]:
+        """Yield the bytes of all cells in parts, each of which is freed after use."""
+        for part in self._column.chunks:
+            data = part.buffers()[2]
+            if data is not None:
+                yield data.to_pybytes()
 
     def has(self, character: str) -> bool:
         """Return whether a character of ASCII occurs in a cell."""
-        return character.encode() in self._bytes
+        return any(character.encode() in part for part in self._parts())
 
     def selected(self, rows: NDArray[np.bool_]) -> TextCells:
         """Return the cells of some rows."""
@@ -184,7 +186,7 @@ class ArrowCells(TextCells):
 
     def integers(self) -> NDArray[np.int64] | None:
         """Return the cells as integers of 64 bits; None if one is not."""
-        if self._bytes.translate(None, b"0123456789- "):
+        if any(part.translate(None, b"0123456789- ") for part in self._parts()):
             return None
         with suppress(pa.ArrowInvalid):
             return raw_times_of(pc.utf8_trim_whitespace(self._column).cast(pa.int64()))

@@ -249,7 +249,10 @@ class TextNumbers:
         """
         self.decimal = self._decide(others)
         self._convert(self.decimal)
-        return {name: np.concatenate([np.zeros(0), *p]) for name, p in self._numbers.items()}
+        return {
+            name: parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0), *parts])
+            for name, parts in self._numbers.items()
+        }
 
     def times(self, cells: TextCells, days: TextCells | None = None) -> RawTimes:
         """Return the times in the cells of the column of times that are read.
