@@ -255,7 +255,7 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
         "No column 'x'. The columns are 'y'.",
     ),
     (
-        lambda b: evaluate("x > 0", {"x": [[1.0]]}, backend=b),
+        lambda b: judge("x > 0", {"x": [[1.0]]}, backend=b),
         InputError,
         "expected a 1-D array for 'x', got shape (1, 1)",
     ),
