@@ -71,8 +71,9 @@ _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
 class SavedCase:
     """One case of a system with a requirement, and its outcome; `load` reads one.
 
-    Loading a case never executes code. `replay` imports and runs what the file names, `imports`:
-    modules, policies, models, FMUs. Replay cases only of people whose programs you would run.
+    A case is code of its author, as a pickle is. Loading never executes it, but `replay` imports
+    and runs what the file names, `imports`: modules, policies, models, FMUs. Replay cases only of
+    people whose programs you would run.
 
     `Falsification.save` writes strict JSON, in which infinities are the strings ``"inf"`` and
     ``"-inf"``. ``rtamt replay case.json`` runs it.
