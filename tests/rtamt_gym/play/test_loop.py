@@ -1,6 +1,6 @@
 """The loop of episodes: what it shares, restores and reports."""
 
-import time
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -90,7 +90,7 @@ def test_early_end_leaves_running_episodes() -> None:
 def test_wall_time_includes_a_share_of_the_model() -> None:
     class Slow:
         def predict(self, obs: Any, *_: Any, **__: Any) -> Any:  # noqa: ANN401
-            time.sleep(0.02)
+            threading.Event().wait(0.02)
             return np.zeros(len(obs)), None
 
     def begin(_place: int, task: Task, _policy: Any) -> Any:  # noqa: ANN401
