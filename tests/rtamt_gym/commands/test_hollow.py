@@ -1,4 +1,4 @@
-"""Each row of the page on hollow verdicts: what is printed, the exit code, what makes it fail."""
+"""Each row of the page on warnings: the printed text, the exit code, the option that fails."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SYSTEMS = """\
 import sys
 
 
-def hollow_server(load=0.5):
+def server(load=0.5):
     for i in range(20):
         yield {"req": 2.0 * load, "gnt": 5.0}
 
@@ -26,7 +26,7 @@ def hollow_server(load=0.5):
 def half(load=0.5):
     if load > 0.5:
         raise ValueError("diverged")
-    yield from hollow_server(load)
+    yield from server(load)
 
 
 def broken(load=0.5):
@@ -46,7 +46,7 @@ def fades(load=0.5):
 def leaves_at_times(load=0.5):
     if load > 0.5:
         sys.exit(0)
-    yield from hollow_server(load)
+    yield from server(load)
 
 
 def quits(observation):
@@ -72,14 +72,14 @@ class Row(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """How a row is shown: a command, and what makes it fail where it does not."""
+    """The command of a row, the option that makes it fail, and the text to remove for that."""
 
     command: str
     switch: str = ""
     without: str = ""
 
     def words(self, *, fails: bool) -> list[str]:
-        """The command; with what makes it fail, in front of the traces."""
+        """Return the arguments, with the failing option before the traces."""
         command = self.command.replace(self.without, "") if fails else self.command
         head, dashes, traces = command.partition(" -- ")
         return shlex.split(f"{head} {self.switch if fails else ''}{dashes}{traces}")
@@ -88,55 +88,53 @@ class Shown(NamedTuple):
 POLE = "CartPole-v1 --signal angle=obs[2] --policy zero"
 RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
 LEAN = "right = always(angle > 2 implies eventually[0:0.1](angle < 0.02))"
-SEARCH = f"falsify hollow_systems:hollow_server '{RESPONSE}' --vary load=0:1 --budget 10 --period 1"
+SEARCH = f"falsify plants:server '{RESPONSE}' --vary load=0:1 --budget 10 --period 1"
 BOTH = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
 EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
 MINED = "'always(req >= ?r implies gnt < 0)' --range r=0:9 --tolerance 0.0001"
 STANDS = "--spec 'always(abs(angle) < 1)'"
 ASKED = "--require-triggered"
 FADES = (
-    "falsify hollow_systems:fades 'late = always[0:10](gnt >= 3)' --vary load=0:1 --budget 8 "
+    "falsify plants:fades 'late = always[0:10](gnt >= 3)' --vary load=0:1 --budget 8 "
     "--period 1 --at-termination cut"
 )
 SOON = "late = always[0:0.2](abs(angle) < 1)"
-QUITS = POLE.replace("zero", "hollow_systems:quits")
-FRAIL = POLE.replace("zero", "hollow_systems:frail")
+QUITS = POLE.replace("zero", "plants:quits")
+FRAIL = POLE.replace("zero", "plants:frail")
 GRANTED = "'always(gnt >= 3)'"
 LIMITED = "'input float64 limit = 5.0; float64 gnt; fine = always(gnt > limit)'"
 SHOWN: dict[str, Shown] = {
-    "no trace puts a requirement to the test": Shown(
-        f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED
-    ),
-    "only some traces put a requirement to the test": Shown(
+    "no trace triggers the requirement": Shown(f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED),
+    "only some traces trigger it": Shown(
         f"monitor '{RESPONSE}' -- busy.csv calm.csv", f"{ASKED}=all"
     ),
-    "a request may lie in values that are not known": Shown(
+    "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
-    "no episode of a policy does": Shown(
+    "no episode of a policy triggers it": Shown(
         f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED
     ),
-    "no simulation of a search does": Shown(SEARCH, ASKED),
-    "no point of a sweep does": Shown(
+    "no simulation of a search triggers it": Shown(SEARCH, ASKED),
+    "no point of a sweep triggers it": Shown(
         f"sweep {POLE} --requirement '{LEAN}' --vary env.gravity=9:10 --samples 2", ASKED
     ),
-    "a saved case does not": Shown("replay case.json", ASKED),
-    "one of several implications is never put to the test": Shown(
+    "a saved case does not trigger it": Shown("replay case.json", ASKED),
+    "one of several implications is never triggered": Shown(
         f"monitor '{BOTH}' -- idle.csv busy.csv"
     ),
-    "a constant is mined of traces that do not ask": Shown(f"mine {MINED} -- busy.csv idle.csv"),
-    "no answer was needed": Shown(f"monitor '{EITHER}' busy.csv", "--require-answered"),
-    "the recording stops too early for a requirement": Shown(
+    "the traces of a mined constant trigger nothing": Shown(f"mine {MINED} -- busy.csv idle.csv"),
+    "the verdict needed no answer": Shown(f"monitor '{EITHER}' busy.csv", "--require-answered"),
+    "the recording ends too early for a requirement": Shown(
         "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
     ),
-    "windows reach past a trace that is taken for all there is": Shown(
+    "windows extend past a trace that counts as complete": Shown(
         "monitor 'always[0:60](gnt >= 3)' idle.csv --end complete", "--end cut"
     ),
     "the recording is short": Shown(f"monitor {GRANTED} short.csv", "--min-duration 10s"),
-    "hours are missing in the recording": Shown(
+    "the recording has a gap of hours": Shown(
         f"monitor {GRANTED} gap.csv --jitter 5%", "--max-gap 10s", "--jitter 5%"
     ),
-    "a value is not known": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
+    "a value is unknown": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
     "a cell is empty": Shown(f"monitor {GRANTED} holes.csv"),
     "a cell of a table of events is empty": Shown(
         f"monitor {GRANTED} holes.csv --dense", "--missing unknown"
@@ -144,58 +142,60 @@ SHOWN: dict[str, Shown] = {
     "rows are not evenly spaced": Shown(
         f"monitor {GRANTED} late.csv --jitter 5%", without="--jitter 5%"
     ),
-    "the times contradict the period": Shown(
+    "`--period` contradicts the times": Shown(
         f"monitor {GRANTED} short.csv --period 0.1", "--max-gap 10s"
     ),
     "the times have no unit": Shown(
         f"monitor {GRANTED} ms.csv", "--time-unit ms --min-duration 10s"
     ),
-    "a default takes the place of a column": Shown(f"monitor {LIMITED} short.csv", "--no-defaults"),
-    "a default would hide a column that is spelt otherwise": Shown(f"monitor {LIMITED} near.csv"),
-    "a trace cannot be read, the others satisfy": Shown(
+    "a default replaces a missing column": Shown(f"monitor {LIMITED} short.csv", "--no-defaults"),
+    "a default would hide a misspelt column": Shown(f"monitor {LIMITED} near.csv"),
+    "one trace is unreadable, and the others satisfy": Shown(
         f"monitor {GRANTED} -- idle.csv broken.csv"
     ),
     "all simulations of a search leave a requirement undecided": Shown(
         FADES.replace("[0:10]", "[0:30]")
     ),
-    "some simulations of a search do": Shown(
+    "some simulations of a search leave it undecided": Shown(
         FADES, "--at-termination failure", "--at-termination cut"
     ),
-    "points of a sweep do": Shown(
+    "points of a sweep leave it undecided": Shown(
         f"sweep {POLE} --requirement '{SOON}' --vary env.gravity=9:10 --samples 2 --duration 0.1"
     ),
     "some simulations of a search failed": Shown(
-        SEARCH.replace(":hollow_server", ":half").replace(RESPONSE, "always(gnt >= 3)")
+        SEARCH.replace(":server", ":half").replace(RESPONSE, "always(gnt >= 3)")
     ),
-    "all simulations failed": Shown(SEARCH.replace(":hollow_server", ":broken")),
+    "all simulations failed": Shown(SEARCH.replace(":server", ":broken")),
     "some points of a sweep failed": Shown(
         f"sweep {FRAIL} --requirement 'always(abs(angle) < 1)' --vary env.gravity=9:10 --samples 8",
         "--allow-failures 0",
     ),
     "some episodes of a run failed": Shown(f"run {FRAIL} {STANDS} --episodes 4"),
-    "a policy crashes": Shown(
+    "a policy raises an error in some episodes": Shown(
         f"evaluate {FRAIL} {STANDS} --episodes 6 --at-termination cut",
         "--target 0.95",
         "--episodes 6",
     ),
-    "a system ends the program in all simulations": Shown(
-        SEARCH.replace(":hollow_server", ":leaves")
+    "a system calls `sys.exit` in all simulations": Shown(SEARCH.replace(":server", ":leaves")),
+    "a system calls `sys.exit` in some simulations": Shown(
+        SEARCH.replace(":server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")
     ),
-    "a system ends the program in some simulations of a search": Shown(
-        SEARCH.replace(":hollow_server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")
-    ),
-    "a policy ends the program in some episodes": Shown(
+    "a policy calls `sys.exit` in some episodes": Shown(
         f"evaluate {QUITS} {STANDS} --episodes 6 --at-termination cut",
         "--target 0.95",
         "--episodes 6",
     ),
-    "a module ends the program": Shown(SEARCH.replace("hollow_systems:", "hollow_exit:")),
-    "the environment ended while a requirement was open": Shown(
+    "a module calls `sys.exit` at import": Shown(SEARCH.replace("plants:", "exits:")),
+    "the environment ended while a requirement was undecided": Shown(
         f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
     ),
     "the environment ended inside a bounded window": Shown(
         f"evaluate {POLE} --spec 'late = always[0:20](abs(angle) < 1)' --target 0.5",
         "--at-termination failure",
+    ),
+    "the environment of a sweep ended inside one": Shown(
+        f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
+        "--vary env.gravity=9:10 --samples 2"
     ),
     "success at some step does not last": Shown(
         "evaluate blinking:Blink-v0 --policy zero --success --episodes 6 --hold 900ms",
@@ -205,23 +205,17 @@ SHOWN: dict[str, Shown] = {
     "seeds do not repeat episodes": Shown(
         "evaluate blinking:Wild-v0 --policy zero --success --episodes 2"
     ),
-    "the environment of a sweep did so": Shown(
-        f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
-        "--vary env.gravity=9:10 --samples 2"
-    ),
-    "a suite of traces does not test what a requirement says": Shown(
-        f"monitor --mutants '{RESPONSE}' busy.csv", "--min-noticed 80%"
-    ),
-    "few episodes": Shown(
+    "there are too few episodes for `--target`": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),
-    "the run of a saved case has another verdict": Shown("replay other.json"),
-    "a page shows a saved case without playing it": Shown(
+    "traces do not test the numbers of a requirement": Shown(
+        f"monitor --mutants '{RESPONSE}' busy.csv", "--min-noticed 80%"
+    ),
+    "a saved case now has another verdict": Shown("replay other.json"),
+    "a report shows a saved case without running it": Shown(
         "report gone.json -o page.html", "--play"
     ),
-    "a page shows a case that cannot be played again": Shown(
-        "report gone.json --play -o page.html"
-    ),
+    "a report shows a case that cannot run again": Shown("report gone.json --play -o page.html"),
 }
 
 
@@ -230,7 +224,7 @@ def rows() -> list[Row]:
     found = []
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-        if line.startswith("| ") and len(cells) == 4 and cells[0] != "what is hollow":
+        if line.startswith("| ") and len(cells) == 4 and cells[0] != "Case":
             found.append(Row(cells[0], cells[1].strip("`"), int(cells[2]), cells[3].strip()))
     return found
 
@@ -252,8 +246,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "asks.csv").write_text("time [s],req,gnt\n0,0,9\n1,,9\n2,0,9\n")
     (tmp_path / "late.csv").write_text("time [s],gnt\n0,4\n1,4\n2.5,4\n3,4\n4,4\n")
     (tmp_path / "broken.csv").write_text("time [s],gnt\n0,x\n")
-    (tmp_path / "hollow_systems.py").write_text(SYSTEMS)
-    (tmp_path / "hollow_exit.py").write_text("import sys\n\nsys.exit(0)\n")
+    (tmp_path / "plants.py").write_text(SYSTEMS)
+    (tmp_path / "exits.py").write_text("import sys\n\nsys.exit(0)\n")
     return tmp_path
 
 
@@ -264,7 +258,7 @@ def cases(folder: Path, capsys: Output) -> None:
     kept = json.loads((folder / "case.json").read_text())
     kept["expected"]["verdict"] = "VIOLATED"
     (folder / "other.json").write_text(json.dumps(kept))
-    kept["system"] = {"object": "hollow_systems:leaves"}
+    kept["system"] = {"object": "plants:leaves"}
     (folder / "gone.json").write_text(json.dumps(kept))
     capsys.readouterr()
 
