@@ -71,8 +71,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the page; return 0, or 3 if a case could not be replayed."""
     from rtamt_gym.recorded.readers import extensions, is_bag_folder
     from rtamt_gym.reports.html import render
-    from rtamt_gym.reports.results import Access
-    from rtamt_gym.reports.write import check_page, report_of
+    from rtamt_gym.reports.write import Access, check_page, report_of
 
     check_page(options.output)
     traces = tuple(extension for extension in extensions() if extension != ".parquet")

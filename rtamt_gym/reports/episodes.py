@@ -17,10 +17,8 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.summaries import case_lines
 from rtamt_gym.reports.model import Decision, ShownEpisode
-from rtamt_gym.reports.series import points_of, rounded, shown, six
+from rtamt_gym.reports.numbers import points_of, rounded, shown, six
 from rtamt_gym.results.outcome import Moment, Outcome, word
-
-__all__ = ["PlayedEpisode", "case_texts", "episode_of_run", "in_words_of", "rounded_moment"]
 
 Floats = NDArray[np.float64]
 

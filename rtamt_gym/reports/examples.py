@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any, Final, NamedTuple, TypeVar, cast
+from typing import Any, Final, NamedTuple, cast
 
 import rtamt
 from rtamt import (
@@ -22,13 +22,10 @@ from rtamt import (
 )
 from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
-from rtamt_gym.reports.model import Section, ShownRequirement
-from rtamt_gym.reports.texts import aligned, number
-from rtamt_gym.reports.views import Band, ComparedRequirement, ShownExample
+from rtamt_gym.reports.model import Band, Requirement, Section, ShownExample, numbers_table
+from rtamt_gym.reports.numbers import aligned, number
 from rtamt_gym.results.codec import fraction_of, number_of, read_as
 from rtamt_gym.tables import counted, shorten
-
-__all__ = ["ExamplesLike", "with_examples"]
 
 ExamplesLike = Mapping[str, RequirementExamples] | str | os.PathLike[str]
 """What `rtamt.examples` returns, or the path of a file that ``rtamt examples --json`` wrote."""
@@ -44,8 +41,6 @@ _DOTS: Final = 40
 
 _BANDS: Final = 4
 """Of more variables those are drawn that change."""
-
-_R = TypeVar("_R", ShownRequirement, ComparedRequirement)
 
 
 class _Known(NamedTuple):
@@ -68,7 +63,7 @@ def with_examples(
         InputError: If a file holds no examples, or no requirement has one of its formulas.
         OSError: If there is no such file.
     """
-    shown = [each for section in sections for each in _requirements(section)]
+    shown = [each for section in sections for each in section.requirements]
     texts = {each.formula for each in shown if each.formula}
     formulas = {text: rtamt.parse(text).formula for text in texts}
     known: dict[Formula, _Known] = {}
@@ -79,37 +74,25 @@ def with_examples(
         for one in of_one:
             known.setdefault(one.formula, one)
 
-    def told(of: _R) -> _R:
-        found = known.get(formulas[of.formula]) if of.formula else None
+    def shown_with(requirement: Requirement) -> Requirement:
+        found = known.get(formulas[requirement.formula]) if requirement.formula else None
         if found is None or not found.examples:
-            return of
+            return requirement
         chosen = _chosen(found.examples)
         drawn = tuple(_shown(each, found) for each in chosen)
-        return replace(of, examples=drawn, more_examples=len(found.examples) - len(chosen))
+        more = len(found.examples) - len(chosen)
+        return replace(requirement, examples=drawn, more_examples=more)
 
     return tuple(
-        replace(
-            section,
-            requirements=tuple(map(told, section.requirements)),
-            comparison=section.comparison
-            and replace(
-                section.comparison, requirements=tuple(map(told, section.comparison.requirements))
-            ),
-        )
+        replace(section, requirements=tuple(map(shown_with, section.requirements)))
         for section in sections
     )
-
-
-def _requirements(section: Section) -> Iterator[ShownRequirement | ComparedRequirement]:
-    yield from section.requirements
-    if section.comparison is not None:
-        yield from section.comparison.requirements
 
 
 def _of_others(
     given: ExamplesLike,
     of_one: Sequence[_Known],
-    shown: Sequence[ShownRequirement | ComparedRequirement],
+    shown: Sequence[Requirement],
 ) -> str:
     """Why examples are of no requirement of the page, and what to do."""
     where = os.fspath(given) if isinstance(given, str | os.PathLike) else "the examples"
@@ -201,8 +184,9 @@ def _shown(example: Example, of: _Known) -> ShownExample:
         repeats=trace.loop / trace.samples * _WIDTH,
         loop=counted(trace.loop, "sample") if trace.loop else "",
         steady=", ".join(f"{name} = {number(value)}" for name, value in steady.items()),
-        head=("sample", *trace.columns),
-        rows=tuple(_rows(trace)),
+        table=numbers_table(
+            ("sample", *trace.columns), tuple(_rows(trace)), label="Samples of the example"
+        ),
     )
 
 

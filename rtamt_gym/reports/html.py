@@ -2,40 +2,36 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
 from importlib import resources
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rtamt.errors import shown_lines
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.reports import texts
-from rtamt_gym.reports.charts import (
-    NOUNS,
-    Chart,
-    charts_of,
-    curves_charts,
-    episode_chart,
-    pairs_chart,
-)
+from rtamt_gym.reports import numbers
+from rtamt_gym.reports.figures import episode_figure
 from rtamt_gym.reports.model import (
+    Cell,
+    Column,
+    Facts,
+    Figure,
     Report,
+    Requirement,
+    Row,
     Section,
     ShownEpisode,
-    ShownRequirement,
-    ShownTrial,
+    Table,
     plain,
 )
-from rtamt_gym.reports.rows import DIGITS
+from rtamt_gym.reports.requirements import DIGITS, trials_table
 from rtamt_gym.reports.standing import key_of, standing_of
-from rtamt_gym.reports.views import ComparedRequirement
-from rtamt_gym.results.mutation import percent
-from rtamt_gym.results.statistics import SUCCESS, progress_text
-from rtamt_gym.tables import counted, p_text
-
-__all__ = ["render"]
+from rtamt_gym.results import mutation
+from rtamt_gym.tables import counted
 
 _STYLES: Final = ("page.css", "parts.css", "print.css")
 _SCRIPTS: Final = (
@@ -50,11 +46,13 @@ _SCRIPTS: Final = (
 _FEW: Final = 5
 """The most requirements of a page on which examples are open from the start."""
 
+_Drawn = TypeVar("_Drawn", Figure, Table | Figure)
+
 _SYMBOLS: Final = {"satisfied": "\u2713", "violated": "\u2717", "undecided": "?", "failed": "!"}
 
 
 def render(report: Report) -> str:
-    """Writes a report as one page of HTML, which loads nothing from anywhere.
+    """Return a report as one page of HTML, which loads nothing from anywhere.
 
     The page has the text and the tables as they are, the data of its charts as JSON, and Plotly's
     script, which draws them. A policy in the page forbids it to load anything, whatever names and
@@ -85,185 +83,138 @@ def render(report: Report) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        {
-            "number": texts.number,
-            "percent": texts.percent,
-            "share": percent,
-            "time": texts.time,
-            "p_text": p_text,
-            "counted": counted,
-            "digits": lambda sha: sha[:DIGITS],
-        }
+        number=numbers.number,
+        percent=numbers.percent,
+        share=mutation.percent,
+        counted=counted,
+        digits=lambda sha: sha[:DIGITS],
     )
-    view = _View(open_examples=len(_requirements(report)) <= _FEW)
-    sections = [view.section(section) for section in report.sections]
+    names = dict.fromkeys(each.name for section in report.sections for each in section.requirements)
+    environment.globals.update(
+        symbols=_SYMBOLS,
+        open_examples=len(names) <= _FEW,
+        all_facts=_all_facts,
+        survivors=_survivors,
+        below=mutation.below,
+    )
+    layout = _Layout()
+    sections = [layout.section(section) for section in report.sections]
     return environment.get_template("page.html").render(
         report=report,
         sections=sections,
         standing=standing_of(report.sections),
-        requirements=_requirements(report),
-        symbols=_SYMBOLS,
+        requirements=list(names),
         style="\n".join(map(_read, _STYLES)),
         plotly=get_plotlyjs(),
         script="\n".join(map(_read, _SCRIPTS)),
-        data=_json({"charts": view.charts, "cases": view.cases}),
+        data=_json({"charts": layout.charts, "cases": layout.cases}),
     )
 
 
-@dataclass(slots=True)
-class _Placed:
-    """A part of the report with the id that it has on the page."""
+class _Layout:
+    """Gives the parts of a report their ids on the page, and collects the data of the charts."""
 
-    id: str
-    of: Any
-    parts: Mapping[str, Any] = field(default_factory=dict)
-
-
-class _View:
-    """Gives the parts of a report their ids, and collects the data of the charts."""
-
-    def __init__(self, *, open_examples: bool) -> None:
-        self._open = open_examples
+    def __init__(self) -> None:
         self.charts: dict[str, Any] = {}
         self.cases: dict[str, Any] = {}
         self._keys: dict[tuple[str, str], int] = {}
-        self._names = texts.PageIds(("top", "summary", "filter", "data", "main"))
+        self._ids = PageIds(("top", "summary", "filter", "data", "main"))
 
-    def section(self, section: Section) -> _Placed:
-        name = self._names.add(section.kind)
+    def section(self, section: Section) -> Section:
+        own = self._ids.add(section.kind)
         if section.cases is not None:
-            self.cases[name] = {
-                "labels": section.cases.labels,
-                "columns": plain(section.cases.columns),
-                "robustness": plain(section.cases.robustness),
-                "verdicts": section.cases.verdicts,
-            }
-        compared = section.comparison.requirements if section.comparison else ()
-        drawn = curves_charts(section.methods) if section.methods else []
-        return _Placed(
-            name,
+            self.cases[own] = plain(section.cases)
+        return replace(
             section,
-            {
-                "noun": NOUNS[section.kind],
-                "methods": self._place(name, name, drawn),
-                "requirements": [self._requirement(name, section, r) for r in section.requirements],
-                "compared": [
-                    _Placed(
-                        own := self._names.add(name, each.name),
-                        each,
-                        {
-                            "open": self._open,
-                            "charts": self._place(own, name, _some(pairs_chart(each))),
-                            "key": "" if each.name == SUCCESS else self._key(each),
-                        },
-                    )
-                    for each in compared
-                ],
-                "spread": {
-                    text: (numbers[0], numbers[len(numbers) // 2], numbers[-1])
-                    for text, numbers in (
-                        ("return", section.returns),
-                        ("length", section.durations),
-                    )
-                    if numbers
-                },
-            },
+            id=own,
+            figures=self._placed(section.figures, own, own),
+            requirements=tuple(self._requirement(own, section, r) for r in section.requirements),
         )
 
-    def _requirement(self, section: str, of: Section, requirement: ShownRequirement) -> _Placed:
-        name = self._names.add(section, requirement.name)
-        trials = requirement.trials
-        columns = {
-            "robustness": texts.aligned([trial.robustness for trial in trials]),
-            "progress": [
-                "" if trial.progress is None else progress_text(trial.progress) for trial in trials
-            ],
-            "asked": [_asked(trial) for trial in trials],
-            "violated_at": texts.aligned(
-                [None if t.violated_at is None else t.violated_at.time for t in trials]
-            ),
-            "duration": texts.aligned([trial.duration for trial in trials]),
-            "reward": texts.aligned([trial.reward for trial in trials]),
-        }
-        return _Placed(
-            name,
-            requirement,
-            {
-                "open": self._open,
-                "charts": self._place(name, section, charts_of(of, requirement)),
-                "worst": [self._episode(name, section, of, each) for each in requirement.worst],
-                "rows": [
-                    _Placed(
-                        self._names.add(name, trial.label),
-                        trial,
-                        {column: cells[i] for column, cells in columns.items()},
-                    )
-                    for i, trial in enumerate(trials)
-                ],
-                "key": "" if requirement.together else self._key(requirement),
-                "columns": {column for column, cells in columns.items() if any(cells)},
-                "cases": any(trial.case for trial in trials),
-                "texts": any(trial.text or trial.defaults for trial in trials),
-                "replay": bool(of.replay) and any(trial.seed is not None for trial in trials),
-                "example": _first_seed(trials),
-            },
-        )
+    def _requirement(self, section: str, of: Section, requirement: Requirement) -> Requirement:
+        own = self._ids.add(section, requirement.name)
+        key: int | str = ""
+        if not requirement.together:
+            key = self._keys.setdefault(key_of(requirement), len(self._keys))
+        figures = self._placed(requirement.figures, own, section)
+        worst = tuple(self._episode(own, section, of, each) for each in requirement.worst)
+        placed = replace(requirement, place=own, key=key, figures=figures, worst=worst)
+        if not placed.trials:
+            return placed
+        ids = partial(self._ids.add, own)
+        return replace(placed, table=trials_table(placed, of.noun, of.unit, of.replay, ids))
 
-    def _key(self, requirement: ShownRequirement | ComparedRequirement) -> int:
-        """A number that a requirement has in every section."""
-        return self._keys.setdefault(key_of(requirement), len(self._keys))
+    def _episode(self, name: str, section: str, of: Section, episode: ShownEpisode) -> ShownEpisode:
+        own = self._ids.add(name, "worst", episode.label)
+        (figure,) = self._placed([episode_figure(episode, of.unit)], own, section)
+        return replace(episode, id=own, figure=figure)
 
-    def _episode(self, name: str, section: str, of: Section, episode: ShownEpisode) -> _Placed:
-        own = self._names.add(name, "worst", episode.label)
-        (chart,) = self._place(own, section, [episode_chart(episode, of.unit)])
-        return _Placed(own, episode, {"chart": chart})
-
-    def _place(self, name: str, section: str, charts: list[Chart]) -> list[_Placed]:
-        placed = []
-        for chart in charts:
-            own = self._names.add(name, chart.kind)
-            self.charts[own] = {
-                "kind": chart.kind,
-                "section": section,
-                "title": chart.title,
-                **plain(chart.data),
-            }
-            placed.append(_Placed(own, chart))
-        return placed
+    def _placed(self, figures: Iterable[_Drawn], name: str, section: str) -> tuple[_Drawn, ...]:
+        placed: list[_Drawn] = []
+        for figure in figures:
+            if isinstance(figure, Figure):
+                own = self._ids.add(name, figure.kind)
+                head = {"kind": figure.kind, "section": section, "title": figure.title}
+                self.charts[own] = {**head, **plain(figure.data)}
+                placed.append(replace(figure, id=own))
+            else:
+                placed.append(figure)
+        return tuple(placed)
 
 
-def _asked(trial: ShownTrial) -> str:
-    """How often a trial put a requirement to the test."""
-    if trial.asked is None:
-        return ""
-    if trial.vacuous and trial.asked:
-        return f"{trial.asked}x, no answer"
-    if not trial.asked:
-        return "not for certain" if trial.unknown else "never"
-    return f"{trial.asked}x"
+def _all_facts(section: Section) -> Facts:
+    """Return the facts of a section, with its system, its policy and the spread of its episodes."""
+    named = (("system", section.system), ("policy", section.policy))
+    rows = [
+        (name, text, "") for name, text in (*(each for each in named if each[1]), *section.facts)
+    ]
+    for name, values in (("return", section.returns), ("length", section.durations)):
+        if values:
+            low, middle, high = map(
+                numbers.number, (values[0], values[len(values) // 2], values[-1])
+            )
+            unit = f" {section.unit}" if name == "length" else ""
+            rows.append((f"median {name}", f"{middle}{unit}", f"({low} to {high})"))
+    return Facts(tuple(rows))
 
 
-def _some(chart: Chart | None) -> list[Chart]:
-    return [] if chart is None else [chart]
+def _survivors(name: str, score: mutation.MutationScore) -> Table | None:
+    """Return the table of the mutants that no trace kills; None if there are none."""
+    survivors = [each for each in score.mutants if each.says in ("missed", "unknown")]
+    if not survivors:
+        return None
+    notes = any(each.remark for each in survivors)
+    head = ("at", "change", "kind", *["note"] * notes)
+    rows = (Row((m.place, Cell(codes=(m.change,)), m.kind, *[m.remark] * notes)) for m in survivors)
+    label = f"Mutants of {name} that no trace notices"
+    return Table(tuple(map(Column, head)), tuple(rows), label)
 
 
-def _first_seed(trials: tuple[ShownTrial, ...]) -> int | None:
-    return next((trial.seed for trial in trials if trial.seed is not None), None)
+class PageIds:
+    """Makes the ids of a page out of names: short, safe in an address, and each given once.
+
+    Example:
+        >>> names = PageIds()
+        >>> names.add("Höhe < 3"), names.add("hohe 3"), names.add("高度")
+        ('hohe-3', 'hohe-3-2', 'x')
+    """
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
+
+    def add(self, *parts: str) -> str:
+        """Returns an id of the parts that nothing else on the page has."""
+        plain = "-".join(_slug(part) for part in parts)
+        found, i = plain, 2
+        while found in self._taken:
+            found, i = f"{plain}-{i}", i + 1
+        self._taken.add(found)
+        return found
 
 
-def _requirements(report: Report) -> list[str]:
-    """The names of all requirements, each once, in their order."""
-    names = itertools.chain.from_iterable(
-        [
-            *(each.name for each in section.requirements),
-            *(
-                each.name
-                for each in (section.comparison.requirements if section.comparison else ())
-            ),
-        ]
-        for section in report.sections
-    )
-    return list(dict.fromkeys(names))
+def _slug(text: str) -> str:
+    letters = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9]+", "-", letters).strip("-")[:60].rstrip("-") or "x"
 
 
 def _read(name: str) -> str:

@@ -1,126 +1,168 @@
-"""`Report`: everything that the page of results shows, as plain numbers and text.
+"""What the page of results shows: sections of requirements, and blocks of five kinds.
 
-The modules ``of_*`` beside this one make sections of results, `rtamt_gym.reports.html` makes the
-page. What is drawn beside requirements is in `rtamt_gym.reports.views`.
-
-Numbers of series have six digits; times are in the unit that the section names.
+A block is `Facts`, `Text`, `Table`, `Figure` or `ShownEpisode`; each has one template in ``page/``.
+Numbers of series have six digits; times are in the unit of their section.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 from rtamt import RequirementId
-from rtamt_gym.reports.views import (
-    Cases,
-    ComparisonView,
-    Convergence,
-    HeatMap,
-    MethodsView,
-    MutantView,
-    ShownExample,
-    ShownSeries,
-    TraceTable,
-)
+from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Moment, Word
-
-__all__ = [
-    "Counts",
-    "Decision",
-    "Fact",
-    "Picture",
-    "Report",
-    "Section",
-    "SectionKind",
-    "ShownEpisode",
-    "ShownFile",
-    "ShownRequirement",
-    "ShownTrial",
-    "plain",
-]
 
 SectionKind = Literal["evaluation", "sweep", "search", "matrix", "comparison", "methods"]
 """What a section is about: episodes of a policy, simulations of a record, the search for a
-violation, recorded traces, two evaluations side by side, or methods of learning over training
-seeds."""
+violation, recorded traces, two evaluations, or methods of learning over training seeds."""
+
+NOUNS: Final[Mapping[SectionKind, str]] = {
+    "evaluation": "episode",
+    "sweep": "simulation",
+    "search": "simulation",
+    "matrix": "trace",
+    "comparison": "pair",
+    "methods": "run",
+}
+"""The word for one run in a section of each kind."""
+
+ShownSeries = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Fact:
-    """A line of the table at the head of a section, such as ``episodes`` and ``100``."""
+class Facts:
+    """Names with their values.
 
-    name: str
+    Attributes:
+        rows: The name, the value and a remark, which may be empty.
+        style: Further classes of the list.
+    """
+
+    rows: tuple[tuple[str, str, str], ...]
+    style: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph; names in backticks are shown as code.
+
+    Attributes:
+        text: The paragraph.
+        style: Its classes, such as ``"note"``.
+    """
+
     text: str
+    style: str = "note"
 
 
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """How many episodes satisfied a requirement, violated it, left it open, or failed.
-
-    A failed episode counts in ``failed`` alone; the four sum up to ``episodes``.
-    """
-
-    episodes: int
-    satisfied: int
-    violated: int
-    undecided: int
-    failed: int
-
-
-@dataclass(frozen=True, slots=True)
-class ShownFile:
-    """A file that a result stands on.
+class Column(NamedTuple):
+    """The head of a column.
 
     Attributes:
-        path: Its path as it was given.
-        sha256: Its SHA-256 in hexadecimal digits; empty if it is not known.
+        text: The text.
+        style: Its classes; ``"n"`` is a column of numbers.
+        requirement: The requirement that the column is about, for the filter of the page.
+        sortable: Whether a click on it sorts the table.
     """
 
-    path: str
-    sha256: str = ""
+    text: str
+    style: str = ""
+    requirement: str = ""
+    sortable: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class ShownTrial:
-    """What became of one requirement in one episode, simulation or trace.
+class Cell(NamedTuple):
+    """A cell that is more than a text.
 
     Attributes:
-        label: What tells it from others: ``seed 17``, ``simulation 4`` or the name of a file.
-        verdict: What became of the requirement.
-        robustness: The robustness at the end; None if there is none.
-        violated_at: When a violation showed, at the last sample if only the end decided it; None
-            without a violation, or if nobody knows.
-        duration: How long the episode was; None if nobody knows.
-        reward: The sum of the environment's rewards; None for a system without.
-        seed: The seed of the reset; None for a system without.
-        case: What the simulation was given, a text for each entry.
-        text: The error that ended it, or what else there is to say; may be empty.
-        asked: How often it put the implications of the requirement to the test; None if nobody
-            counted, or there are none.
-        vacuous: Whether it satisfied the requirement without an answer.
-        defaults: The declared defaults that it read, each as ``limit = 0.5``.
-        unknown: Whether values are not known in it, so that ``asked`` counts what is certain.
-        progress: How far it came in the stages of the requirement; None if that has none.
+        text: The text.
+        style: Its classes.
+        value: The number by which the column is sorted.
+        verdict: The verdict that it shows: a sign before the text if ``style`` is set; otherwise a
+            badge.
+        muted: Remarks after the text.
+        codes: Pieces of code after the text.
+        link: The id on the page that the text links to.
+        copied: A text that a button copies, and the label of the button.
+        interval: A number, its interval, and the minimum of the axis on which they are drawn.
     """
 
-    label: str
-    verdict: Word
-    robustness: float | None = None
-    violated_at: Moment | None = None
-    duration: float | None = None
-    reward: float | None = None
-    seed: int | None = None
-    case: tuple[str, ...] = ()
     text: str = ""
-    asked: int | None = None
-    vacuous: bool = False
-    defaults: tuple[str, ...] = ()
-    unknown: bool = False
-    progress: float | None = None
+    style: str = ""
+    value: float | None = None
+    verdict: Word | None = None
+    muted: tuple[str, ...] = ()
+    codes: tuple[str, ...] = ()
+    link: str = ""
+    copied: tuple[str, str] | None = None
+    interval: tuple[float, tuple[float, float], float] | None = None
+
+
+class Row(NamedTuple):
+    """A row of a table; its first cell is its head.
+
+    Attributes:
+        cells: The cells.
+        id: The id of the row on the page.
+        verdict: The verdict of the row, for the filter of the page.
+        style: Its classes.
+    """
+
+    cells: tuple[str | Cell, ...]
+    id: str = ""
+    verdict: str = ""
+    style: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table.
+
+    Attributes:
+        head: The heads of the columns.
+        rows: The rows.
+        label: What it shows, for screen readers.
+        caption: The text above it.
+        style: Its classes.
+        labelled: The id of the element that labels it, in place of ``label``.
+    """
+
+    head: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    label: str = "Numbers of the chart"
+    caption: str = ""
+    style: str = ""
+    labelled: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A chart that the script draws.
+
+    Attributes:
+        kind: The function of the script that draws it.
+        title: Its title.
+        summary: What it shows, in a sentence or two.
+        height: Its height in pixels.
+        data: What the script needs.
+        table: Its numbers; None if they are elsewhere on the page, or the script makes the table.
+        wide: Whether it takes the full width.
+        words: The verdicts that it shows by colour and sign, for its legend.
+        id: Its id on the page.
+    """
+
+    kind: str
+    title: str
+    summary: str
+    height: int
+    data: Mapping[str, Any]
+    table: Table | None = None
+    wide: bool = False
+    words: tuple[Word, ...] = ()
+    id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +171,9 @@ class Decision:
 
     Attributes:
         predicate: The text of the predicate; a key of `ShownEpisode.predicates`.
-        time: When.
-        values: The values of the predicate's variables then; some may be no key of
-            `ShownEpisode.signals`.
-        robustness: The robustness of the predicate then.
+        time: The time of the sample.
+        values: The values of the predicate's variables at that time.
+        robustness: The robustness of the predicate at that time.
         words: The same as a sentence.
     """
 
@@ -145,13 +186,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture of the episode.
-
-    Attributes:
-        time: When.
-        source: The picture as a ``data:`` URL.
-        words: What it shows, for those who do not see it.
-    """
+    """A picture of an episode at a time: a ``data:`` URL, and a description."""
 
     time: float
     source: str
@@ -160,32 +195,33 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class ShownEpisode:
-    """One episode in full: signals, robustness with bounds, and what decided.
+    """One episode in full: signals, robustness with bounds, and the samples that decided.
 
     Every series has a number for each of ``times``, or is empty if it is not known. Long episodes
-    are thinned; extremes, the first and the last sample and the deciding ones stay.
+    are thinned; extremes, the first, the last and the deciding samples stay.
 
     Attributes:
-        label: As `ShownTrial.label`.
+        label: As `TrialRow.label`.
         verdict: What became of the requirement.
         final: The robustness at the end.
-        samples: How many samples the episode has; more than ``times`` if it is thinned.
+        samples: The number of samples; more than ``times`` if the episode is thinned.
         times: The times of the samples shown, increasing.
         signals: The values of each variable and of each further recorded signal.
         robustness: The robustness, if the episode ended there.
-        lower: The least robustness that was still possible.
-        upper: The greatest robustness that was still possible.
+        lower: The minimum robustness that was still possible.
+        upper: The maximum robustness that was still possible.
         predicates: The robustness of each predicate of the requirement, by its text.
         deciding: The samples that decided.
-        decided_at: The moment of the sample that decided a violation; None if none did.
-        seed: As `ShownTrial.seed`.
-        case: As `ShownTrial.case`.
-        explanation: The way from the requirement down to the deciding sample, for a terminal;
-            empty if nothing was to be explained.
-        frames: Pictures, if some were kept.
-        note: What the reader should know, such as that a stopped episode was played to its end;
-            may be empty.
-        of_instant: Whether the robustness is that of each instant, and the bounds are about all.
+        decided_at: The moment of the sample that decided a violation; None if there is none.
+        seed: As `TrialRow.seed`.
+        case: As `TrialRow.case`.
+        explanation: The explanation as text; may be empty.
+        frames: Pictures of the episode.
+        note: A remark; may be empty.
+        of_instant: Whether the robustness is that of each instant, and the bounds are of the
+            episode.
+        figure: The plot; None before the page is laid out.
+        id: Its id on the page.
     """
 
     label: str
@@ -206,56 +242,167 @@ class ShownEpisode:
     frames: tuple[Picture, ...] = ()
     note: str = ""
     of_instant: bool = False
+    figure: Figure | None = None
+    id: str = ""
+
+
+Block = Facts | Text | Table | Figure | ShownEpisode
+
+
+class Counts(NamedTuple):
+    """How many episodes satisfied a requirement, violated it, left it undecided, or failed.
+
+    A failed episode counts in ``failed`` only; the four add up to ``episodes``.
+    """
+
+    episodes: int = 0
+    satisfied: int = 0
+    violated: int = 0
+    undecided: int = 0
+    failed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
-class ShownRequirement:
+class TrialRow:
+    """What became of one requirement in one episode, simulation or trace.
+
+    Attributes:
+        label: The name of the trial: ``seed 17``, ``simulation 4`` or the name of a file.
+        verdict: What became of the requirement.
+        robustness: The robustness at the end; None if there is none.
+        violated_at: The moment of a violation, the last sample if only the end decided it; None
+            without a violation, or if it is not known.
+        duration: The length of the episode; None if it is not known.
+        reward: The sum of the environment's rewards; None for a system without rewards.
+        seed: The seed of the reset; None for a system without a seed.
+        case: The case of the simulation, a text for each entry.
+        text: The error that ended it, or another remark; may be empty.
+        asked: How often it triggered the implications of the requirement; None if triggers were
+            not counted, or there are no implications.
+        vacuous: Whether it satisfied the requirement without an answer.
+        defaults: The declared defaults that it read, each as ``limit = 0.5``.
+        unknown: Whether some values are unknown, so that ``asked`` counts what is certain.
+        progress: The progress in the stages of the requirement; None without stages.
+    """
+
+    label: str
+    verdict: Word
+    robustness: float | None = None
+    violated_at: Moment | None = None
+    duration: float | None = None
+    reward: float | None = None
+    seed: int | None = None
+    case: tuple[str, ...] = ()
+    text: str = ""
+    asked: int | None = None
+    vacuous: bool = False
+    defaults: tuple[str, ...] = ()
+    unknown: bool = False
+    progress: float | None = None
+
+
+class Band(NamedTuple):
+    """A signal of an example, as paths of an SVG that is 100 wide and 36 high.
+
+    Attributes:
+        name: The name of the signal.
+        line: Its values in steps.
+        dots: Its samples; empty if there are many.
+        levels: A line for each number that the signal is compared with.
+        compared: These numbers.
+        low: The number at the bottom.
+        high: The number at the top.
+    """
+
+    name: str
+    line: str
+    dots: str
+    levels: tuple[str, ...]
+    compared: str
+    low: str
+    high: str
+
+
+class ShownExample(NamedTuple):
+    """A trace that shows something about a requirement.
+
+    Attributes:
+        verdict: The verdict of the requirement on it.
+        robustness: The robustness on it; None for a trace that repeats for ever.
+        why: What it shows.
+        length: Its length with the unit.
+        bands: Its signals.
+        repeats: How much of its end, from 0 to 100, repeats for ever.
+        loop: The same in words; empty if nothing repeats.
+        steady: Further signals, which do not change, with their values.
+        table: A row for each run of equal samples.
+    """
+
+    verdict: Word
+    robustness: float | None
+    why: str
+    length: str
+    bands: tuple[Band, ...]
+    repeats: float
+    loop: str
+    steady: str
+    table: Table
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
     """A requirement, and what became of it in all episodes of a section.
 
     Attributes:
         name: Its name.
-        words: It in plain English.
-        formula: It as a formula.
-        counts: How many episodes satisfied it.
-        rate: Satisfied over all; None where a rate has no meaning, as of a search.
+        words: The requirement in plain English.
+        formula: Its formula.
+        counts: What became of it; all 0 in a comparison.
+        rate: The rate of satisfaction, in a comparison the rate of B minus the rate of A; None if
+            a rate has no meaning.
         interval: The 95 % interval of the rate; None without a rate.
-        robustness: The robustness of every episode that has one, least first; where there are more
-            than 1000, only evenly spaced ranks.
-        verdicts: What became of the requirement where it has each of these.
-        quantiles: The robustness below which 5, 25, 50, 75 and 95 % of the episodes lie, by the
-            text of the share (``"0.05"``); empty if no episode has one.
-        first_violations: `ShownTrial.violated_at` of the violations, earliest first.
-        trials: What became of it in each episode, worst first.
-        left_out: How many episodes ``trials`` leaves out, which shows the worst 500.
-        statistics: Numbers of the robustness that no chart shows, such as the conditional value at
-            risk.
+        robustness: The robustness of every episode that has one, smallest first; evenly spaced
+            ranks if there are more than 1000.
+        verdicts: What became of the requirement for each of these.
+        quantiles: The quantiles of the robustness, by the text of the share (``"0.05"``).
+        first_violations: `TrialRow.violated_at` of the violations, earliest first.
+        trials: What became of it in each episode, worst first, at most 500.
+        left_out: How many episodes ``trials`` leaves out.
+        blocks: Texts, facts and tables at the head.
+        figures: Charts, and tables next to them.
         worst: The worst episodes in full, worst first.
-        note: A sentence, such as what the early end of episodes saved; may be empty.
+        note: A remark, such as the simulated time that early ends saved; may be empty.
         by_end: How many episodes are violated by how they ended, at a robustness above zero.
-        id: Its id where requirements are kept, with a link; None if its text gives none.
-        asked: How many episodes put it to the test, and of how many; None without implications.
-        unknown: Whether values are not known in one, so that ``asked`` counts what is certain.
+        id: Its id where requirements are kept, with a link; None without an id.
+        asked: How many episodes triggered it, and in how many triggers were counted; None without
+            implications.
+        unknown: Whether values are unknown in an episode, so that ``asked`` counts what is certain.
         vacuous: How many episodes satisfied it without an answer.
         defaults: How many episodes read each of the declared defaults, as ``limit = 0.5``.
-        answer: What sequential stopping has said of its rate; None without a target.
-        together: Whether it stands for all requirements of its section at once.
-        examples: Traces that satisfy it and violate it, to read beside its words.
-        more_examples: How many further ones there are.
+        answer: The answer of sequential stopping about its rate; None without a target.
+        together: Whether it stands for all requirements of its section.
+        legend: The rates of both sides of a comparison; otherwise empty.
+        examples: Traces that satisfy it and violate it.
+        more_examples: The number of further examples.
+        place: Its id on the page.
+        key: The number that it has in every section.
+        table: The table of its trials; None before the page is laid out.
     """
 
     name: str
     words: str
     formula: str
-    counts: Counts
-    rate: float | None
-    interval: tuple[float, float] | None
-    robustness: ShownSeries
-    verdicts: tuple[Word, ...]
-    quantiles: Mapping[str, float]
-    first_violations: ShownSeries
-    trials: tuple[ShownTrial, ...]
+    counts: Counts = field(default_factory=Counts)
+    rate: float | None = None
+    interval: tuple[float, float] | None = None
+    robustness: ShownSeries = ()
+    verdicts: tuple[Word, ...] = ()
+    quantiles: Mapping[str, float] = field(default_factory=dict)
+    first_violations: ShownSeries = ()
+    trials: tuple[TrialRow, ...] = ()
     left_out: int = 0
-    statistics: tuple[Fact, ...] = ()
+    blocks: tuple[Block, ...] = ()
+    figures: tuple[Figure | Table, ...] = ()
     worst: tuple[ShownEpisode, ...] = ()
     note: str = ""
     by_end: int = 0
@@ -266,8 +413,12 @@ class ShownRequirement:
     defaults: Mapping[str, int] = field(default_factory=dict)
     answer: Word | None = None
     together: bool = False
+    legend: str = ""
     examples: tuple[ShownExample, ...] = ()
     more_examples: int = 0
+    place: str = ""
+    key: int | str = ""
+    table: Table | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,25 +430,24 @@ class Section:
         title: Its title.
         system: The name of the system; may be empty.
         policy: The name of the policy; may be empty.
-        unit: The unit of times: ``"s"``, or ``"steps"`` if there is no period.
-        replay: The command that plays an episode again, with ``{seed}`` in the place of its seed;
-            empty if there is none.
-        facts: The table at its head.
-        notes: Sentences about the whole.
-        requirements: The requirements; empty of a comparison.
-        returns: The sum of the rewards of every episode, least first; empty without.
-        durations: How long the episodes were, shortest first; empty if not known.
-        maps: The maps of a sweep on a grid.
-        cases: The points of a sweep or a search.
-        convergence: The course of a search, for each requirement.
-        comparison: The comparison, if the section is about one.
-        methods: The methods of learning, if the section is about some.
-        matrix: The recorded traces, if the section is about some.
-        mutants: What these notice of the mutants of the requirements; None if none were made.
-        source: The file of the result; None if it was an object.
-        files: The files that it was made of: specifications, models, traces.
+        unit: The unit of times: ``"s"``, or ``"steps"`` without a period.
+        replay: The command that replays an episode, with ``{seed}`` for its seed; may be empty.
+        facts: Names and values at its head.
+        notes: Remarks about the result.
+        lead: The text at the glance, in place of a list of requirements or above it.
+        blocks: Texts, facts and tables above the requirements.
+        figures: Charts below them.
+        requirements: The requirements.
+        returns: The sum of the rewards of every episode, smallest first; empty without rewards.
+        durations: The lengths of the episodes, shortest first; empty if they are not known.
+        cases: The points of a sweep or a search, for charts: labels, columns, robustness, verdicts.
+        mutants: The mutation score of each requirement of recorded traces; None without mutants.
+        min_share: The share of killed mutants that was required; None if none was.
+        source: The path and the SHA-256 of the file of the result; None if it was an object.
+        files: The SHA-256 of each file that the result was made of, by path.
         versions: The versions of Python and packages that made it.
-        not_played: The error for which a saved case was not played again; else empty.
+        not_played: The error for which a saved case was not replayed; otherwise empty.
+        id: Its id on the page.
     """
 
     kind: SectionKind
@@ -306,63 +456,52 @@ class Section:
     policy: str = ""
     unit: str = "s"
     replay: str = ""
-    facts: tuple[Fact, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
-    requirements: tuple[ShownRequirement, ...] = ()
+    lead: Text | None = None
+    blocks: tuple[Block, ...] = ()
+    figures: tuple[Figure | Table, ...] = ()
+    requirements: tuple[Requirement, ...] = ()
     returns: ShownSeries = ()
     durations: ShownSeries = ()
-    maps: tuple[HeatMap, ...] = ()
-    cases: Cases | None = None
-    convergence: tuple[Convergence, ...] = ()
-    comparison: ComparisonView | None = None
-    methods: MethodsView | None = None
-    matrix: TraceTable | None = None
-    mutants: MutantView | None = None
-    source: ShownFile | None = None
-    files: tuple[ShownFile, ...] = ()
+    cases: Mapping[str, Any] | None = None
+    mutants: Mapping[str, MutationScore] | None = None
+    min_share: float | None = None
+    source: tuple[str, str] | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     not_played: str = ""
+    id: str = ""
+
+    @property
+    def noun(self) -> str:
+        """The word for one run."""
+        return NOUNS[self.kind]
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page of results.
-
-    Attributes:
-        title: Its title.
-        made_with: What made it, such as ``rtamt 0.5.0``.
-        sections: The results.
-        made_on: When it was made; may be empty.
-    """
+    """A page of results: a title, what made it and when, and a section for each result."""
 
     title: str
     made_with: str
     sections: tuple[Section, ...]
     made_on: str = ""
 
-    def plain(self) -> dict[str, Any]:
-        """The report as dicts, lists, numbers and texts; infinities are ``"inf"`` and ``"-inf"``.
 
-        Example:
-            >>> Report("Runs", "rtamt", (Section("sweep", "Tank"),)).plain()["sections"][0]["kind"]
-            'sweep'
-        """
-        found: dict[str, Any] = plain(self)
-        return found
-
-    def to_json(self) -> str:
-        """`plain` as strict JSON on one line."""
-        return json.dumps(self.plain(), allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+def numbers_table(head: tuple[str, ...], rows: tuple[tuple[str, ...], ...], **also: Any) -> Table:  # noqa: ANN401 - fields
+    """Return a table of texts."""
+    return Table(tuple(map(Column, head)), tuple(map(Row, rows)), **also)
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any field of the model
-    """Parts of a report as dicts, lists, numbers and texts, which strict JSON can say."""
+    """Return a part of a report as JSON holds it; infinities are ``"inf"`` and ``"-inf"``."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, tuple):
-        return [plain(each) for each in value]
+        return [plain(item) for item in value]
     if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if hasattr(value, "__dataclass_fields__"):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     return value

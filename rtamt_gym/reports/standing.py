@@ -1,37 +1,31 @@
-"""The one line at the head of a page: passed, failed or undecided, and what that stands on."""
+"""The one line at the head of a page: passed, failed or undecided, and what that rests on."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Final, NamedTuple, get_args
 
-from rtamt_gym.reports.charts import NOUNS
-from rtamt_gym.reports.model import Section, ShownRequirement
-from rtamt_gym.reports.views import ComparedRequirement
-from rtamt_gym.results.mutation import percent
+from rtamt_gym.reports.model import Requirement, Section
+from rtamt_gym.results.mutation import below, percent
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.warnings import never_triggered_word
 from rtamt_gym.tables import counted
 
-__all__ = ["Standing", "key_of", "standing_of", "word_of"]
 
-
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """What a page says first.
+class Standing(NamedTuple):
+    """The line at the head of a page.
 
     Attributes:
-        verdict: The word for all: the worst that became of a requirement.
-        text: The same in a word of its own, and what it stands on.
+        verdict: The worst that became of a requirement.
+        text: The same in a word of its own, and what it rests on.
     """
 
     verdict: Word
     text: str
 
 
-_SAID: Final[dict[Word, Literal["Failed", "Undecided", "Passed"]]] = {
+_HEADS: Final[dict[Word, str]] = {
     "violated": "Failed",
     "failed": "Undecided",
     "undecided": "Undecided",
@@ -40,137 +34,116 @@ _SAID: Final[dict[Word, Literal["Failed", "Undecided", "Passed"]]] = {
 
 _WORST: Final[tuple[Word, ...]] = ("violated", "failed", "undecided", "satisfied")
 
-
 _NAMED: Final = 5
 """The most requirements that are named."""
 
 
 def standing_of(sections: Sequence[Section]) -> Standing | None:
-    """The line for the sections of a page; None if none of them judges a requirement.
+    """Return the line for the sections of a page; None if none of them judges a requirement.
 
     Each requirement counts once, with the worst that became of it in any section; so does each
     episode, however many requirements it was judged under. A rate that sequential stopping has
-    compared with a target counts as it was answered. Where traces were judged as tests, by the
-    mutants that they notice, their verdicts do not count.
+    compared with a target counts as it was answered. Verdicts of traces that test requirements, by
+    the mutants that they kill, do not count.
     """
-    found: dict[tuple[str, str], Word] = {}
-    asked: dict[tuple[str, str], bool] = {}
-    unknown: set[tuple[str, str]] = set()
-    names = {}
-    rests: dict[str, None] = {}
+    same: dict[tuple[str, str], list[Requirement]] = {}
     for section in sections:
-        for each in () if section.mutants else section.requirements:
-            if each.together:
-                continue
-            key = key_of(each)
-            names[key] = each.name
-            if each.defaults:
-                rests[each.name] = None
-            found[key] = _worse(word_of(each), found.get(key, "satisfied"))
-            if each.asked is not None:
-                asked[key] = asked.get(key, False) or each.asked[0] > 0
-                unknown |= {key} if each.unknown else set()
-    tested = _Tested.of(sections)
-    if not found:
-        return None if tested is None else tested.standing(_runs(sections))
-    words = Counter(found.values())
-    worst = next(each for each in _WORST if words[each])
-    of = [f"{words[each]} {each}" for each in (*get_args(Word)[1:], "failed") if words[each]]
+        for each in _judged(section) if section.mutants is None else ():
+            same.setdefault(key_of(each), []).append(each)
+    mutants = _mutants(sections)
+    if not same:
+        return None if mutants is None else _of_mutants(sections, mutants)
+    words = Counter(min(map(word_of, those), key=_WORST.index) for those in same.values())
+    worst = next(word for word in _WORST if words[word])
+    counts = [f"{words[word]} {word}" for word in (*get_args(Word)[1:], "failed") if words[word]]
     never: dict[str, list[str]] = {}
-    for key in (key for key, ever in asked.items() if not ever):
-        never.setdefault(never_triggered_word(unknown=key in unknown), []).append(names[key])
+    for (name, _), those in same.items():
+        triggers = [each.asked[0] for each in those if each.asked is not None]
+        if triggers and not any(triggers):
+            unknown = any(each.unknown for each in those if each.asked is not None)
+            never.setdefault(never_triggered_word(unknown=unknown), []).append(name)
+    judged = [each for those in same.values() for each in those]
+    defaults = dict.fromkeys(each.name for each in judged if each.defaults)
     parts = [
-        f"of {counted(len(found), 'requirement')} {', '.join(of)}",
+        f"of {counted(len(same), 'requirement')} {', '.join(counts)}",
         *_runs(sections),
-        *(f"{word}: {', '.join(those)}" for word, those in never.items()),
-        *([f"on defaults: {', '.join(rests)}"] if rests else []),
-        *([] if tested is None else [tested.text]),
+        *(f"{word}: {', '.join(names)}" for word, names in never.items()),
+        *([f"on defaults: {', '.join(defaults)}"] if defaults else []),
+        *([] if mutants is None else [mutants]),
     ]
-    return Standing(worst, f"{_SAID[worst]}: {'; '.join(parts)}.")
+    return Standing(worst, f"{_HEADS[worst]}: {'; '.join(parts)}.")
 
 
-@dataclass(frozen=True, slots=True)
-class _Tested:
-    """What traces notice of the mutants of all requirements, where they were judged as tests."""
-
-    noticed: int
-    different: int
-    least: float | None
-    below: Sequence[str]
-    failed: bool
-
-    @classmethod
-    def of(cls, sections: Sequence[Section]) -> _Tested | None:
-        """It of all sections with mutants; None if there is none."""
-        views = [each.mutants for each in sections if each.mutants is not None]
-        if not views:
-            return None
-        scores = [score for view in views for score in view.scores.values()]
-        of = [each.counts.failed for s in sections if s.mutants for each in s.requirements]
-        asked = [view.least for view in views if view.least is not None]
-        return cls(
-            noticed=sum(score.count("noticed") for score in scores),
-            different=sum(score.different for score in scores),
-            least=max(asked, default=None),
-            below=[name for view in views for name in view.below],
-            failed=any(of),
-        )
-
-    @property
-    def text(self) -> str:
-        """How many mutants are noticed, and of which requirements that is too few."""
-        text = f"mutants noticed: {self.noticed} of {self.different}"
-        if not self.below or self.least is None:
-            return text
-        more = f" and {len(self.below) - _NAMED} more" if len(self.below) > _NAMED else ""
-        return f"{text}, less than {percent(self.least)} of {', '.join(self.below[:_NAMED])}{more}"
-
-    def standing(self, runs: Iterator[str]) -> Standing:
-        """The line of a page on which nothing else is judged."""
-        parts = "; ".join([self.text, *runs])
-        if self.failed:
-            return Standing("failed", f"{_SAID['failed']}: {parts}.")
-        if self.least is not None:
-            word: Word = "undecided" if self.below else "satisfied"
-            return Standing(word, f"{_SAID[word]}: {parts}.")
-        word = "satisfied" if self.noticed == self.different else "undecided"
-        return Standing(word, f"{parts[0].upper()}{parts[1:]}.")
+def _judged(section: Section) -> list[Requirement]:
+    """Return the requirements of a section that are judged, each by itself."""
+    return [r for r in section.requirements if not (r.legend or r.together)]
 
 
-def key_of(requirement: ShownRequirement | ComparedRequirement) -> tuple[str, str]:
-    """What is the same for one requirement in several sections."""
+def _required(sections: Sequence[Section]) -> tuple[float | None, list[str]]:
+    """Return the share of killed mutants that was required, and the requirements below it."""
+    required = [section.min_share for section in sections if section.min_share is not None]
+    names = [
+        name for section in sections for name in below(section.mutants or {}, section.min_share)
+    ]
+    return max(required, default=None), names
+
+
+def _mutants(sections: Sequence[Section]) -> str | None:
+    """Return how many mutants the traces kill; None if no traces were judged as tests."""
+    tested = [section.mutants for section in sections if section.mutants is not None]
+    if not tested:
+        return None
+    scores = [score for mutants in tested for score in mutants.values()]
+    killed = sum(score.count("noticed") for score in scores)
+    text = f"mutants noticed: {killed} of {sum(score.different for score in scores)}"
+    required, names = _required(sections)
+    if not names or required is None:
+        return text
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{text}, less than {percent(required)} of {', '.join(names[:_NAMED])}{more}"
+
+
+def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
+    """Return the line of a page on which nothing but mutants is judged."""
+    parts = "; ".join([text, *_runs(sections)])
+    tested = [section for section in sections if section.mutants is not None]
+    if any(each.counts.failed for section in tested for each in section.requirements):
+        return Standing("failed", f"{_HEADS['failed']}: {parts}.")
+    required, names = _required(sections)
+    if required is not None:
+        word: Word = "undecided" if names else "satisfied"
+        return Standing(word, f"{_HEADS[word]}: {parts}.")
+    scores = [score for section in tested for score in (section.mutants or {}).values()]
+    survived = any(score.count("noticed") < score.different for score in scores)
+    return Standing("undecided" if survived else "satisfied", f"{parts[0].upper()}{parts[1:]}.")
+
+
+def key_of(requirement: Requirement) -> tuple[str, str]:
+    """Return what is the same for one requirement in several sections."""
     return requirement.name, requirement.formula
 
 
-def word_of(requirement: ShownRequirement) -> Word:
-    """The worst that became of a requirement in a section; what nothing judged is undecided."""
+def word_of(requirement: Requirement) -> Word:
+    """Return the worst that became of a requirement; undecided if nothing judged it."""
     if requirement.answer is not None:
         return requirement.answer
     counts = requirement.counts
-    if not counts.episodes:
-        return "undecided"
-    return next(each for each in _WORST if getattr(counts, each))
+    return next((word for word in _WORST if getattr(counts, word)), "undecided")
 
 
 def _runs(sections: Sequence[Section]) -> Iterator[str]:
-    """How many episodes, simulations and traces were judged, and how many failed."""
+    """Yield how many episodes, simulations and traces were judged, and how many failed."""
     judged: Counter[str] = Counter()
     failed: Counter[str] = Counter()
     for section in sections:
-        own = [each for each in section.requirements if not each.together]
+        own = _judged(section)
         if not own:
             continue
-        noun = NOUNS[section.kind]
-        every = max(each.counts.episodes for each in own)
         # A trace may fail under one requirement alone; of more trials than are shown, most do.
         labels = {t.label for each in own for t in each.trials if t.verdict == "failed"}
         lost = max(len(labels), *(each.counts.failed for each in own))
-        judged[noun] += every - lost
-        failed[noun] += lost
+        judged[section.noun] += max(each.counts.episodes for each in own) - lost
+        failed[section.noun] += lost
     for noun in judged:
         text = f"{counted(judged[noun], noun)} judged"
         yield f"{text}, {failed[noun]} failed" if failed[noun] else text
-
-
-def _worse(one: Word, other: Word) -> Word:
-    return min(one, other, key=_WORST.index)

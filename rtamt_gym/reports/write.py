@@ -1,25 +1,64 @@
-"""`write_report`: results as one page of HTML."""
+"""`write_report`: results, or the files of results, as one page of HTML."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any, Final
 
 import rtamt
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
+from rtamt_gym.evaluation.comparison import Comparison
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.play.record import Record
+from rtamt_gym.play.record_files import holds_run, read_space
+from rtamt_gym.play.run import Run
+from rtamt_gym.play.saved_case import SavedCase
+from rtamt_gym.reports.comparisons import of_comparison, of_methods
+from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.examples import ExamplesLike, with_examples
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Report, Section, ShownFile
-from rtamt_gym.reports.results import Access, Result, section_of
-from rtamt_gym.reports.series import ROOM
-from rtamt_gym.results.provenance import file_hash
+from rtamt_gym.reports.model import Report, Section
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.records import of_record, of_run, of_runs
+from rtamt_gym.reports.searches import of_case, of_search, of_search_json
+from rtamt_gym.reports.traces import of_matrix, of_mined
+from rtamt_gym.results.codec import made, read, trials_of
+from rtamt_gym.results.provenance import file_hash, provenance_of
+from rtamt_gym.search.falsification.falsification import Falsification
+from rtamt_gym.search.sweeps.sweep import Sweep
 from rtamt_gym.tables import counted
 
-__all__ = ["check_page", "report_of", "write_report"]
+Result = (
+    Evaluation
+    | Comparison
+    | MethodComparison
+    | Sweep
+    | Record
+    | Falsification
+    | SavedCase
+    | str
+    | os.PathLike[str]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What a section may do beside reading the file of its result.
+
+    Attributes:
+        play: Whether a saved case is played again, which runs the code that it names.
+        traces: Folders below which recorded traces are read, beside the folder of the result and
+            the present one.
+    """
+
+    play: bool = False
+    traces: tuple[Path, ...] = ()
 
 
 def write_report(
@@ -98,7 +137,7 @@ def report_of(
     names: Sequence[str] | None = None,
     date: datetime | None = None,
     examples: Sequence[ExamplesLike] = (),
-    access: Access = Access(),  # noqa: B008 - it is frozen
+    access: Access = Access(),
 ) -> Report:
     """What the page of results shows; arguments are those of `write_report`, examples several."""
     if not results:
@@ -120,7 +159,7 @@ def _section(result: Result, room: int, access: Access) -> Section:
     section = section_of(result, room, access)
     if not isinstance(result, str | os.PathLike):
         return section
-    return replace(section, source=ShownFile(os.fspath(result), file_hash(result)))
+    return replace(section, source=(os.fspath(result), file_hash(result)))
 
 
 def _named(
@@ -171,3 +210,89 @@ def check_page(path: str | os.PathLike[str]) -> None:
     """Refuses the name of a page that does not end in ``.html``."""
     if Path(path).suffix.lower() != ".html":
         raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .html")
+
+
+def section_of(result: Result, room: int, access: Access = Access()) -> Section:
+    """The section of a result, or of the file of one.
+
+    Args:
+        result: The result, or the path of its file or folder.
+        room: How many numbers its episodes together may have.
+        access: What may be read and run for it.
+
+    Raises:
+        InputError: If a file holds no result; says what does.
+        InputTypeError: If it is no result.
+        OSError: If there is no such file.
+    """
+    match result:
+        case Evaluation():
+            return of_evaluation(result, room)
+        case Comparison():
+            return of_comparison(result)
+        case MethodComparison():
+            return of_methods(result)
+        case Sweep() | Record():
+            return of_record(result, room)
+        case Falsification():
+            return of_search(result, room)
+        case SavedCase():
+            return of_case(result, room, play=access.play)
+        case str() | os.PathLike():
+            return _of_file(Path(result), room, access)
+    raise InputTypeError(
+        "expected an Evaluation, a Comparison, a MethodComparison, a Sweep, a Record, a "
+        "Falsification, a SavedCase or the path of the file of one, got "
+        f"{type(result).__name__}"
+    )
+
+
+def _of_file(path: Path, room: int, access: Access) -> Section:
+    if path.suffix.lower() == ".parquet" or path.is_dir():
+        return _of_table(path, room)
+    kept = read(
+        path, SECTIONS, others=", or the Parquet file or the folder of a sweep, a campaign or a run"
+    )
+    return made(path, kept, lambda found: SECTIONS[found["kind"]](found, path, room, access))
+
+
+def _of_table(path: Path, room: int) -> Section:
+    """The section of a Parquet file, or of the folder of a campaign."""
+    if not path.is_dir() and holds_run(path):
+        return of_run(Run.load(path), room)
+    record, also = Record.read(path, "a report")
+    if "space" not in also:
+        return of_record(record, room)
+    space = read_space(also["space"])
+    return of_record(Sweep(record, space, also["sampler"], also["seed"]), room)
+
+
+def _traces(kept: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
+    return of_matrix(kept, path.parent, room, traces=access.traces)
+
+
+def _case(_: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
+    return of_case(SavedCase.load(path), room, play=access.play)
+
+
+def _record(kept: Mapping[str, Any], room: int) -> Section:
+    facts = {name: str(kept[name]) for name in ("sampler", "seed", "stop") if name in kept}
+    return of_record(
+        Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
+        room,
+        facts,
+    )
+
+
+SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Section]]] = {
+    "runs": lambda kept, _path, room, _: of_runs(kept, room),
+    "traces": _traces,
+    "record": lambda kept, _path, room, _: _record(kept, room),
+    "search": lambda kept, _path, _room, _: of_search_json(kept),
+    "case": _case,
+    "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.of_kept(kept), room),
+    "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.of_kept(kept)),
+    "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.of_kept(kept)),
+    "mined": lambda kept, _path, _room, _: of_mined(kept),
+}
+"""The section of each kind of result that a file can hold."""

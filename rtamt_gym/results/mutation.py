@@ -144,6 +144,13 @@ def percent(share: float | None) -> str:
     return "-" if share is None else f"{int(100 * share)} %"
 
 
+def below(scores: Mapping[str, MutationScore], min_share: float | None) -> list[str]:
+    """Return the requirements of which fewer mutants are killed than were required."""
+    shares = {name: score.share for name, score in scores.items()}
+    least = 0.0 if min_share is None else min_share
+    return [name for name, share in shares.items() if share is not None and share < least]
+
+
 def score_text(name: str, score: MutationScore) -> str:
     """How many mutants of a requirement are noticed, in words."""
     text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} noticed"

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page
 from report_example import EXAMPLE
 
 from rtamt.errors import shown
-from rtamt_gym.reports.model import Counts, Report, Section
+from rtamt_gym.reports.model import Counts, Figure, Report, Section, Text
 
 EVALUATION = EXAMPLE.sections[0]
 UPRIGHT = EVALUATION.requirements[0]
@@ -142,6 +142,7 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
             words=name,
             formula=name,
             note=name,
+            blocks=(Text(name),),
             trials=(replace(UPRIGHT.trials[1], label=name, text=name, case=(name,)),),
             worst=(
                 replace(
@@ -163,15 +164,19 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
     )
     sweep = EXAMPLE.sections[1]
     assert sweep.cases
+    drawn = [each for each in sweep.requirements[0].figures if isinstance(each, Figure)]
+    others = [each for each in drawn if each.kind != "map"]
+    (heat,) = (each for each in drawn if each.kind == "map")
+    maps = [replace(heat, data={**heat.data, "x": name, "y": name}) for name in HOSTILE]
     varied = replace(
         sweep,
         title=HOSTILE[0],
-        maps=tuple(replace(sweep.maps[0], x=name, y=name) for name in HOSTILE),
-        cases=replace(
-            sweep.cases,
-            columns=dict.fromkeys(HOSTILE, sweep.cases.columns["leak"]),
-            labels=(HOSTILE[0],) * 9,
-        ),
+        requirements=(replace(sweep.requirements[0], figures=(*others, *maps)),),
+        cases={
+            **sweep.cases,
+            "columns": dict.fromkeys(HOSTILE, sweep.cases["columns"]["leak"]),
+            "labels": (HOSTILE[0],) * 9,
+        },
     )
     hostile = Report(
         HOSTILE[0], HOSTILE[2], (replace(EVALUATION, requirements=requirements), varied)

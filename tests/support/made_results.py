@@ -22,11 +22,18 @@ from rtamt_gym import (
     simulate,
     sweep,
 )
+from rtamt_gym.reports.model import Figure, Section
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
 
 SPECS = {"dry": "always(level < 2)", "fills": "eventually[0:9](level > 1.2)"}
 SPACE = [Parameter("inflow", 0.1, 0.3, unit="m3/s"), Parameter("leak", 0.1, 0.2)]
+
+
+def figures(section: Section, kind: str) -> list[Figure]:
+    """The charts of a kind in a section, in their order."""
+    drawn = [*section.figures, *(each for r in section.requirements for each in r.figures)]
+    return [each for each in drawn if isinstance(each, Figure) and each.kind == kind]
 
 
 def tank(inflow: float, leak: float) -> Iterator[dict[str, float]]:

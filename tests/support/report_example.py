@@ -8,26 +8,31 @@ from fractions import Fraction
 
 from rtamt import Answer, Example, ExampleTrace, RequirementExamples, Verdict
 from rtamt_gym.reports.examples import with_examples
+from rtamt_gym.reports.figures import (
+    cases_figure,
+    convergence_figure,
+    map_figure,
+    pairs_figure,
+    trial_figures,
+)
 from rtamt_gym.reports.model import (
+    NOUNS,
+    Cell,
+    Column,
     Counts,
     Decision,
-    Fact,
+    Facts,
+    Figure,
     Picture,
     Report,
+    Requirement,
+    Row,
     Section,
+    SectionKind,
     ShownEpisode,
-    ShownRequirement,
-    ShownTrial,
-)
-from rtamt_gym.reports.views import (
-    Cases,
-    Cell,
-    ComparedRequirement,
-    ComparisonView,
-    Convergence,
-    HeatMap,
-    TraceLine,
-    TraceTable,
+    Table,
+    Text,
+    TrialRow,
 )
 from rtamt_gym.results.outcome import Moment, Word
 
@@ -73,7 +78,7 @@ _EPISODE = ShownEpisode(
     ),
 )
 
-_UPRIGHT = ShownRequirement(
+_UPRIGHT = Requirement(
     name="upright",
     words="at all times, the absolute value of angle is less than 0.2",
     formula="always(abs(angle) < 0.2)",
@@ -85,15 +90,15 @@ _UPRIGHT = ShownRequirement(
     quantiles={"0.05": -0.05, "0.25": 0.03, "0.5": 0.08, "0.75": 0.13, "0.95": 0.17},
     first_violations=(_AT, 1.9),
     trials=(
-        ShownTrial(
+        TrialRow(
             "seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"
         ),
-        ShownTrial(
+        TrialRow(
             "seed 17", "violated", _MARGIN[_WORST], Moment(round(_AT / 0.02), _AT), 2.0, 61.0, 17
         ),
-        ShownTrial("seed 9", "violated", -0.05, Moment(95, 1.9), 2.0, 96.0, 9),
+        TrialRow("seed 9", "violated", -0.05, Moment(95, 1.9), 2.0, 96.0, 9),
         *(
-            ShownTrial(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
+            TrialRow(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
             for i in range(20)
             if i not in (4, 9, 17)
         ),
@@ -115,14 +120,26 @@ _CENTRED = replace(
     quantiles={"0.05": -math.inf, "0.25": 0.08, "0.5": 0.18, "0.75": 0.28, "0.95": 0.36},
     first_violations=(),
     trials=(
-        ShownTrial("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
-        ShownTrial("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
-        ShownTrial("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
+        TrialRow("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
+        TrialRow("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
+        TrialRow("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
     ),
     left_out=17,
     worst=(),
     note="",
 )
+
+
+def _shown(
+    requirement: Requirement, kind: SectionKind, unit: str = "s", *figures: Figure
+) -> Requirement:
+    """A requirement with its note and its charts."""
+    return replace(
+        requirement,
+        blocks=(Text(requirement.note),) if requirement.note else (),
+        figures=(*trial_figures(requirement, NOUNS[kind], unit), *figures),
+    )
+
 
 _EVALUATION = Section(
     kind="evaluation",
@@ -130,9 +147,9 @@ _EVALUATION = Section(
     system="CartPole-v1",
     policy="sb3:model.zip",
     replay="rtamt run CartPole-v1 --policy sb3:model.zip --seed {seed}",
-    facts=(Fact("episodes", "20"), Fact("seeds", "0 to 19"), Fact("period", "0.02 s")),
+    facts=(("episodes", "20"), ("seeds", "0 to 19"), ("period", "0.02 s")),
     notes=("The test has decided after 20 of 200 episodes: the rate is below 0.95.",),
-    requirements=(_UPRIGHT, _CENTRED),
+    requirements=(_shown(_UPRIGHT, "evaluation"), _shown(_CENTRED, "evaluation")),
     returns=(61.0, 96.0, *(100.0,) * 17),
     durations=(0.4, *(2.0,) * 19),
 )
@@ -145,7 +162,7 @@ _WORDS: tuple[tuple[Word, ...], ...] = (
     ("satisfied", "satisfied", "failed"),
 )
 
-_DRY = ShownRequirement(
+_DRY = Requirement(
     name="dry",
     words="at all times, level is less than 2",
     formula="always(level < 2)",
@@ -157,7 +174,7 @@ _DRY = ShownRequirement(
     quantiles={"0.05": -0.4584, "0.25": 0.11275, "0.5": 0.841, "0.75": 1.0, "0.95": 1.0},
     first_violations=(11.0,),
     trials=(
-        ShownTrial(
+        TrialRow(
             "simulation 3",
             "violated",
             -0.73,
@@ -165,7 +182,7 @@ _DRY = ShownRequirement(
             19.0,
             case=("inflow = 0.3", "leak = 0.1"),
         ),
-        ShownTrial(
+        TrialRow(
             "simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")
         ),
     ),
@@ -173,11 +190,22 @@ _DRY = ShownRequirement(
     worst=(replace(_EPISODE, label="simulation 3", case=("inflow = 0.3",), frames=(), seed=None),),
 )
 
-_CASES = Cases(
-    labels=tuple(f"simulation {i + 1}" for i in range(9)),
-    columns={"inflow": _GRID * 3, "leak": (0.1, 0.1, 0.1, 0.15, 0.15, 0.15, 0.2, 0.2, 0.2)},
-    robustness={"dry": tuple(cell for cells in _CELLS for cell in cells)},
-    verdicts={"dry": ("satisfied", "satisfied", "violated", *("satisfied",) * 5, "failed")},
+_CASES = {
+    "labels": tuple(f"simulation {i + 1}" for i in range(9)),
+    "columns": {"inflow": _GRID * 3, "leak": (0.1, 0.1, 0.1, 0.15, 0.15, 0.15, 0.2, 0.2, 0.2)},
+    "robustness": {"dry": tuple(cell for cells in _CELLS for cell in cells)},
+    "verdicts": {"dry": ("satisfied", "satisfied", "violated", *("satisfied",) * 5, "failed")},
+}
+_POINTS = cases_figure(_CASES, "dry", 0)
+_MAP = map_figure(
+    "dry", ("inflow", "leak"), (_GRID, (0.1, 0.15, 0.2)), _CELLS, _WORDS, folded=False
+)
+_COURSE = convergence_figure(
+    "dry",
+    (1, 2, 3, 4, 5),
+    (0.9, 1.0, 0.4, None, -0.73),
+    ("satisfied", "satisfied", "undecided", "failed", "violated"),
+    (0.9, 0.9, 0.4, 0.4, -0.73),
 )
 
 _SWEEP = Section(
@@ -185,10 +213,9 @@ _SWEEP = Section(
     title="tank over inflow and leak",
     system="tank",
     unit="steps",
-    facts=(Fact("simulations", "9"), Fact("sampler", "grid")),
-    requirements=(_DRY,),
+    facts=(("simulations", "9"), ("sampler", "grid")),
+    requirements=(_shown(_DRY, "sweep", "steps", _MAP, _POINTS),),
     durations=(19.0,) * 9,
-    maps=(HeatMap("dry", "inflow", "leak", _GRID, (0.1, 0.15, 0.2), _CELLS, _WORDS, folded=False),),
     cases=_CASES,
 )
 
@@ -197,44 +224,108 @@ _SEARCH = Section(
     title="search for a violation of dry",
     system="tank",
     unit="steps",
-    facts=(Fact("optimizer", "portfolio"), Fact("budget", "300"), Fact("seed", "0")),
+    facts=(("optimizer", "portfolio"), ("budget", "300"), ("seed", "0")),
     notes=("dry is violated in simulation 5 of at most 300.", "The case was made simpler."),
-    requirements=(replace(_DRY, counts=Counts(5, 4, 1, 0, 0)),),
-    cases=_CASES,
-    convergence=(
-        Convergence(
-            "dry",
-            (1, 2, 3, 4, 5),
-            (0.9, 1.0, 0.4, None, -0.73),
-            ("satisfied", "satisfied", "undecided", "failed", "violated"),
-            (0.9, 0.9, 0.4, 0.4, -0.73),
-        ),
+    requirements=(
+        _shown(replace(_DRY, counts=Counts(5, 4, 1, 0, 0)), "search", "steps", _COURSE, _POINTS),
     ),
+    cases=_CASES,
 )
+
+
+def _line(name: str, verdict: Word, robustness: str, *notes: str) -> Row:
+    cell = Cell(robustness, f"n cell {verdict}", verdict=verdict)
+    return Row((Cell(name, muted=notes), Cell(verdict=verdict), cell), verdict=verdict)
+
 
 _MATRIX = Section(
     kind="matrix",
     title="3 traces",
-    facts=(Fact("end", "cut"), Fact("semantics", "standard")),
+    facts=(("end", "cut"), ("semantics", "standard")),
     requirements=(
-        replace(
-            _DRY,
-            counts=Counts(3, 1, 1, 0, 1),
-            trials=(
-                ShownTrial("runs/c.csv", "failed", text="there is no column 'level'"),
-                ShownTrial("runs/b.csv", "violated", -0.5, Moment(4, 4.0)),
-                ShownTrial("runs/a.csv", "satisfied", 1.0),
+        _shown(
+            replace(
+                _DRY,
+                counts=Counts(3, 1, 1, 0, 1),
+                trials=(
+                    TrialRow("runs/c.csv", "failed", text="there is no column 'level'"),
+                    TrialRow("runs/b.csv", "violated", -0.5, Moment(4, 4.0)),
+                    TrialRow("runs/a.csv", "satisfied", 1.0),
+                ),
+                left_out=0,
             ),
-            left_out=0,
+            "matrix",
         ),
     ),
-    matrix=TraceTable(
-        ("dry",),
-        (
-            TraceLine("runs/a.csv", "satisfied", "101 samples", (Cell("satisfied", 1.0),)),
-            TraceLine("runs/b.csv", "violated", "101 samples", (Cell("violated", -0.5),)),
-            TraceLine("runs/c.csv", "failed", "", (Cell("failed", None),), ("resampled",)),
+    blocks=(
+        Table(
+            (Column("trace"), Column("verdict"), Column("dry", "n", "dry")),
+            (
+                _line("runs/a.csv", "satisfied", "1", "101 samples"),
+                _line("runs/b.csv", "violated", "\N{MINUS SIGN}0.5", "101 samples"),
+                _line("runs/c.csv", "failed", "", "resampled"),
+            ),
+            "Traces and requirements",
+            "Robustness of each requirement on each trace",
+            "matrix",
         ),
+    ),
+)
+
+_OF_A, _OF_B = (0.02786648, 0.3010336), (0.6395894, 0.9476195)
+_SENTENCE = "B satisfies upright more often than A, by 75 points (95 % interval 49 to 88)."
+_COMPARED = Requirement(
+    name="upright",
+    words=_UPRIGHT.words,
+    formula=_UPRIGHT.formula,
+    rate=0.75,
+    interval=(0.49, 0.88),
+    legend="A 10 %, B 85 %",
+    blocks=(
+        Text("B satisfies upright in 85 % and A in 10 % of 20 paired episodes.", "sentence"),
+        Table(
+            (Column(""), Column("rate", "n"), Column("95 % interval")),
+            (
+                Row(
+                    (
+                        "A",
+                        Cell("10 %", "n"),
+                        Cell("3 to 30 %", interval=(0.1, (0.02786648, 0.3010336), 0)),
+                    )
+                ),
+                Row(
+                    (
+                        "B",
+                        Cell("85 %", "n"),
+                        Cell("64 to 95 %", interval=(0.85, (0.6395894, 0.9476195), 0)),
+                    )
+                ),
+                Row(
+                    (
+                        "B less A",
+                        Cell("+75 points", "n"),
+                        Cell("49 to 88 points", interval=(0.75, (0.49, 0.88), -1)),
+                    ),
+                    style="difference",
+                ),
+                Row(("mean robustness, B less A", Cell("+0.31", "n"), "0.2 to 0.4")),
+            ),
+            "Rates of upright",
+            style="rates",
+        ),
+    ),
+    figures=(
+        Table(
+            (Column(""), Column("B satisfies", "n"), Column("B does not", "n")),
+            (
+                Row(("A satisfies", Cell("2", "n"), Cell("0", "n"))),
+                Row(("A does not", Cell("15", "n"), Cell("3", "n"))),
+            ),
+            "Pairs of upright",
+            "Pairs of episodes, p < 0.001 (McNemar)",
+            "pairs",
+        ),
+        *pairs_figure([(-0.3 + 0.01 * i, 0.01 * i) for i in range(20)]),
     ),
 )
 
@@ -242,34 +333,13 @@ _COMPARISON = Section(
     kind="comparison",
     title="model.zip against random",
     system="CartPole-v1",
-    facts=(Fact("pairs", "20"), Fact("seeds", "0 to 19")),
-    comparison=ComparisonView(
-        "random",
-        "model.zip",
-        "B satisfies upright more often than A, by 75 points (95 % interval 49 to 88).",
-        (
-            ComparedRequirement(
-                name="upright",
-                words=_UPRIGHT.words,
-                formula=_UPRIGHT.formula,
-                sentence="B satisfies upright in 85 % and A in 10 % of 20 paired episodes.",
-                rate_a=0.1,
-                rate_b=0.85,
-                interval_a=(0.02786648, 0.3010336),
-                interval_b=(0.6395894, 0.9476195),
-                difference=0.75,
-                interval=(0.49, 0.88),
-                p=6.1e-05,
-                both=2,
-                only_a=0,
-                only_b=15,
-                neither=3,
-                robustness=0.31,
-                robustness_interval=(0.2, 0.4),
-                pairs=tuple((-0.3 + 0.01 * i, 0.01 * i) for i in range(20)),
-            ),
-        ),
+    facts=(("pairs", "20"), ("seeds", "0 to 19")),
+    lead=Text("A: random. B: model.zip.", "words"),
+    blocks=(
+        Text(_SENTENCE, "sentence"),
+        Facts((("A", "random", ""), ("B", "model.zip", ""))),
     ),
+    requirements=(_COMPARED,),
 )
 
 _HELD = (0.0,) * 100

@@ -10,7 +10,7 @@ import pytest
 
 from rtamt import ParseError, parse
 from rtamt_gym.__main__ import main
-from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.write import section_of
 
 Output = pytest.CaptureFixture[str]
 UP = "up = always(v > 1 implies w > 0)"
@@ -197,7 +197,7 @@ def test_constants_of_the_command_line_are_written(folder: Path, capsys: Output)
     assert properties["constant:most"] == "2"
     assert "Constants set on the command line: most = 2" in (folder / "o.md").read_text()
     (folder / "o.json").write_text(written)
-    facts = {fact.name: fact.text for fact in section_of("o.json", 1000).facts}
+    facts = dict(section_of("o.json", 1000).facts)
     assert facts["constant most"] == "2"
 
 

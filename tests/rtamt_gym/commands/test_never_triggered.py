@@ -11,9 +11,9 @@ from rtamt import Asked, DenseAsked, Verdict
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
-from rtamt_gym.reports.results import section_of
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.standing import standing_of
+from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Outcome
 

@@ -22,10 +22,10 @@ from rtamt_gym import Evaluation, StlMonitor, evaluate_policy
 from rtamt_gym.__main__ import main
 from rtamt_gym.evaluation.frames import Film, Frame
 from rtamt_gym.play.run_record import Stop
+from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
-from rtamt_gym.reports.of_evaluation import of_evaluation
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.results.outcome import Moment
 
 SPECS = {"low": "always(x < 1)"}

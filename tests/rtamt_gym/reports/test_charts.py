@@ -10,24 +10,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_results import SPECS, evaluation, row, tank, wave
+from made_results import SPECS, evaluation, figures, row, tank, wave
 
 from rtamt_gym import Parameter, Record, Run, compare, simulate, sweep
-from rtamt_gym.reports.charts import Chart, charts_of, episode_chart
+from rtamt_gym.reports.evaluations import of_evaluation
+from rtamt_gym.reports.figures import episode_figure
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Section
-from rtamt_gym.reports.of_evaluation import of_evaluation
-from rtamt_gym.reports.of_record import of_record
-from rtamt_gym.reports.results import section_of
-from rtamt_gym.reports.series import ROOM
-from rtamt_gym.reports.write import report_of
+from rtamt_gym.reports.model import Figure, Section
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.records import of_record
+from rtamt_gym.reports.write import report_of, section_of
 
 INFLOW, LEAK = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
 
 
-def chart(section: Section, kind: str) -> Chart:
+def chart(section: Section, kind: str) -> Figure:
     """The first chart of a kind of the first requirement."""
-    return next(each for each in charts_of(section, section.requirements[0]) if each.kind == kind)
+    return figures(section, kind)[0]
 
 
 def raised(inflow: float, leak: float, start: float) -> Iterator[dict[str, float]]:
@@ -46,7 +45,7 @@ def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
     folded = chart(several, "map")
     assert folded.summary.endswith(f" {says}")
     # The least over what is not drawn is at the greatest start.
-    alone, least = one.maps[0].cells[0][0], several.maps[0].cells[0][0]
+    alone, least = (chart(each, "map").data["cells"][0][0] for each in (one, several))
     assert alone is not None
     assert least == pytest.approx(alone - 0.6)
 
@@ -75,7 +74,7 @@ def test_a_curve_of_each_instant_is_told_from_one_of_the_whole_episode(tmp_path:
             simulate(rows, "eventually[0:1](x > 0)", period=1, view=view, stop="end"), tmp_path
         )
         (episode,) = section.requirements[0].worst
-        said[view] = episode_chart(episode, section.unit).summary
+        said[view] = episode_figure(episode, section.unit).summary
     assert "instant" not in said["episode"]
     assert said["step"].endswith(
         " The curve of robustness is of each instant, its bounds are about all of them."
@@ -86,7 +85,7 @@ def test_a_long_episode_says_how_many_of_its_samples_are_shown() -> None:
     made = evaluation([row({"low": -4.0, "seen": 1.0}, seed=0)], {"low": (wave(6000),)})
     (episode,) = of_evaluation(made, ROOM).requirements[0].worst
     assert 60 <= len(episode.times) < 6000
-    assert episode_chart(episode, "s").summary.endswith(
+    assert episode_figure(episode, "s").summary.endswith(
         f" {len(episode.times)} of 6000 samples are shown."
     )
 

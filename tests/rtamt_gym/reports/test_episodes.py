@@ -10,8 +10,8 @@ from rtamt import Verdict
 from rtamt_gym import simulate
 from rtamt_gym.play.run import Run
 from rtamt_gym.reports.model import ShownEpisode
-from rtamt_gym.reports.of_runs import of_run
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.records import of_run
 from rtamt_gym.results.outcome import Moment
 
 

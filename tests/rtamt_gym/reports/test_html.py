@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from paths import ROOT
 from report_example import EXAMPLE
 
-from rtamt_gym.reports.charts import bins
-from rtamt_gym.reports.html import render
+from rtamt_gym.reports.figures import bins
+from rtamt_gym.reports.html import PageIds, render
 from rtamt_gym.reports.model import Report
-from rtamt_gym.reports.texts import PageIds, aligned, number, percent
+from rtamt_gym.reports.numbers import aligned, number, percent
 
 PAGE = ROOT / "rtamt_gym" / "reports" / "page"
 
@@ -86,10 +86,8 @@ def test_the_data_of_every_chart_is_in_the_page(page: Elements) -> None:
     assert drawn == list(data["charts"])
     episode = data["charts"]["evaluation-upright-worst-seed-17-episode"]
     assert episode["lower"] == ["-inf"] * 101
-    assert (
-        episode["signals"]
-        == json.loads(EXAMPLE.to_json())["sections"][0]["requirements"][0]["worst"][0]["signals"]
-    )
+    signals = EXAMPLE.sections[0].requirements[0].worst[0].signals
+    assert episode["signals"] == {name: [*values] for name, values in signals.items()}
 
 
 @pytest.mark.slow

@@ -1,18 +1,19 @@
 """The section of an evaluation says what the evaluation has, and shows its worst episodes."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_results import evaluation, row, wave
+from made_results import evaluation, figures, row, wave
 
 from rtamt import Verdict, evaluate
-from rtamt_gym.reports.charts import charts_of
+from rtamt_gym.reports.evaluations import of_evaluation
+from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
-from rtamt_gym.reports.of_evaluation import of_evaluation
-from rtamt_gym.reports.of_record import of_record
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.records import of_record
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd
 
@@ -45,7 +46,7 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     assert section.returns == (2.0, 3.0, 4.0, 5.0)
     assert low.words == "x0 stays below 5 at all times"
     assert seen.words == "x1 gets above 0.5 within the first 1 s"
-    facts = {fact.name: fact.text for fact in section.facts}
+    facts = dict(section.facts)
     assert facts["seeds"] == "7 to 11"
     assert facts["period"] == "0.1 s"
     assert section.replay.format(seed=8) == "evaluation.replay(8)"
@@ -78,8 +79,11 @@ def test_a_hundred_episodes_and_long_plots_stay_small() -> None:
     short = wave(20)
     runs = {"low": (long,) * 10, "seen": (short,) * 10}
     section = of_evaluation(evaluation(rows, runs), ROOM)
-    size = len(Report("many", "rtamt", (section,)).to_json())
-    assert 100_000 < size < 700_000
+    (data,) = re.findall(
+        '<script type="application/json" id="data">(.*?)</script>',
+        render(Report("many", "rtamt", (section,))),
+    )
+    assert 100_000 < len(data) < 700_000
     (episode, *_) = section.requirements[0].worst
     assert episode.samples == 6000
     assert 60 <= len(episode.times) < 400
@@ -124,8 +128,7 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
         rows.append(replace(rows[0], seed=seed, outcomes={"low": outcome, "seen": outcome}))
     section = of_evaluation(evaluation(rows, {}), ROOM)
     assert len(section.requirements) == 3
-    for requirement in section.requirements:
-        (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
+    for histogram in figures(section, "histogram"):
         assert histogram.summary.startswith(words)
         finite = [height for height in violated if math.isfinite(height)]
         by_verdict = histogram.data["by_verdict"]
@@ -156,7 +159,7 @@ def test_what_is_undecided_is_painted_as_undecided_on_either_side_of_zero() -> N
     assert dict(zip(requirement.robustness, requirement.verdicts, strict=True)) == {
         (height or 0.0): verdict.name.lower() for height, verdict in verdicts.items()
     }
-    (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
+    histogram = figures(section, "histogram")[0]
     assert histogram.words == ("violated", "undecided", "satisfied")
     assert {word: sum(each) for word, each in histogram.data["by_verdict"].items()} == {
         "violated": 2,
@@ -165,10 +168,12 @@ def test_what_is_undecided_is_painted_as_undecided_on_either_side_of_zero() -> N
     }
     assert ", 4 undecided." in histogram.summary
     assert histogram.table is not None
-    assert histogram.table.head == ("robustness", "episodes", *histogram.words)
-    for _, episodes, *of in histogram.table.rows:
-        assert int(episodes) == sum(map(int, of))
-    assert histogram.table.rows[0][1:] == ("1", "0", "1", "0")
+    head = [column.text for column in histogram.table.head]
+    assert head == ["robustness", "episodes", *histogram.words]
+    cells = [row.cells for row in histogram.table.rows]
+    for _, episodes, *verdicts_of in cells:
+        assert int(str(episodes)) == sum(int(str(cell)) for cell in verdicts_of)
+    assert cells[0][1:] == ("1", "0", "1", "0")
 
 
 def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.of_matrix import of_matrix
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.model import Cell, Table
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.traces import of_matrix
 from rtamt_gym.reports.write import report_of
 from rtamt_gym.results.outcome import Moment
 
@@ -42,9 +43,11 @@ def test_every_outcome_is_shown_and_the_worst_trace_in_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     section = of_matrix(judged(tmp_path, monkeypatch, capsys), tmp_path, ROOM)
-    assert section.matrix is not None
-    assert section.matrix.requirements == ("near", "answered")
-    words = {line.name: [cell.verdict for cell in line.cells] for line in section.matrix.traces}
+    (table,) = section.blocks
+    assert isinstance(table, Table)
+    assert [column.requirement for column in table.head] == ["", "", "near", "answered"]
+    cells = [[cell for cell in row.cells if isinstance(cell, Cell)] for row in table.rows]
+    words = {first.text: [cell.verdict for cell in others] for first, _, *others in cells}
     assert words == {
         "good.csv": ["satisfied", "satisfied"],
         "near.csv": ["violated", "satisfied"],

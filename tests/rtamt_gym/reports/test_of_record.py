@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_results import row, searched, swept
+from made_results import figures, row, searched, swept
 
 from rtamt_gym import Parameter, Record, SavedCase, Signal, Sweep, Waveform, falsify
 from rtamt_gym.__main__ import main
-from rtamt_gym.reports.of_record import of_record
-from rtamt_gym.reports.of_search import convergence_of, of_case, of_search
-from rtamt_gym.reports.results import Access, section_of
-from rtamt_gym.reports.rows import cases_of
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.records import of_record
+from rtamt_gym.reports.requirements import cases_of
+from rtamt_gym.reports.searches import convergence_of, of_case, of_search
 from rtamt_gym.reports.standing import standing_of
+from rtamt_gym.reports.write import Access, section_of
 
 PLAY = Access(play=True)
 
@@ -37,14 +37,14 @@ def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
     np.testing.assert_allclose(episode.signals["level"], worst.signals["level"], rtol=1e-5)
     assert episode.label == dry.trials[0].label == "simulation 13"
     assert episode.decided_at == dry.trials[0].violated_at
-    heat, _ = section.maps
-    assert (heat.x, heat.y) == ("leak", "inflow [m3/s]")
+    heat, *_ = figures(section, "map")
+    assert (heat.data["x"], heat.data["y"]) == ("leak", "inflow [m3/s]")
     expected = done.map("leak", "inflow", "dry").cells
     assert expected is not None
-    np.testing.assert_allclose(np.array(heat.cells, float), expected, rtol=1e-5)
+    np.testing.assert_allclose(np.array(heat.data["cells"], float), expected, rtol=1e-5)
     assert section.cases is not None
-    assert set(section.cases.columns) == {"inflow", "leak"}
-    assert section.cases.robustness["dry"][12] == pytest.approx(dry.robustness[0])
+    assert set(section.cases["columns"]) == {"inflow", "leak"}
+    assert section.cases["robustness"]["dry"][12] == pytest.approx(dry.robustness[0])
 
 
 def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
@@ -55,10 +55,10 @@ def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
     assert section.notes == (
         "The result holds no system, so that no simulation was played again for this page.",
     )
-    assert section.maps == of_record(done, ROOM).maps
-    assert [each.cells for each in of_record(done.record, ROOM).maps] == [
-        each.cells for each in section.maps
-    ]
+    maps = figures(section, "map")
+    assert maps == figures(of_record(done, ROOM), "map")
+    bare_maps = figures(of_record(done.record, ROOM), "map")
+    assert [each.data["cells"] for each in bare_maps] == [each.data["cells"] for each in maps]
 
 
 @pytest.mark.slow
@@ -68,14 +68,15 @@ def test_of_many_simulations_the_worst_stay() -> None:
     rows = [row({"dry": h}, case={"x": float(i), "fixed": 1.0}) for i, h in enumerate(heights)]
     rows[17] = row({}, case={"x": 17.0, "fixed": 1.0}, error="ValueError: broke")
     record = Record(rows, {"dry": "always(x < 1)"}, "made")
-    cases = cases_of(record)
-    assert cases is not None
-    assert len(cases.labels) == 2000
-    assert cases.left_out == 3000
-    assert set(cases.columns) == {"x"}
+    found = cases_of(record)
+    assert found is not None
+    cases, left_out = found
+    assert len(cases["labels"]) == 2000
+    assert left_out == 3000
+    assert set(cases["columns"]) == {"x"}
     least = sorted(range(5000), key=lambda i: -math.inf if i == 17 else heights[i])[:500]
-    assert {f"simulation {i + 1}" for i in least} <= set(cases.labels)
-    assert cases.verdicts["dry"][cases.labels.index("simulation 18")] == "failed"
+    assert {f"simulation {i + 1}" for i in least} <= set(cases["labels"])
+    assert cases["verdicts"]["dry"][cases["labels"].index("simulation 18")] == "failed"
     requirement = of_record(record, ROOM).requirements[0]
     assert (len(requirement.trials), requirement.left_out) == (500, 4500)
     assert len(requirement.robustness) == 1000
@@ -86,7 +87,7 @@ def test_simulations_that_all_failed_have_no_map() -> None:
         row({}, case={"x": float(i), "y": float(-i)}, error="ValueError: broke") for i in range(3)
     ]
     record = Record(rows, {"dry": "always(x < 1)"}, "made")
-    assert of_record(record, ROOM).maps == ()
+    assert figures(of_record(record, ROOM), "map") == []
 
 
 def test_of_episodes_that_differ_by_their_seed_a_rate_is_known() -> None:
@@ -104,12 +105,12 @@ def test_a_search_shows_its_course_and_the_case_that_it_found() -> None:
         f"dry is violated in simulation {found.simulations}.",
         f"Input: inflow = {found.input['inflow']:g}; leak = {found.input['leak']:g}.",
     )
-    (course,) = section.convergence
-    assert course.simulations == tuple(range(1, found.simulations + 1))
+    course = figures(section, "convergence")[0].data
+    assert course["simulations"] == [*range(1, found.simulations + 1)]
     heights = [each.outcomes["dry"].robustness for each in found.record]
-    np.testing.assert_allclose(np.array(course.robustness, float), heights, rtol=1e-5)
+    np.testing.assert_allclose(np.array(course["robustness"], float), heights, rtol=1e-5)
     np.testing.assert_allclose(
-        np.array(course.least, float), np.minimum.accumulate(heights), rtol=1e-5
+        np.array(course["least"], float), np.minimum.accumulate(heights), rtol=1e-5
     )
     (episode,) = section.requirements[0].worst
     assert episode.verdict == "violated"
@@ -137,12 +138,12 @@ def test_every_new_least_of_a_long_search_is_shown() -> None:
     heights = np.random.default_rng(2).normal(size=9000)
     rows = [row({"dry": h}, case={"x": float(i)}) for i, h in enumerate(heights)]
     rows[0] = row({}, case={"x": 0.0}, error="ValueError: broke")
-    (course,) = convergence_of(Record(rows, {"dry": "always(x < 1)"}))
-    assert course.least[0] is None
-    assert len(course.simulations) <= 2100
+    course = convergence_of(Record(rows, {"dry": "always(x < 1)"}))["dry"].data
+    assert course["least"][0] is None
+    assert len(course["simulations"]) <= 2100
     known = np.minimum.accumulate([math.inf, *heights[1:]])
     steps = {i + 1 for i in range(1, 9000) if known[i] < known[i - 1]}
-    assert steps <= set(course.simulations)
+    assert steps <= set(course["simulations"])
 
 
 @pytest.mark.parametrize("least", [2, 0])

@@ -3,12 +3,11 @@
 import hashlib
 import json
 import shlex
-from dataclasses import astuple
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from made_results import SPACE, evaluation, row, searched, swept, tank, wave
+from made_results import SPACE, evaluation, figures, row, searched, swept, tank, wave
 
 import rtamt_gym
 from rtamt import InputError, InputTypeError
@@ -16,10 +15,9 @@ from rtamt_gym import Evaluation, compare, compare_methods, write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.summaries import record_json
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Fact, ShownFile
-from rtamt_gym.reports.results import section_of
-from rtamt_gym.reports.series import ROOM
-from rtamt_gym.reports.write import report_of
+from rtamt_gym.reports.model import Cell, Table, Text
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.write import report_of, section_of
 
 KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
@@ -47,14 +45,19 @@ def test_a_comparison_and_its_file_give_one_section(tmp_path: Path) -> None:
     made.save(tmp_path / "c.json")
     section = section_of(str(tmp_path / "c.json"), ROOM)
     assert section == section_of(made, ROOM)
-    assert section.comparison is not None
-    low, *_ = section.comparison.requirements
-    assert (low.both, low.only_a, low.only_b, low.neither) == (6, 0, 3, 1)
-    assert low.difference == pytest.approx(0.3)
+    low, *_ = section.requirements
+    pairs, _ = low.figures
+    assert isinstance(pairs, Table)
+    counts = [[cell.text for cell in row.cells[1:] if isinstance(cell, Cell)] for row in pairs.rows]
+    assert counts == [["6", "0"], ["3", "1"]]
+    assert low.rate == pytest.approx(0.3)
+    assert low.legend == "A 60 %, B 90 %"
     assert low.words == "x0 stays below 5 at all times"
-    assert low.robustness == 3.0
-    assert (-4.0, -1.0) in low.pairs
-    assert section.comparison.sentence == made.sentence
+    _, rates = low.blocks
+    assert isinstance(rates, Table)
+    assert rates.rows[-1].cells == ("mean robustness, B less A", Cell("+3", "n"), "3 to 3")
+    assert (-4.0, -1.0) in figures(section, "pairs")[0].data["pairs"]
+    assert section.blocks[0] == Text(made.sentence, "sentence")
 
 
 def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
@@ -66,28 +69,29 @@ def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
     made.save(tmp_path / "m.json")
     section = section_of(tmp_path / "m.json", ROOM)
     assert section == section_of(made, ROOM)
-    view = section.methods
-    assert view is not None
-    assert view.sentence == made.sentence
-    plain, shaped = view.rows
-    assert (plain.runs, plain.p, plain.improvement) == (3, None, None)
-    assert shaped.quartiles == (0.125, 0.4375, 0.75, 0.875, 1.0)
-    assert shaped.improvement == pytest.approx(8 / 9, abs=1e-5)
-    assert [curve.name for curve in view.curves] == ["plain", "shaped"]
-    _, values, lows, highs = astuple(view.curves[1])
-    assert values == (0.25, 0.625)
-    band = zip(lows, values, highs, strict=True)
+    assert section.lead == section.blocks[0] == Text(made.sentence, "sentence")
+    table = section.blocks[1]
+    assert isinstance(table, Table)
+    texts = [[c if isinstance(c, str) else c.text for c in row.cells] for row in table.rows]
+    plain, shaped = texts
+    assert (plain[1], plain[-2:]) == ("3", ["", ""])
+    assert shaped[6:9] == ["0.125", "0.4375, 0.75, 0.875", "1"]
+    assert shaped[9].startswith("0.8889 (")
+    learning, _ = figures(section, "curves")
+    assert [curve["name"] for curve in learning.data["curves"]] == ["plain", "shaped"]
+    curve = learning.data["curves"][1]
+    assert curve["values"] == [0.25, 0.625]
+    band = zip(curve["low"], curve["values"], curve["high"], strict=True)
     assert all(low <= value <= high for low, value, high in band)
     page = render(report_of(made))
     assert "shaped" in page
     assert page.count('data-chart="methods-curves') == 2  # learning, and profiles
     of_tasks = {name: {"reach": runs, "push": runs} for name, runs in curves.items()}
     several = section_of(compare_methods(of_tasks, steps=[100, 200], resamples=200), ROOM)
-    assert Fact("tasks", "reach, push") in several.facts
-    assert "tasks" not in {fact.name for fact in section.facts}
+    assert ("tasks", "reach, push") in several.facts
+    assert "tasks" not in dict(section.facts)
     without = section_of(compare_methods({"plain": [0.0, 0.5], "shaped": [1.0, 0.5]}), ROOM)
-    assert without.methods is not None
-    assert without.methods.curves == ()
+    assert [each.title for each in figures(without, "curves")] == ["Performance profile"]
 
 
 def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) -> None:
@@ -104,7 +108,8 @@ def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) 
         assert [each.trials for each in read.requirements] == [
             each.trials for each in made.requirements
         ]
-        assert [each.cells for each in read.maps] == [each.cells for each in made.maps]
+        cells = [[each.data["cells"] for each in figures(one, "map")] for one in (read, made)]
+        assert cells[0] == cells[1]
 
 
 def test_the_folder_of_a_campaign_is_a_result(tmp_path: Path) -> None:
@@ -125,8 +130,8 @@ def test_what_falsify_prints_is_a_result(
     (tmp_path / "f.json").write_text(printed, encoding="utf-8")
     section = section_of(tmp_path / "f.json", ROOM)
     kept = json.loads(printed)
-    (course,) = section.convergence
-    assert len(course.simulations) == kept["simulations"]
+    (course,) = figures(section, "convergence")
+    assert len(course.data["simulations"]) == kept["simulations"]
     assert section.requirements[0].trials[0].verdict == "violated"
     assert section.requirements[0].words == "y5 - y4 stays at most 40 during the first 100 s"
 
@@ -179,7 +184,7 @@ def test_a_file_has_its_hash_on_the_page(tmp_path: Path) -> None:
     made.save(tmp_path / "e.json")
     sha = hashlib.sha256((tmp_path / "e.json").read_bytes()).hexdigest()
     section = report_of(tmp_path / "e.json").sections[0]
-    assert section.source == ShownFile(str(tmp_path / "e.json"), sha)
+    assert section.source == (str(tmp_path / "e.json"), sha)
     assert report_of(made).sections[0].source is None
     write_report(tmp_path / "e.html", tmp_path / "e.json")
     page = (tmp_path / "e.html").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt_gym.reports.series import MOST, ROOM, evenly, points_of, shown
+from rtamt_gym.reports.numbers import MOST, ROOM, evenly, points_of, shown
 
 
 @given(st.integers(0, 10_000), st.integers(1, 3000), st.integers(1, 4), st.integers(2, 300))

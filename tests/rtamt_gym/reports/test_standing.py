@@ -15,8 +15,8 @@ from report_example import EXAMPLE
 from rtamt_gym import write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Report, Section, SectionKind, ShownTrial
-from rtamt_gym.reports.rows import requirement_of
+from rtamt_gym.reports.model import Report, Section, SectionKind, TrialRow
+from rtamt_gym.reports.requirements import requirement_of
 from rtamt_gym.reports.standing import standing_of
 from rtamt_gym.results.outcome import Word
 
@@ -57,7 +57,7 @@ def sections_of(drawn: Sequence[Drawn]) -> list[Section]:
                     name,
                     name,
                     f"always({name} > 0)",
-                    [ShownTrial(f"{i}", word, asked=asked[i]) for i, word in enumerate(words)],
+                    [TrialRow(f"{i}", word, asked=asked[i]) for i, word in enumerate(words)],
                     together=together,
                 )
                 for name, words, asked, together in of
@@ -130,7 +130,7 @@ def test_each_requirement_and_each_run_counts_once(drawn: list[Drawn]) -> None:
 def test_the_answer_to_a_target_counts_and_nothing_judged_is_no_pass(
     words: list[Word], answer: Word | None, text: str
 ) -> None:
-    trials = [ShownTrial(f"seed {i}", word) for i, word in enumerate(words)]
+    trials = [TrialRow(f"seed {i}", word) for i, word in enumerate(words)]
     section = Section(
         "evaluation", "x", requirements=(requirement_of("a", "a", "a > 0", trials, answer=answer),)
     )

@@ -8,8 +8,8 @@ import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.saved_case import SavedCase
-from rtamt_gym.reports.of_matrix import of_matrix
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.traces import of_matrix
 from rtamt_gym.reports.write import report_of, write_report
 
 Output = pytest.CaptureFixture[str]

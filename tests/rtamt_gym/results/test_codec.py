@@ -16,8 +16,9 @@ from profiles import examples
 from rtamt import Verdict
 from rtamt_gym import Case, Evaluation, Run, Waveform, compare, compare_methods, simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.reports.results import SECTIONS, section_of
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.model import Facts
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.write import SECTIONS, section_of
 from rtamt_gym.results.codec import KINDS, plain, read, trial_of
 from rtamt_gym.results.outcome import Failure, Moment, Outcome
 from rtamt_gym.results.trial import Trial
@@ -177,8 +178,13 @@ def test_a_run_in_a_table_and_in_an_evaluation_is_the_same(tmp_path: Path) -> No
 def test_the_page_tells_the_statistics_that_the_terminal_does() -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)]})
     shown = section_of(evaluation, ROOM).requirements[0]
-    facts = {fact.name: fact.text for fact in shown.statistics}
-    assert facts == {"least": "0", "CVaR 5%": "0.5", "median": "19", "greatest": "39"}
+    (facts,) = (block for block in shown.blocks if isinstance(block, Facts))
+    assert {name: text for name, text, _ in facts.rows} == {
+        "least": "0",
+        "CVaR 5%": "0.5",
+        "median": "19",
+        "greatest": "39",
+    }
     assert evaluation.requirements["near"].interval == shown.interval
     kept = json.loads(evaluation.to_json())["results"]["near"]
     assert (kept["cvar"], kept["least"], kept["greatest"]) == (0.5, 0.0, 39.0)

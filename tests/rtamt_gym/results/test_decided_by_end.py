@@ -30,8 +30,8 @@ from rtamt_gym.learners.metrics import Satisfaction, ended_episodes, evaluation_
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run_files import plain_run, run_fields
 from rtamt_gym.play.summaries import run_table
-from rtamt_gym.reports.results import section_of
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.table import together

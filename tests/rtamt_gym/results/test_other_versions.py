@@ -9,8 +9,8 @@ from paths import ROOT
 
 from rtamt import InputError
 from rtamt_gym import Run, SavedCase, Sweep
-from rtamt_gym.reports.results import section_of
-from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import read
 
 FILES = ROOT / "tests" / "golden" / "results_v1"

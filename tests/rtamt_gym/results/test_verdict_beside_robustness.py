@@ -39,8 +39,8 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.play.plot import draw
 from rtamt_gym.play.run_files import plain_run
 from rtamt_gym.play.summaries import record_table, runs_json
-from rtamt_gym.reports.charts import episode_chart
 from rtamt_gym.reports.episodes import episode_of_run
+from rtamt_gym.reports.figures import episode_figure
 from rtamt_gym.wrappers.overlay import OverlayPanel
 
 NAMED = (
@@ -282,7 +282,7 @@ def page(made: Made) -> str:
 
 
 def chart(made: Made) -> str:
-    words = episode_chart(episode_of_run(made.run(), "upright", "run", 10_000, 1), "s").summary
+    words = episode_figure(episode_of_run(made.run(), "upright", "run", 10_000, 1), "s").summary
     return lowered(words)
 
 

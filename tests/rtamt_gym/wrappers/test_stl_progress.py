@@ -11,7 +11,8 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from rtamt_gym import StlMonitor, VectorStlMonitor, evaluate_policy
-from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.model import Facts
+from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.statistics import mean_progress, progress_text
 
@@ -162,7 +163,8 @@ def test_the_page_shows_progress(evaluations: list[Any]) -> None:
     assert [each.progress for each in calm.trials] == [None] * 6
     shown = sorted(each.progress for each in task.trials if each.progress is not None)
     assert shown == sorted(trial.outcomes["task"].progress for trial in evaluations[0].record)
-    facts = {fact.name: fact.text for fact in task.statistics}
+    (statistics,) = (block for block in task.blocks if isinstance(block, Facts))
+    facts = {name: text for name, text, _ in statistics.rows}
     assert facts["mean progress"] == progress_text(evaluations[0].requirements["task"].progress)
 
 

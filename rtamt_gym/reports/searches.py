@@ -13,11 +13,18 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.saved_case import SavedCase
 from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of, rounded_moment
-from rtamt_gym.reports.model import Fact, Section, ShownTrial
-from rtamt_gym.reports.of_record import requirements_of, unit_of
-from rtamt_gym.reports.rows import TRIALS, cases_of, judged, made_of, requirement_of, reuse_notes
-from rtamt_gym.reports.series import six
-from rtamt_gym.reports.views import Convergence
+from rtamt_gym.reports.figures import convergence_figure
+from rtamt_gym.reports.model import Figure, Section, TrialRow
+from rtamt_gym.reports.numbers import six
+from rtamt_gym.reports.records import requirements_of, unit_of
+from rtamt_gym.reports.requirements import (
+    TRIALS,
+    cases_of,
+    judged,
+    made_of,
+    requirement_of,
+    reuse_notes,
+)
 from rtamt_gym.results.codec import trials_of
 from rtamt_gym.results.fingerprint import ChangedModelError
 from rtamt_gym.results.outcome import WORDS, Outcome, word
@@ -25,8 +32,6 @@ from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.falsification.effects import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.tables import counted, number
-
-__all__ = ["convergence_of", "of_case", "of_search", "of_search_json"]
 
 
 def of_search(found: Falsification, room: int) -> Section:
@@ -67,25 +72,24 @@ def of_search(found: Falsification, room: int) -> Section:
         title=f"Search for a violation by {record.system}",
         system=record.system,
         unit=unit,
-        facts=tuple(Fact(key, text) for key, text in facts.items()),
+        facts=tuple(facts.items()),
         notes=tuple(notes),
-        requirements=requirements_of(record, runs, room, unit=unit),
-        cases=cases_of(record),
-        convergence=convergence_of(record),
+        requirements=requirements_of(record, runs, room, unit=unit, figures=convergence_of(record)),
+        cases=None if (cases := cases_of(record)) is None else cases[0],
         **made_of(record.provenance),
     )
 
 
-def convergence_of(record: Record) -> tuple[Convergence, ...]:
-    """The robustness over the simulations of a record, and the least so far.
+def convergence_of(record: Record) -> dict[str, Figure]:
+    """Return the chart of the robustness over the simulations, for each requirement.
 
     Where there are more than 2000 simulations, it shows each that is less than all before it, and
     evenly spaced others.
     """
-    return tuple(_convergence(name, judged(record, name)) for name in record.requirements)
+    return {name: _convergence(name, judged(record, name)) for name in record.requirements}
 
 
-def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Convergence:
+def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
     heights = [None if each is None else each.robustness for each in outcomes]
     least: list[float | None] = []
     for height in heights:
@@ -99,7 +103,7 @@ def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Convergence:
         for each in (heights, least)
     )
     words = tuple(word(outcomes[i]) for i in places)
-    return Convergence(name, tuple(i + 1 for i in places), robustness, words, least_so_far)
+    return convergence_figure(name, [i + 1 for i in places], robustness, words, least_so_far)
 
 
 def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
@@ -119,7 +123,7 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
     # What another verdict would stand on is not what this one stands on.
     stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
     violated = None if run is None else run.outcomes[name].violated
-    trial = ShownTrial(
+    trial = TrialRow(
         "the case found",
         WORDS[saved.verdict],
         six(saved.robustness),
@@ -140,18 +144,19 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
         formula,
         [trial],
         worst,
+        noun="simulation",
+        unit=unit,
         id=saved.requirement.id,
     )
     verb = {Verdict.VIOLATED: "violates", Verdict.SATISFIED: "satisfies"}
     title = f"A case that {verb.get(saved.verdict, 'leaves open')} {name}"
-    facts = [Fact("robustness", number(saved.robustness))]
     return Section(
         kind="search",
         title=title,
         system=system,
         policy=saved.policy or "",
         unit=unit,
-        facts=tuple(facts),
+        facts=(("robustness", number(saved.robustness)),),
         notes=(f"The case was not played again: {note}" if run is None else note,),
         requirements=(requirement,),
         versions=dict(saved.versions),
@@ -207,7 +212,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
         title=f"Search for a violation by {kept['system']}",
         system=kept["system"],
         unit=unit,
-        facts=tuple(Fact(each, str(kept[each])) for each in facts),
+        facts=tuple((name, str(kept[name])) for name in facts),
         notes=(
             f"{name} is violated in simulation {kept['simulations']}."
             if falsified
@@ -216,8 +221,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
             *([f"Note: {effects}."] if effects.without else []),
             *reuse_notes(record.provenance, "simulation"),
         ),
-        requirements=requirements_of(record, {}, 0, unit=unit),
-        cases=cases_of(record),
-        convergence=convergence_of(record),
+        requirements=requirements_of(record, {}, 0, unit=unit, figures=convergence_of(record)),
+        cases=None if (cases := cases_of(record)) is None else cases[0],
         **made_of(record.provenance),
     )

@@ -12,21 +12,20 @@ import numpy as np
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.play.run import Run
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
-from rtamt_gym.reports.model import (
-    Fact,
-    Picture,
-    Section,
-    ShownEpisode,
-    ShownRequirement,
+from rtamt_gym.reports.model import Picture, Requirement, Section, ShownEpisode
+from rtamt_gym.reports.numbers import six
+from rtamt_gym.reports.requirements import (
+    at_stop,
+    judged,
+    made_of,
+    requirement_of,
+    reuse_notes,
+    trials_of,
 )
-from rtamt_gym.reports.rows import at_stop, judged, made_of, requirement_of, reuse_notes, trials_of
-from rtamt_gym.reports.series import six
 from rtamt_gym.results.intervals import promise
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.tables import counted, number
-
-__all__ = ["of_evaluation"]
 
 _LETTERS: Final = 8
 """The letters of pictures that a page has room for where it has room for a number: so pictures
@@ -48,7 +47,7 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
         evaluation: The evaluation.
         room: How many numbers all its episodes together may have.
     """
-    unit = "s" if evaluation.period is not None else "steps"
+    unit = _unit(evaluation)
     names = list(evaluation.requirements)
     episodes = sum(len(runs) for runs in evaluation.worst_runs.values())
     requirements = [_requirement(evaluation, name, room, episodes) for name in names]
@@ -57,17 +56,15 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
     last = evaluation.seed + evaluation.episodes - 1
     simulated = float(evaluation.lengths.sum())
     facts = [
-        Fact("episodes", str(evaluation.episodes)),
-        Fact("seeds", f"{evaluation.seed} to {last}"),
-        Fact("simulated", f"{simulated:.6g} {unit}"),
+        ("episodes", str(evaluation.episodes)),
+        ("seeds", f"{evaluation.seed} to {last}"),
+        ("simulated", f"{simulated:.6g} {unit}"),
+        ("95 % intervals", f"{evaluation.interval}: each {promise(evaluation.interval)}"),
     ]
-    facts.append(
-        Fact("95 % intervals", f"{evaluation.interval}: each {promise(evaluation.interval)}")
-    )
     if evaluation.period is not None:
-        facts.append(Fact("period", f"{number(float(evaluation.period))} s"))
+        facts.append(("period", f"{number(float(evaluation.period))} s"))
     if evaluation.limit is not None:
-        facts.append(Fact("time limit", f"{number(evaluation.limit)} {unit}"))
+        facts.append(("time limit", f"{number(evaluation.limit)} {unit}"))
     return Section(
         kind="evaluation",
         title=f"{evaluation.policy} on {evaluation.system}",
@@ -87,6 +84,10 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
     )
 
 
+def _unit(evaluation: Evaluation) -> str:
+    return "s" if evaluation.period is not None else "steps"
+
+
 def _decisions(evaluation: Evaluation) -> Iterator[str]:
     """Yield what sequential stopping has decided."""
     for name, text in (evaluation.decision or {}).items():
@@ -96,7 +97,7 @@ def _decisions(evaluation: Evaluation) -> Iterator[str]:
         )
 
 
-def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> ShownRequirement:
+def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> Requirement:
     result = evaluation.requirements[name]
     runs = evaluation.worst_runs.get(name, ())
     unit = runs[0].courses[name].unit if runs else "s"
@@ -107,6 +108,7 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
         result.formula,
         trials_of(evaluation.record, judged(evaluation.record, name)),
         [_episode(evaluation, run, name, room, episodes) for run in runs],
+        unit=_unit(evaluation),
         rate=result.rate,
         interval=result.interval,
         id=evaluation.record.provenance.ids.get(name),
@@ -145,7 +147,7 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
     return tuple(frames[int(place)] for place in places)
 
 
-def _success(evaluation: Evaluation) -> ShownRequirement:
+def _success(evaluation: Evaluation) -> Requirement:
     """All requirements at once."""
     result = evaluation.success
     return requirement_of(
@@ -153,6 +155,7 @@ def _success(evaluation: Evaluation) -> ShownRequirement:
         "every requirement of this evaluation is satisfied in one and the same episode",
         result.formula,
         trials_of(evaluation.record, evaluation.record.together()),
+        unit=_unit(evaluation),
         rate=result.rate,
         interval=result.interval,
         together=True,

@@ -1,11 +1,13 @@
-"""The section of a sweep or of any other record: points, maps, violations, the worst replayed."""
+"""The sections of sweeps, of other records and of runs: points, maps, the worst replayed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
-from typing import Final, get_args
+from types import MappingProxyType
+from typing import Any, Final, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +18,10 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.summaries import failures
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
-from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
-from rtamt_gym.reports.rows import (
+from rtamt_gym.reports.figures import cases_figure, map_figure
+from rtamt_gym.reports.model import NOUNS, Figure, Requirement, Section, SectionKind, ShownEpisode
+from rtamt_gym.reports.numbers import rounded, six
+from rtamt_gym.reports.requirements import (
     at_stop,
     cases_of,
     judged,
@@ -27,14 +31,12 @@ from rtamt_gym.reports.rows import (
     reuse_notes,
     trials_of,
 )
-from rtamt_gym.reports.series import rounded, six
-from rtamt_gym.reports.views import HeatMap
+from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.outcome import Word, word
+from rtamt_gym.results.provenance import provenance_of
 from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.sweep import Sweep
-from rtamt_gym.tables import counted
-
-__all__ = ["maps_of", "of_record", "requirements_of", "unit_of"]
+from rtamt_gym.tables import counted, sample_text
 
 Floats = NDArray[np.float64]
 
@@ -45,8 +47,14 @@ _CELLS: Final = 2500
 """The most cells of a map."""
 
 
-def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None = None) -> Section:
-    """The section of a sweep, or of the record of any simulations.
+def of_record(
+    result: Sweep | Record,
+    room: int,
+    facts: Mapping[str, str] | None = None,
+    kind: SectionKind = "sweep",
+    unit: str | None = None,
+) -> Section:
+    """Return the section of a sweep, or of the record of any simulations.
 
     The worst simulation of each requirement is played again if the system is at hand, which it is
     not if the result was read from a file.
@@ -54,7 +62,9 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
     Args:
         result: The sweep or the record.
         room: How many numbers all episodes together may have.
-        facts: What a file says beside the record.
+        facts: What a file has in addition to the record.
+        kind: The kind of the section.
+        unit: The unit of times; None: as the record and the replayed runs have it.
     """
     sweep = result if isinstance(result, Sweep) else None
     record = result if isinstance(result, Record) else result.record
@@ -69,24 +79,25 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
         notes.append(
             "The result holds no system, so that no simulation was played again for this page."
         )
-    unit = unit_of(worst) if worst or record.timed else "steps"
+    unit = unit or (unit_of(worst) if worst or record.timed else "steps")
     said = dict(facts or {})
     if sweep is not None:
         said = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | said
     simulated = math.fsum(row.simulated for row in record)
     every = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **said}
     return Section(
-        kind="sweep",
+        kind=kind,
         title=f"{counted(len(record), 'simulation')} of {record.system or 'a system'}",
         system=record.system,
         unit=unit,
-        facts=tuple(Fact(name, text) for name, text in every.items()),
+        facts=tuple(every.items()),
         notes=tuple(notes),
-        requirements=requirements_of(record, worst, room, unit=unit),
+        requirements=requirements_of(
+            record, worst, room, unit=unit, kind=kind, space=None if sweep is None else sweep.space
+        ),
         returns=rounded(sorted(row.reward for row in record if row.reward is not None)),
         durations=rounded(sorted(row.simulated for row in record)),
-        maps=maps_of(record, None if sweep is None else sweep.space),
-        cases=cases_of(record),
+        cases=None if (cases := cases_of(record)) is None else cases[0],
         **made_of(record.provenance),
     )
 
@@ -98,8 +109,15 @@ def unit_of(runs: Mapping[str, list[Run]]) -> str:
 
 
 def requirements_of(
-    record: Record, worst: Mapping[str, list[Run]], room: int, *, unit: str
-) -> tuple[ShownRequirement, ...]:
+    record: Record,
+    worst: Mapping[str, list[Run]],
+    room: int,
+    *,
+    unit: str,
+    kind: SectionKind = "search",
+    space: Space | None = None,
+    figures: Mapping[str, Figure] = MappingProxyType({}),
+) -> tuple[Requirement, ...]:
     """The requirements of a record, with some runs in full.
 
     Rates are of records in which nothing was chosen but the seed: elsewhere they say more of the
@@ -107,6 +125,7 @@ def requirements_of(
     """
     episodes = sum(map(len, worst.values()))
     found, results = [], record.results()
+    cases, maps = cases_of(record), {} if kind == "search" else maps_of(record, space)
     for name, formula in record.requirements.items():
         trials = trials_of(record, judged(record, name))
         runs = worst.get(name, [])
@@ -120,6 +139,13 @@ def requirements_of(
                 formula,
                 trials,
                 [_episode(record, run, name, room, episodes) for run in runs],
+                noun=NOUNS[kind],
+                unit=unit,
+                figures=[
+                    *([figures[name]] if name in figures else []),
+                    *maps.get(name, ()),
+                    *([] if cases is None else [cases_figure(cases[0], name, cases[1])]),
+                ],
                 rate=None if result is None else result.rate,
                 interval=None if result is None else result.interval,
                 note=at_stop(record, name, "simulation"),
@@ -137,8 +163,8 @@ def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> S
     return episode_of_run(run, name, label, room, episodes)
 
 
-def maps_of(record: Record, space: Space | None) -> tuple[HeatMap, ...]:
-    """The maps of each requirement over every two columns that are a grid."""
+def maps_of(record: Record, space: Space | None) -> dict[str, list[Figure]]:
+    """Return the maps of each requirement over every two columns that are a grid."""
     columns = {name: record.numbers(name) for name in record.case_columns}
     varied = [
         name
@@ -146,10 +172,10 @@ def maps_of(record: Record, space: Space | None) -> tuple[HeatMap, ...]:
         if np.isfinite(cells).all() and 1 < len(set(cells.tolist())) <= _CELLS**0.5
     ]
     if len(varied) < 2:
-        return ()
+        return {}
     units = {each.name: each.unit for each in space or () if isinstance(each, Parameter)}
     grid = Space([Parameter(name, columns[name].min(), columns[name].max()) for name in varied])
-    found = []
+    maps: dict[str, list[Figure]] = {}
     for name in record.requirements:
         if all(name not in row.outcomes for row in record):
             continue
@@ -162,19 +188,16 @@ def maps_of(record: Record, space: Space | None) -> tuple[HeatMap, ...]:
                 for row in heights.cells.tolist()
             )
             right, up = (f"{each} [{units[each]}]" if units.get(each) else each for each in (x, y))
-            found.append(
-                HeatMap(
-                    name,
-                    right,
-                    up,
-                    rounded(heights.xs),
-                    rounded(heights.ys),
-                    cells,
-                    _words_of(record, name, (columns[x], columns[y]), heights),
-                    heights.folded,
-                )
+            figure = map_figure(
+                name,
+                (right, up),
+                (rounded(heights.xs), rounded(heights.ys)),
+                cells,
+                _words_of(record, name, (columns[x], columns[y]), heights),
+                folded=heights.folded,
             )
-    return tuple(found)
+            maps.setdefault(name, []).append(figure)
+    return maps
 
 
 def _words_of(
@@ -187,3 +210,49 @@ def _words_of(
         both = {word(outcome), worst.get((x, y), "failed")}
         worst[x, y] = next((each for each in order if each in both), "failed")
     return tuple(tuple(worst[x, y] for x in heights.xs.tolist()) for y in heights.ys.tolist())
+
+
+def of_runs(kept: Mapping[str, Any], room: int) -> Section:
+    """The section of episodes that ``rtamt run --json`` has written.
+
+    Args:
+        kept: The result, of the kind ``"runs"``.
+        room: How many numbers all episodes together may have.
+    """
+    record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
+    said = {"period": kept["period"], **kept["reading"]}
+    facts = {name: str(value) for name, value in said.items() if value is not None}
+    title = f"{counted(len(record), 'episode')} of {record.system}"
+    unit = "s" if kept["period"] else "steps"
+    section = of_record(record, room, facts, "evaluation", unit)
+    return replace(section, title=title, notes=())
+
+
+def of_run(run: Run, room: int) -> Section:
+    """The section of one run with its samples, such as `Run.save` keeps it."""
+    trial, label = run.trial(), run.label or labelled(0, run.trial())
+    unit = "s" if run.period is not None else "steps"
+    requirements = []
+    for name, course in run.courses.items():
+        words = in_words_of(course.formula, run.period, unit=course.unit, step=run.view == "step")
+        requirements.append(
+            requirement_of(
+                name,
+                words,
+                course.formula,
+                trials_of([trial], [trial.judged(name)], lambda *_: label),
+                [episode_of_run(run, name, label, room, len(run.courses))],
+                unit=unit,
+                id=course.specification.id,
+            )
+        )
+    last = sample_text(run.last_sample, run.period)
+    facts = {"ended": f"{run.ended} at {last}", "samples": str(run.steps + 1)}
+    return Section(
+        kind="evaluation",
+        title=f"A run of {run.system}",
+        system=run.system,
+        unit=unit,
+        facts=tuple(facts.items()),
+        requirements=tuple(requirements),
+    )

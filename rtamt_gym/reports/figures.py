@@ -1,0 +1,372 @@
+"""The charts of the page: what each shows in a sentence, as a table, and as data for the script."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from rtamt_gym.reports.model import (
+    Figure,
+    Requirement,
+    ShownEpisode,
+    ShownSeries,
+    numbers_table,
+    plain,
+)
+from rtamt_gym.reports.numbers import aligned, number, time
+from rtamt_gym.results.outcome import BY_END, Word
+from rtamt_gym.tables import counted
+
+
+@dataclass(slots=True)
+class Bins:
+    """Counts of numbers in intervals of one width, with an edge at zero.
+
+    Attributes:
+        width: The width of an interval.
+        first: The number of the first interval; number 0 begins at zero.
+        counts: How many are in each interval, from the first on.
+        below: How many are minus infinity.
+        above: How many are infinity.
+    """
+
+    width: float
+    first: int = 0
+    counts: list[int] = field(default_factory=list)
+    below: int = 0
+    above: int = 0
+
+
+_LARGEST = 1e100
+
+WORDS: Final[tuple[Word, ...]] = ("violated", "undecided", "satisfied", "failed")
+"""What became of requirements, in the order in which charts stack and name them."""
+
+
+def bins(values: Sequence[float]) -> Bins:
+    """Count numbers in at most 27 intervals; negative numbers never share one with the others.
+
+    A zero with a minus sign counts as negative, like the verdict. Numbers beyond 1e100 count as
+    infinite, and numbers within 1e-100 of each other share an interval.
+
+    Example:
+        >>> bins([-0.5, -0.0, 0.0, 0.4, math.inf])
+        Bins(width=0.2, first=-3, counts=[1, 0, 1, 1, 0, 1], below=0, above=1)
+    """
+    finite = [value for value in values if abs(value) <= _LARGEST]
+    result = Bins(
+        1.0, below=sum(v < -_LARGEST for v in values), above=sum(v > _LARGEST for v in values)
+    )
+    if not finite:
+        return result
+    low, high = min(finite), max(finite)
+    span = max(high - low or abs(high) or 1.0, 1 / _LARGEST)
+    # About as many intervals as the root of the count show the shape.
+    intervals = min(max(8.0, 2 * math.sqrt(len(finite))), 24.0)
+    power = 10.0 ** math.floor(math.log10(span / intervals))
+    result.width = next(
+        w for w in (power, 2 * power, 5 * power, 10 * power) if span <= intervals * w
+    )
+    places = Counter(_place(value, result.width) for value in finite)
+    result.first = min(places)
+    result.counts = [places[i] for i in range(result.first, max(places) + 1)]
+    return result
+
+
+def _place(value: float, width: float) -> int:
+    if math.copysign(1.0, value) < 0:
+        return min(math.floor(value / width + 1e-9), -1)
+    return max(math.floor(value / width + 1e-9), 0)
+
+
+def trial_figures(requirement: Requirement, noun: str, unit: str) -> list[Figure]:
+    """Return the histogram of the robustness and the times of violations, if there are any."""
+    figures = []
+    if requirement.robustness:
+        figures.append(_histogram(requirement, noun))
+    if requirement.first_violations and len(requirement.trials) > 1:
+        figures.append(_violations(requirement, noun, unit))
+    return figures
+
+
+def _histogram(requirement: Requirement, noun: str) -> Figure:
+    values, words = requirement.robustness, requirement.verdicts
+    result = bins(values)
+    pairs = list(zip(values, words, strict=True))
+    places = Counter((w, _place(v, result.width)) for v, w in pairs if abs(v) <= _LARGEST)
+    numbers = range(result.first, result.first + len(result.counts))
+    counts = {word: [places[word, i] for i in numbers] for word in WORDS}
+    verdicts = {word: each for word, each in counts.items() if any(each)}
+    edges = aligned([result.width * i for i in (*numbers, numbers.stop)])
+    rows = [
+        (f"{low} to {high}", str(count), *(str(each[i]) for each in verdicts.values()))
+        for i, ((low, high), count) in enumerate(
+            zip(itertools.pairwise(edges), result.counts, strict=True)
+        )
+        if count
+    ]
+    for sign, count in ((-1, result.below), (1, result.above)):
+        infinite = Counter(word for value, word in pairs if value * sign > _LARGEST)
+        row = (number(sign * math.inf), str(count), *(str(infinite[word]) for word in verdicts))
+        if count:
+            rows.insert(0 if sign < 0 else len(rows), row)
+    negative = sum(math.copysign(1.0, value) < 0 for value in values)
+    undecided = words.count("undecided")
+    open_ = f", {undecided} undecided" if undecided else ""
+    low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
+    they = "it" if requirement.by_end == 1 else "they"
+    by_end = f", {requirement.by_end} violated by how {they} ended" if requirement.by_end else ""
+    parts = [
+        f"{negative} of {counted(len(values), noun)} below zero{by_end}{open_}.",
+        f"Median {middle}, middle half {low} to {high}.",
+        f"Least {number(values[0])}, greatest {number(values[-1])}.",
+    ]
+    beyond = [
+        f"{counted(count, noun)} at {number(value)}"
+        for count, value in ((result.below, -math.inf), (result.above, math.inf))
+        if count
+    ]
+    if beyond:
+        parts.append(f"{' and '.join(beyond)} beyond the axis.")
+    return Figure(
+        "histogram",
+        "Robustness",
+        " ".join(parts),
+        240,
+        {**plain(result), "noun": noun, "by_verdict": verdicts},
+        numbers_table(("robustness", f"{noun}s", *verdicts), tuple(rows)),
+        words=tuple(verdicts),
+    )
+
+
+def _violations(requirement: Requirement, noun: str, unit: str) -> Figure:
+    times = requirement.first_violations
+    episodes = requirement.counts.episodes
+    total = counted(episodes, noun)
+    summary = (
+        f"{len(times)} of {total} certainly violated: the first at {time(times[0], unit)}, half of "
+        f"them by {time(float(np.median(times)), unit)}, the last at {time(times[-1], unit)}."
+    )
+    if len(times) == 1:
+        summary = f"1 of {total} certainly violated, at {time(times[0], unit)}."
+    counts = sorted(Counter(times).items())
+    sums = itertools.accumulate(count for _, count in counts)
+    rows = zip(aligned([at for at, _ in counts]), map(str, sums), strict=True)
+    return Figure(
+        "violations",
+        "Time of first violation",
+        summary,
+        240,
+        {"times": times, "episodes": episodes, "unit": unit, "noun": noun},
+        numbers_table((f"time ({unit})", f"{noun}s violated by then"), tuple(rows)),
+    )
+
+
+def convergence_figure(
+    name: str,
+    simulations: Sequence[int],
+    robustness: Sequence[float | None],
+    verdicts: Sequence[Word],
+    least: Sequence[float | None],
+) -> Figure:
+    """Return the chart of the robustness over the simulations of a search.
+
+    Args:
+        name: The name of the requirement.
+        simulations: The numbers of the simulations, from 1.
+        robustness: The robustness of each; None where it failed.
+        verdicts: What became of the requirement in each.
+        least: The minimum up to each; None before the first.
+    """
+    steps = [
+        (n, value)
+        for i, (n, value) in enumerate(zip(simulations, least, strict=True))
+        if value is not None and (i == 0 or value != least[i - 1])
+    ]
+    summary = "No simulation came to a robustness."
+    if steps:
+        place, value = steps[-1]
+        summary = (
+            f"The least robustness found is {number(value)}, in simulation {place} of {len(least)}."
+        )
+    data = {
+        "requirement": name,
+        "simulations": tuple(simulations),
+        "robustness": tuple(robustness),
+        "verdicts": tuple(verdicts),
+        "least": tuple(least),
+    }
+    rows = zip((str(n) for n, _ in steps), aligned([value for _, value in steps]), strict=True)
+    return Figure(
+        "convergence",
+        "Convergence of the search",
+        summary,
+        260,
+        plain(data),
+        words=_present(verdicts),
+        table=numbers_table(("simulation", "least robustness so far"), tuple(rows)),
+    )
+
+
+def _present(words: Sequence[Word]) -> tuple[Word, ...]:
+    return tuple(word for word in WORDS if word in words)
+
+
+def map_figure(
+    name: str,
+    axes: tuple[str, str],
+    places: tuple[ShownSeries, ShownSeries],
+    cells: Sequence[Sequence[float | None]],
+    verdicts: Sequence[Sequence[Word]],
+    *,
+    folded: bool,
+) -> Figure:
+    """Return the map of the robustness over a grid of two columns.
+
+    Args:
+        name: The name of the requirement.
+        axes: The columns to the right and upwards, with their units.
+        places: The numbers of each, increasing.
+        cells: A row for each number upwards; None where the simulation failed.
+        verdicts: The worst word of each cell.
+        folded: Whether a cell is the minimum of several simulations.
+    """
+    (x, y), (xs, ys) = axes, places
+    every = [value for row in cells for value in row]
+    words = [word for row in verdicts for word in row]
+    known = [value for value in every if value is not None]
+    summary = f"{words.count('violated')} of {counted(len(known), 'cell')} violated"
+    if "undecided" in words:
+        summary += f", {words.count('undecided')} undecided"
+    summary += "."
+    if known:
+        row, column = divmod(every.index(min(known)), len(xs))
+        summary += (
+            f" The least is {number(min(known))}, at {x} = {number(xs[column])} and "
+            f"{y} = {number(ys[row])}."
+        )
+    if folded:
+        summary += " A cell is the least of several simulations."
+    if len(known) < len(every):
+        summary += f" {counted(len(every) - len(known), 'cell')} without a result."
+    texts = iter(aligned(every))
+    rows = [(level, *(next(texts) or "failed" for _ in xs)) for level in aligned(ys)]
+    data = {"requirement": name, "x": x, "y": y, "xs": xs, "ys": ys, "cells": cells}
+    return Figure(
+        "map",
+        f"Robustness over {x} and {y}",
+        summary,
+        min(max(260, 26 * len(ys) + 100), 560),
+        plain({**data, "verdicts": verdicts, "folded": folded}),
+        words=_present(words),
+        table=numbers_table((f"{y} \\ {x}", *aligned(xs)), tuple(reversed(rows))),
+    )
+
+
+def cases_figure(cases: Mapping[str, Any], name: str, left_out: int) -> Figure:
+    """Return the chart of the robustness over the columns that vary.
+
+    Args:
+        cases: `rtamt_gym.reports.model.Section.cases`.
+        name: The name of the requirement.
+        left_out: The number of simulations that are not among them.
+    """
+    verdicts = cases["verdicts"][name]
+    words = Counter(verdicts)
+    summary = "Each point is a simulation: " + ", ".join(
+        f"{words[word]} {word}"
+        for word in ("satisfied", "violated", "undecided", "failed")
+        if words[word]
+    )
+    if left_out:
+        summary += f"; {counted(left_out, 'simulation')} left out"
+    return Figure(
+        "cases",
+        "Robustness over what was varied",
+        f"{summary}. The table of simulations has their numbers.",
+        240,
+        {"requirement": name},
+        words=_present(verdicts),
+        wide=len(cases["columns"]) > 1,
+    )
+
+
+def episode_figure(episode: ShownEpisode, unit: str) -> Figure:
+    """Return the plot of one episode: signals, robustness and predicates, one below the other."""
+    panels = len(episode.signals) + len(episode.predicates)
+    by_end = episode.verdict == "violated" and math.copysign(1.0, episode.final) > 0
+    verdict = f"violated {BY_END}" if by_end else episode.verdict
+    summary = f"Robustness {number(episode.final)} at the end, {verdict}"
+    if episode.decided_at is None:
+        summary += "."
+    else:
+        summary += f"; the violation was certain from {time(episode.decided_at.time, unit)} on."
+    if episode.deciding and episode.predicates:
+        summary += " Diamonds mark the samples that decided."
+    if episode.of_instant and episode.robustness:
+        summary += " The curve of robustness is of each instant, its bounds are about all of them."
+    if len(episode.times) < episode.samples:
+        summary += f" {len(episode.times)} of {episode.samples} samples are shown."
+    names = ("times", "signals", "robustness", "lower", "upper", "predicates", "deciding")
+    data = {name: getattr(episode, name) for name in (*names, "decided_at", "frames", "verdict")}
+    height = 96 * panels + (150 if episode.robustness else 0) + 64
+    return Figure("episode", "", summary, height, {**data, "unit": unit}, wide=True)
+
+
+def pairs_figure(pairs: Sequence[tuple[float, float]]) -> list[Figure]:
+    """Return the chart of the robustness of A and B in each pair; none without pairs."""
+    if not pairs:
+        return []
+    better = sum(second > first for first, second in pairs)
+    columns = [aligned([pair[i] for pair in pairs]) for i in (0, 1)]
+    figure = Figure(
+        "pairs",
+        "Robustness of A and B in each pair",
+        f"B is above A in {better} of {counted(len(pairs), 'pair')}: "
+        "the points above the dotted line.",
+        340,
+        {"pairs": tuple(pairs)},
+        numbers_table(("A", "B"), tuple(zip(*columns, strict=True))),
+    )
+    return [figure]
+
+
+class Curve(NamedTuple):
+    """A curve with a band at places that several curves share."""
+
+    name: str
+    values: ShownSeries
+    low: ShownSeries
+    high: ShownSeries
+
+
+def curves_figure(
+    title: str, summary: str, x: tuple[str, ShownSeries], y: str, curves: Iterable[Curve]
+) -> Figure:
+    """Return a chart of curves with bands.
+
+    Args:
+        title: Its title.
+        summary: What it shows.
+        x: The name of the axis to the right, and the places of the points.
+        y: The name of the axis upwards.
+        curves: The curves.
+    """
+    name, places = x
+    curves = list(curves)
+    cells = [aligned(values) for values in (places, *(curve.values for curve in curves))]
+    data = {"x": name, "places": places, "y": y}
+    return Figure(
+        "curves",
+        title,
+        summary,
+        300,
+        {**data, "curves": [plain(curve._asdict()) for curve in curves]},
+        numbers_table((name, *(curve.name for curve in curves)), tuple(zip(*cells, strict=True))),
+    )

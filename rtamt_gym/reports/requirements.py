@@ -1,0 +1,361 @@
+"""What became of requirements in the rows of a record: counts, trials, robustness, evidence."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from rtamt_gym.play.record import Record
+from rtamt_gym.reports.episodes import case_texts, rounded_moment
+from rtamt_gym.reports.figures import trial_figures
+from rtamt_gym.reports.model import (
+    Cell,
+    Column,
+    Counts,
+    Facts,
+    Figure,
+    Requirement,
+    Row,
+    ShownEpisode,
+    Table,
+    Text,
+    TrialRow,
+)
+from rtamt_gym.reports.numbers import aligned, evenly, number, six, spaced
+from rtamt_gym.results.intervals import quantiles
+from rtamt_gym.results.outcome import BY_END, Outcome, Word, word
+from rtamt_gym.results.provenance import Provenance
+from rtamt_gym.results.statistics import (
+    STATISTICS,
+    RequirementResult,
+    mean_progress,
+    progress_text,
+)
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import Trial, open_at_stop
+from rtamt_gym.results.warnings import never_triggered_word
+from rtamt_gym.tables import counted
+
+TRIALS: Final = 500
+"""The most trials of a requirement that are shown."""
+
+DIGITS: Final = 12
+"""The digits of a hash that are shown; the whole is shown where the pointer rests."""
+
+_ROBUSTNESS: Final = 1000
+"""The most numbers of a distribution."""
+
+_CASES: Final = 2000
+"""The most points of a sweep."""
+
+_ORDER: Final[dict[Word, int]] = {"failed": 0, "violated": 1, "undecided": 2, "satisfied": 3}
+
+Label = Callable[[int, Trial], str]
+
+
+def labelled(number: int, row: Trial) -> str:
+    """What tells a simulation from others: its seed, if it has no case; else its number, from 1."""
+    return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
+
+
+def counts_of(words: Sequence[Word]) -> Counts:
+    """Return how often each word occurs."""
+    order: tuple[Word, ...] = ("satisfied", "violated", "undecided", "failed")
+    return Counts(len(words), *(words.count(each) for each in order))
+
+
+def trials_of(
+    rows: Sequence[Trial], outcomes: Sequence[Outcome | None], label: Label = labelled
+) -> list[TrialRow]:
+    """Return the trials of a requirement, the worst first.
+
+    Args:
+        rows: The trials.
+        outcomes: What the requirement has become in each; None where it failed.
+        label: Names a trial.
+    """
+    trials = []
+    for place, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
+        trial = TrialRow(
+            label=label(place, row),
+            verdict=word(outcome),
+            duration=None if row.ended == "recorded" else six(row.simulated),
+            reward=None if row.reward is None else six(row.reward),
+            seed=row.seed,
+            case=case_texts(row.case),
+            text=row.error or _text_of(row, outcome),
+        )
+        trials.append(trial if outcome is None else with_outcome(trial, outcome))
+    return sorted(trials, key=worst_first)
+
+
+def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
+    """Return a trial with what became of the requirement in it."""
+    at = outcome.violated
+    return replace(
+        trial,
+        robustness=six(outcome.robustness),
+        violated_at=None if at is None else rounded_moment(at),
+        asked=outcome.occasions,
+        vacuous=outcome.vacuous,
+        defaults=tuple(f"{name} = {number(value)}" for name, value in outcome.defaults.items()),
+        unknown=bool(outcome.unknown),
+        progress=outcome.progress,
+    )
+
+
+def _text_of(row: Trial, outcome: Outcome | None) -> str:
+    """Why a requirement has no outcome, or what would decide it."""
+    if outcome is not None:
+        return f"violated {BY_END}" if outcome.by_end else outcome.way_out
+    return next((each.message for each in row.failures.values()), "")
+
+
+def judged(results: Results, name: str) -> list[Outcome | None]:
+    """What a requirement has become in each trial; None where it failed."""
+    return [row.judged(name) for row in results]
+
+
+def worst_first(trial: TrialRow) -> tuple[int, float]:
+    """Order trials: failures, violations, undecided ones, the others; each by robustness."""
+    height = math.inf if trial.robustness is None else trial.robustness
+    return _ORDER[trial.verdict], height
+
+
+def requirement_of(
+    name: str,
+    words: str,
+    formula: str,
+    trials: Sequence[TrialRow],
+    worst: Sequence[ShownEpisode] = (),
+    *,
+    noun: str = "episode",
+    unit: str = "s",
+    figures: Sequence[Figure] = (),
+    **also: Any,  # noqa: ANN401 - fields of a requirement
+) -> Requirement:
+    """Return a requirement with its trials, worst first.
+
+    Args:
+        name: The name of the requirement.
+        words: The requirement in English.
+        formula: Its formula.
+        trials: Its trials, worst first.
+        worst: Its worst episodes in full.
+        noun: The word for a trial.
+        unit: The unit of times.
+        figures: Further charts.
+        **also: Fields of the requirement, such as its rate and its interval.
+    """
+    known = [(each.robustness, each.verdict) for each in trials if each.robustness is not None]
+    known.sort(key=lambda each: (each[0], _ORDER[each[1]]))
+    values = [value for value, _ in known]
+    triggers = [each.asked for each in trials if each.asked is not None]
+    violations = sorted(
+        each.violated_at.time or 0.0 for each in trials if each.violated_at is not None
+    )
+    requirement = Requirement(
+        name=name,
+        words=words,
+        formula=formula,
+        counts=counts_of([each.verdict for each in trials]),
+        robustness=evenly(values, _ROBUSTNESS),
+        verdicts=tuple(verdict for _, verdict in spaced(known, _ROBUSTNESS)),
+        quantiles={f"{share:g}": six(value) for share, value in quantiles(values).items()},
+        first_violations=evenly(violations, _ROBUSTNESS),
+        trials=tuple(trials[:TRIALS]),
+        left_out=max(0, len(trials) - TRIALS),
+        worst=tuple(worst),
+        by_end=sum(map(_by_end, trials)),
+        asked=(sum(map(bool, triggers)), len(triggers)) if triggers else None,
+        unknown=any(each.unknown for each in trials if each.asked is not None),
+        vacuous=sum(each.vacuous for each in trials),
+        defaults=Counter(text for each in trials for text in each.defaults),
+        **also,
+    )
+    statistics = (*_statistics(values), *_progress(trials))
+    blocks = [Facts(statistics, "statistics")] if statistics else []
+    notes = [Text(requirement.note)] if requirement.note else []
+    return replace(
+        requirement,
+        blocks=(*evidence(requirement, noun), *blocks, *notes),
+        figures=(*trial_figures(requirement, noun, unit), *figures),
+    )
+
+
+def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
+    """Yield what the verdicts rest on, and what weakens them."""
+    certain = " for certain" * requirement.unknown
+    triggered, judged = requirement.asked or (0, 0)
+    if triggered:
+        yield Text(f"Asked in {triggered} of {counted(judged, noun)}{certain}.", "asked")
+        if requirement.vacuous:
+            total = counted(requirement.vacuous, noun)
+            yield Text(f"Satisfied without an answer in {total}.", "asked hollow")
+    elif judged:
+        word = never_triggered_word(unknown=requirement.unknown).capitalize()
+        text = f"{word}: no {noun} of {judged} put it to the test{certain}."
+        yield Text(text, "asked hollow")
+    if requirement.defaults:
+        counts = requirement.defaults.items()
+        parts = ", ".join(f"{text} in {counted(count, noun)}" for text, count in counts)
+        yield Text(f"Rests on a default: {parts}.", "asked hollow")
+
+
+def trials_table(
+    requirement: Requirement, noun: str, unit: str, replay: str, ids: Callable[[str], str]
+) -> Table:
+    """Return the table of the trials of a requirement, without the columns that are empty.
+
+    Args:
+        requirement: The requirement, with its id on the page.
+        noun: The word for a trial.
+        unit: The unit of times.
+        replay: The command that replays a trial, with ``{seed}`` for its seed.
+        ids: Makes the id of a row from the label of its trial.
+    """
+    trials = requirement.trials
+    times = [None if t.violated_at is None else t.violated_at.time for t in trials]
+    progress = ["" if t.progress is None else progress_text(t.progress) for t in trials]
+    columns: list[tuple[Column, Iterable[str], Iterable[float | None]]] = [
+        (Column("robustness", "n"), *_numbers([t.robustness for t in trials])),
+        (Column("progress", "n"), progress, [t.progress for t in trials]),
+        (Column("asked", "n"), map(_triggers, trials), [t.asked for t in trials]),
+        (Column(f"violated at ({unit})", "n"), *_numbers(times)),
+        (Column(f"length ({unit})", "n"), *_numbers([t.duration for t in trials])),
+        (Column("return", "n"), *_numbers([t.reward for t in trials])),
+    ]
+    head = [Column(noun), Column("verdict")]
+    cells = [[Cell(t.label), Cell(verdict=t.verdict)] for t in trials]
+
+    def add(column: Column, added: Sequence[Cell]) -> None:
+        if any(cell.text or cell.codes or cell.copied for cell in added):
+            head.append(column)
+            for row, cell in zip(cells, added, strict=True):
+                row.append(cell)
+
+    for column, texts, values in columns:
+        pairs = zip(texts, values, strict=True)
+        add(column, [Cell(text, "n", value) for text, value in pairs])
+    add(Column("given"), [Cell(style="case", codes=t.case) for t in trials])
+    add(Column("note"), [Cell(_remark(t), "text") for t in trials])
+    buttons = [
+        Cell(style="replaying")
+        if t.seed is None or not replay
+        else Cell(
+            style="replaying",
+            copied=(replay.replace("{seed}", str(t.seed)), f"command for {t.label}"),
+        )
+        for t in trials
+    ]
+    add(Column("replay", "replaying", sortable=False), buttons)
+    rows = []
+    for trial, (first, *others) in zip(trials, cells, strict=True):
+        own = ids(trial.label)
+        rows.append(Row((first._replace(link=own), *others), own, trial.verdict))
+    labelled_by = f"{requirement.place}-trials"
+    return Table(tuple(head), tuple(rows), style="sortable", labelled=labelled_by)
+
+
+def _numbers(values: Sequence[float | None]) -> tuple[list[str], Sequence[float | None]]:
+    return aligned(values), values
+
+
+def _remark(trial: TrialRow) -> str:
+    return " ".join(filter(None, (trial.text, *(f"default {each}" for each in trial.defaults))))
+
+
+def _triggers(trial: TrialRow) -> str:
+    """Return how often a trial triggered a requirement."""
+    if trial.asked is None:
+        return ""
+    if trial.vacuous and trial.asked:
+        return f"{trial.asked}x, no answer"
+    if not trial.asked:
+        return "not for certain" if trial.unknown else "never"
+    return f"{trial.asked}x"
+
+
+def made_of(provenance: Provenance) -> dict[str, Any]:
+    """Return the fields of a section about what its result was made of and with."""
+    return {"files": dict(provenance.files), "versions": dict(provenance.versions)}
+
+
+def reuse_notes(provenance: Provenance, trial: str) -> list[str]:
+    """Return notes on results that came from a folder; ``trial`` is the word for one."""
+    return [] if provenance.reuse is None else provenance.reuse.lines(trial)
+
+
+def _statistics(values: Sequence[float]) -> Iterator[tuple[str, str, str]]:
+    """Yield the statistics of the robustness."""
+    result = RequirementResult("", "", 0, 0, 0, 0, 0, np.array(values), np.array(()), 0.0, ())
+    for statistic in STATISTICS:
+        if statistic.robustness and values and statistic.shown(result):
+            yield statistic.heading, number(statistic.of(result)), ""
+
+
+def _progress(trials: Sequence[TrialRow]) -> Iterator[tuple[str, str, str]]:
+    """Yield the mean progress in the stages of a requirement, if it has stages."""
+    mean = mean_progress([each.progress for each in trials if each.progress is not None])
+    if mean is not None:
+        yield "mean progress", progress_text(mean), ""
+
+
+def _by_end(trial: TrialRow) -> bool:
+    """Return whether a trial is violated only by its end, at a robustness above zero."""
+    value = trial.robustness
+    return trial.verdict == "violated" and value is not None and math.copysign(1.0, value) > 0
+
+
+def at_stop(record: Record, name: str, noun: str) -> str:
+    """A sentence on simulations that were stopped early and left open; empty if there are none."""
+    count = len(open_at_stop(record, name))
+    if not count:
+        return ""
+    was, their = ("was", "its") if count == 1 else ("were", "their")
+    return (
+        f"{counted(count, f'undecided {noun}')} {was} stopped early: {their} robustness counts the "
+        "samples until the stop."
+    )
+
+
+def cases_of(record: Record) -> tuple[Mapping[str, Any], int] | None:
+    """Return the points of a record for charts, and how many of them are left out.
+
+    Columns that are the same everywhere are left out; None if no column is left. Of more than 2000
+    simulations the worst 500 of all requirements are shown, and evenly spaced others.
+    """
+    columns = {name: record.numbers(name) for name in record.case_columns}
+    varied = {name: cells for name, cells in columns.items() if len(set(cells.tolist())) > 1}
+    if not varied:
+        return None
+    rows, names = list(record), list(record.requirements)
+    places: Sequence[int] = range(len(rows))
+    if len(rows) > _CASES:
+        worst = sorted(places, key=lambda i: min(_height(rows[i], name) for name in names))
+        rest = worst[TRIALS:]
+        step = len(rest) / (_CASES - TRIALS)
+        others = [rest[int(i * step)] for i in range(_CASES - TRIALS)]
+        places = sorted({*worst[:TRIALS], *others})
+    cases = {
+        "labels": tuple(labelled(i, rows[i]) for i in places),
+        "columns": {name: tuple(six(cells[i]) for i in places) for name, cells in varied.items()},
+        "robustness": {name: tuple(_known(rows[i], name) for i in places) for name in names},
+        "verdicts": {name: tuple(word(rows[i].judged(name)) for i in places) for name in names},
+    }
+    return cases, len(rows) - len(places)
+
+
+def _known(row: Trial, name: str) -> float | None:
+    outcome = row.judged(name)
+    return None if outcome is None else six(outcome.robustness)
+
+
+def _height(row: Trial, name: str) -> float:
+    known = _known(row, name)
+    return -math.inf if known is None else known

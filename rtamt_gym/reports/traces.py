@@ -1,0 +1,335 @@
+"""The sections of recorded traces: results of ``rtamt monitor --json`` and ``rtamt mine --json``.
+
+A result names its traces, and whoever wrote the file could name any path: a secret, a device, a
+pipe that nobody writes to. So only regular files below some folders are read.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+
+import rtamt
+from rtamt import EpisodeMonitor
+from rtamt_gym.judging.monitors import EXACT
+from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import viewed
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
+from rtamt_gym.reports.model import (
+    Cell,
+    Column,
+    Requirement,
+    Row,
+    Section,
+    ShownEpisode,
+    Table,
+    Text,
+)
+from rtamt_gym.reports.numbers import number, six
+from rtamt_gym.reports.requirements import (
+    DIGITS,
+    TRIALS,
+    judged,
+    made_of,
+    requirement_of,
+    trials_of,
+)
+from rtamt_gym.results.codec import number_of
+from rtamt_gym.results.codec import trials_of as read_trials
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.mutation import MutationScore
+from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.provenance import file_hash, provenance_of
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.tables import counted
+from rtamt_gym.tables import number as plain_number
+
+_LONGEST: Final = 20_000
+"""The most samples of a trace whose bounds are shown: they are made sample by sample."""
+
+_RULES: Final = ("period", "time", "end", "view", "semantics", "align")
+
+
+def of_matrix(
+    kept: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
+) -> Section:
+    """The section of recorded traces; the worst of each requirement is read again, if it is there.
+
+    Args:
+        kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
+        folder: The folder of the result: traces are read below the present folder and below it.
+        room: How many numbers all episodes together may have.
+        traces: Further folders below which they are read.
+
+    Raises:
+        KeyError: If the result lacks something.
+    """
+    matrix = Matrix(read_trials(kept), kept["requirements"], provenance=provenance_of(kept))
+    reading = kept["reading"]
+    formulas = matrix.requirements
+    facts = [("traces", str(len(matrix)))]
+    facts += [(name, str(reading[name])) for name in _RULES if name in reading]
+    constants = {k: v for k, v in reading.items() if k.startswith("constant:")}
+    facts += [(name.replace(":", " "), str(value)) for name, value in constants.items()]
+    share = room // len(formulas)
+    below = TraceFolders((Path.cwd(), folder.absolute()), tuple(traces))
+    requirements = [_requirement(matrix, reading, name, below, share) for name in formulas]
+    mutants = kept.get("mutants")
+    scores = {} if mutants is None else mutants["requirements"]
+    return Section(
+        kind="matrix",
+        title=f"{counted(len(matrix), 'recorded trace')} under "
+        f"{counted(len(formulas), 'requirement')}",
+        unit="s" if _period(matrix) else "steps",
+        facts=tuple(facts),
+        requirements=tuple(requirements),
+        blocks=tuple(_blocks(matrix)),
+        mutants=None
+        if mutants is None
+        else {name: MutationScore.read(score) for name, score in scores.items()},
+        min_share=None if mutants is None else mutants["least"],
+        **made_of(matrix.provenance),
+    )
+
+
+def _period(matrix: Matrix) -> object:
+    """None if bounds count samples, as the descriptions of the traces say."""
+    return None if any(row.described.endswith("bounds count samples") for row in matrix) else 1
+
+
+def _blocks(matrix: Matrix) -> Iterator[Table | Text]:
+    """Yield the table of the traces under the requirements, the worst 500 of more."""
+    words, names = get_args(Word), list(matrix.requirements)
+    places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
+    yield Table(
+        (Column("trace"), Column("verdict"), *(Column(name, "n", name) for name in names)),
+        tuple(_row(matrix[i], names) for i in sorted(places)),
+        "Traces and requirements",
+        "Robustness of each requirement on each trace",
+        "matrix",
+    )
+    if len(places) < len(matrix):
+        yield Text(f"{counted(len(matrix) - len(places), 'trace')} more not listed.", "muted")
+
+
+def _row(row: Trial, names: Iterable[str]) -> Row:
+    described = [row.described.removeprefix(f"{row.name}: ")] if row.described else []
+    cells = []
+    for name in names:
+        verdict, outcome = word(row.cell(name)), row.judged(name)
+        value = "" if outcome is None else number(six(outcome.robustness))
+        cells.append(Cell(value, f"n cell {verdict}", verdict=verdict))
+    first = Cell(row.name, muted=(*described, *row.notes))
+    return Row((first, Cell(verdict=row.word), *cells), verdict=row.word)
+
+
+def _requirement(
+    matrix: Matrix, reading: Mapping[str, Any], name: str, below: TraceFolders, room: int
+) -> Requirement:
+    """A requirement with its worst trace in full, or a note that says why it has none."""
+    formula, outcomes = matrix.requirements[name], judged(matrix, name)
+    trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
+    known = [trial.label for trial in trials if trial.robustness is not None]
+    worst, note = [], ""
+    if known:
+        row = next(row for row in matrix if row.name == known[0] and row.judged(name))
+        try:
+            path = below.found(row.name, matrix.provenance.files.get(row.name, ""))
+            worst = [_episode(row.name, row.outcomes[name], reading, formula, path, room)]
+        except NotShownError as error:
+            note = f"The worst trace, `{row.name}`, is not shown in full: {error}."
+    words = in_words_of(formula, _period(matrix), step=reading.get("view") == "step")
+    known_id = matrix.provenance.ids.get(name)
+    unit = "s" if _period(matrix) else "steps"
+    return requirement_of(
+        *(name, words, formula, trials, worst), noun="trace", unit=unit, note=note, id=known_id
+    )
+
+
+def _episode(
+    name: str,
+    outcome: Outcome,
+    kept: Mapping[str, Any],
+    formula: str,
+    path: Path,
+    room: int,
+) -> ShownEpisode:
+    """A trace in full.
+
+    Raises:
+        NotShownError: If it cannot be read again, or is of another kind.
+    """
+    if kept["time"] == "dense" or kept["semantics"] not in EXACT:
+        raise NotShownError("this page shows samples under the standard or the boolean semantics")
+    period = Fraction(kept["period"]) if "period" in kept else None
+    said = {each: kept[each] for each in ("view", "semantics", "align") if each in kept}
+    reading = Reading(period=period, **said)
+    spec = rtamt.parse(formula)
+    columns = Columns(**kept.get("columns", {}))
+    try:
+        trace, period = read_ruled(str(path), {"": spec}, reading, columns)
+    except (rtamt.RtamtError, OSError):
+        # What a reader says of a file may repeat what stands in it.
+        raise NotShownError(
+            "it cannot be read as it was when it was judged; rtamt monitor says why"
+        ) from None
+    assert isinstance(trace, Trace), "it is not dense"  # noqa: S101 - for mypy
+    if unknown := [name for name in spec.variables if name in trace.unknown]:
+        raise NotShownError(f"values of {', '.join(unknown)} are not known")
+    whole = viewed(spec, reading.view)
+    start = trace.start if period is not None else 0.0
+    times = np.arange(float(trace.samples)) * float(period or 1) + start
+    curves = _curves(whole, trace, period, reading)
+    played = PlayedEpisode(
+        label=name,
+        spec=whole,
+        interface={"semantics": reading.semantics},
+        signals=trace.columns,
+        times=times,
+        period=period,
+        align=reading.align,
+        outcome=outcome,
+        curves=curves,
+    )
+    return played.episode(room, 1)
+
+
+def _curves(
+    spec: rtamt.Specification, trace: Trace, period: Fraction | None, reading: Reading
+) -> dict[str, Any]:
+    """Robustness and bounds at every sample; nothing of a long trace."""
+    if trace.samples > _LONGEST:
+        return {}
+    monitor = EpisodeMonitor(spec, period, semantics=reading.semantics, align=reading.align)
+    names = ("robustness", "lower", "upper")
+    rows = []
+    for i in range(trace.samples):
+        monitor.update({name: trace.columns[name][i] for name in monitor.variables})
+        rows.append([getattr(monitor, each) for each in names])
+    return dict(zip(names, np.array(rows).T, strict=True))
+
+
+def of_mined(kept: Mapping[str, Any]) -> Section:
+    """The section of what ``rtamt mine --json`` has written.
+
+    Args:
+        kept: The result, of the kind ``"mined"``.
+
+    Raises:
+        KeyError: If something is not in it.
+    """
+    results = Results(read_trials(kept), kept["requirements"])
+    name, traces = kept["parameter"], counted(kept["traces"], "trace")
+    value, fails_at, low, high = (
+        plain_number(number_of(kept[each])) for each in ("value", "fails_at", "low", "high")
+    )
+    facts = {
+        name: f"{value}, the {kept['side']}",
+        "fails at": fails_at,
+        "tried": f"{low} to {high}, {kept['probes']} values on every trace",
+        "traces": str(kept["traces"]),
+        "evaluations": str(kept["evaluations"]),
+    }
+    requirements = [
+        requirement_of(
+            each,
+            in_words_of(formula, 1),
+            formula,
+            trials_of(results.rows, judged(results, each), lambda _, row: row.name),
+            noun="trace",
+            note=f"The traces that let no tighter value pass, at {name} = {value}.",
+        )
+        for each, formula in results.requirements.items()
+    ]
+    return Section(
+        kind="matrix",
+        title=f"{name} = {value} for {kept['requirement']}",
+        facts=tuple(facts.items()),
+        notes=(
+            f"{value} is the {kept['side']} for which {traces} satisfy `{kept['requirement']}`.",
+            *kept["notes"],
+        ),
+        requirements=tuple(requirements),
+    )
+
+
+class NotShownError(Exception):
+    """Why a trace is not shown, in words that repeat nothing of a file."""
+
+
+@dataclass(frozen=True, slots=True)
+class TraceFolders:
+    """The folders below which traces are read.
+
+    Attributes:
+        own: The folders from which paths are read: the present one and that of the result.
+        traces: Further ones, in which a trace may have the end of its path alone.
+    """
+
+    own: tuple[Path, ...]
+    traces: tuple[Path, ...] = ()
+
+    def found(self, name: str, sha256: str) -> Path:
+        """The file of a trace.
+
+        Args:
+            name: The path of the trace, as it was judged.
+            sha256: The hash of the trace when it was judged; empty if it is not known.
+
+        Raises:
+            NotShownError: If no regular file of this name lies below the folders, or none is as it
+                was.
+        """
+        folders = list(dict.fromkeys([*self.own, *self.traces]))
+        roots = [folder.resolve() for folder in folders]
+        files = [path for path in self._places(name) if _is_below(path, roots)]
+        if not files:
+            below = " or ".join(map(str, folders))
+            raise NotShownError(
+                f"no regular file of this name lies below {below}; rtamt report --traces DIR reads "
+                "below another folder"
+            )
+        for path in files:
+            if not sha256 or file_hash(path) in {sha256, ""}:
+                return path
+        raise NotShownError(
+            f"{files[0]} is not the file that was judged, whose SHA-256 begins with "
+            f"{sha256[:DIGITS]}, but {file_hash(files[0])[:DIGITS]}; judge it again"
+        )
+
+    def _places(self, name: str) -> Iterator[Path]:
+        yield from (folder / name for folder in self.own)
+        steps = Path(name).parts
+        for folder in self.traces:
+            yield from (folder.joinpath(*steps[i:]) for i in range(len(steps)))
+
+
+def _is_below(path: Path, roots: list[Path]) -> bool:
+    """Whether a path is a regular file below a folder, links followed, or a folder of such."""
+    try:
+        whole = path.resolve(strict=True)
+        if not any(whole.is_relative_to(root) for root in roots):
+            return False
+        mode = whole.stat().st_mode
+        if stat.S_ISREG(mode):
+            return True
+        return stat.S_ISDIR(mode) and _holds_regular_files(whole)
+    except (OSError, ValueError):  # ValueError: a path with a null character
+        return False
+
+
+def _holds_regular_files(folder: Path) -> bool:
+    """Whether a folder holds regular files alone, as a bag does; a link in it may lead anywhere."""
+    with os.scandir(folder) as entries:
+        return all(entry.is_file(follow_symlinks=False) for entry in entries)
