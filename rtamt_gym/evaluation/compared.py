@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from rtamt_gym.evaluation.paired import Effect, mcnemar, tango
-from rtamt_gym.evaluation.sentences import counted_points, effect_sentence, points
 from rtamt_gym.results.intervals import IntervalKind, rate_interval
 from rtamt_gym.results.statistics import SUCCESS
-from rtamt_gym.tables import p_text
-
-__all__ = ["LEVEL", "Compared", "compared_of"]
+from rtamt_gym.tables import counted, p_text, short
 
 LEVEL: Final = 0.05
 """Rates are called different if the adjusted p-value lies below."""
@@ -81,7 +79,10 @@ class Compared:
     @property
     def sentence(self) -> str:
         """What is shown about the rates, and about the robustness."""
-        return _sentence(self)
+        parts = [_rates(self)]
+        if self.robustness is not None:
+            parts.append(effect_sentence(self.robustness, "its robustness"))
+        return " ".join(parts)
 
 
 def compared_of(
@@ -115,14 +116,6 @@ def compared_of(
     )
 
 
-def _sentence(compared: Compared) -> str:
-    """What is shown about the rates of one requirement, and about its robustness."""
-    parts = [_rates(compared)]
-    if compared.robustness is not None:
-        parts.append(effect_sentence(compared.robustness, "its robustness"))
-    return " ".join(parts)
-
-
 def _rates(compared: Compared) -> str:
     name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
     gap, pairs = compared.difference, compared.pairs
@@ -142,3 +135,42 @@ def _rates(compared: Compared) -> str:
     return (
         f"{start} {counted_points(gap, pairs)}, {low} to {high} (95%; {p_text(compared.adjusted)})."
     )
+
+
+def effect_sentence(effect: Effect, what: str) -> str:
+    """What is shown about a measurement, such as ``"the return"``."""
+    middle = "on average" if effect.statistic == "mean" else "in the median"
+    low, high = effect.interval
+    name = what[0].upper() + what[1:]
+    if all(a == b for a, b in effect.pairs):
+        return f"{name} is the same in each pair."
+    if low > 0 or high < 0:
+        ends = sorted(abs(end) for end in effect.interval)
+        return (
+            f"{name} is {short(abs(effect.value))} {'greater' if low > 0 else 'less'} "
+            f"{middle} (95%: {short(ends[0])} to {short(ends[1])})."
+        )
+    if math.isinf(low) and math.isinf(high):
+        return f"{counted(len(effect.pairs), 'pair')} can say nothing of {what}."
+    return (
+        f"No difference of {what} is shown: {short(effect.value)} {middle} "
+        f"(95%: {short(low)} to {short(high)})."
+    )
+
+
+def points(share: float, pairs: int) -> str:
+    """A difference of rates in points of a hundred, in tenths where so many pairs tell them apart.
+
+    Example:
+        >>> points(0.118, 100), points(-0.0043, 2000), points(-0.001, 100)
+        ('12', '-0.4', '0')
+    """
+    digits = 1 if pairs >= 500 else 0
+    rounded = round(100 * share, digits)
+    return f"{rounded + 0.0:.{digits}f}"  # -0.0 becomes 0.0
+
+
+def counted_points(share: float, pairs: int) -> str:
+    """The same with its unit: ``1 point``, ``12 points``."""
+    text = points(share, pairs)
+    return f"{text} {'point' if text in {'1', '-1'} else 'points'}"

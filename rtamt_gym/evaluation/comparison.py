@@ -7,7 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, InputTypeError, RequirementId, Verdict
 from rtamt.errors import Argument
@@ -16,11 +16,10 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
-from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.play.runner import Requirements
-from rtamt_gym.results.codec import document, read_as, save
+from rtamt_gym.results.codec import document, plain, read_as, read_fields, save
 from rtamt_gym.results.fingerprint import ChangedModelError, listed
 from rtamt_gym.results.outcome import BY_END
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
@@ -33,8 +32,6 @@ from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
-
-__all__ = ["Comparison", "compare"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -310,7 +307,30 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
         if text != texts_b[name]:
             raise InputError(f"cannot compare: {name} is {text} of A and {texts_b[name]} of B")
     if a.reading is not None and b.reading is not None:
-        check_read_alike(a.reading, b.reading)
+        _check_read_alike(a.reading, b.reading)
+
+
+def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
+    """Refuses evaluations whose episodes were read differently, as far as that is known."""
+    differences = [
+        f"{name} is {one!r} of A and {two!r} of B" for name, one, two in _differences(a, b)
+    ]
+    if differences:
+        raise InputError(
+            "cannot compare, for the episodes were read differently: "
+            f"{', '.join(differences)}; evaluate both with the same"
+        )
+
+
+def _differences(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """What differs, with the values of both."""
+    for name in a:
+        if name != "signals" and name in b and a[name] != b[name]:
+            yield f"{name}=", a[name], b[name]
+    one, two = a.get("signals", {}), b.get("signals", {})
+    for name in one:
+        if None not in (one[name], two.get(name)) and one[name] != two[name]:
+            yield f"the signal {name}", one[name], two[name]
 
 
 def _seeds(of: Evaluation) -> str:
@@ -396,9 +416,6 @@ def _cells(compared: Compared) -> dict[str, Any]:
     return cells
 
 
-_INTERVALS: Final = ("interval_a", "interval_b", "interval")
-
-
 def _written(comparison: Comparison) -> str:
     """A comparison as a result of the kind ``"comparison"``.
 
@@ -414,62 +431,28 @@ def _written(comparison: Comparison) -> str:
             "requirements": {name: each.formula for name, each in compared.items()},
             "compared": [_plain_compared(each) for each in compared.values()],
             "success": _plain_compared(comparison.success),
-            "returns": _plain_effect(comparison.returns),
             **plain_provenance(Provenance(comparison.ids)),
         },
     )
 
 
 def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
-    """Reads the result that `_written` has made."""
-    requirements = [_read_compared(each) for each in kept["compared"]]
+    """Read the result that `_written` has made."""
+    requirements = [read_fields(Compared, each) for each in kept["compared"]]
     return Comparison(
         kept["system"],
         kept["a"],
         kept["b"],
         tuple(kept["seeds"]),
         {each.name: each for each in requirements},
-        _read_compared(kept["success"]),
-        _read_effect(kept["returns"]),
+        read_fields(Compared, kept["success"]),
+        None if kept["returns"] is None else read_fields(Effect, kept["returns"]),
         tuple(kept["notes"]),
         provenance_of(kept).ids,
     )
 
 
 def _plain_compared(compared: Compared) -> dict[str, Any]:
-    kept = {each.name: getattr(compared, each.name) for each in fields(compared)}
     derived = ("pairs", "rate_a", "rate_b", "difference", "sentence")
-    return (
-        kept
-        | {name: getattr(compared, name) for name in derived}
-        | {"robustness": _plain_effect(compared.robustness)}
-    )
-
-
-def _read_compared(kept: Mapping[str, Any]) -> Compared:
-    values = {each.name: kept[each.name] for each in fields(Compared)}
-    values |= {name: _two(kept[name]) for name in _INTERVALS}
-    return Compared(**values | {"robustness": _read_effect(kept["robustness"])})
-
-
-def _plain_effect(effect: Effect | None) -> dict[str, Any] | None:
-    if effect is None:
-        return None
-    return {
-        "statistic": effect.statistic,
-        "value": effect.value,
-        "interval": effect.interval,
-        "pairs": effect.pairs,
-    }
-
-
-def _read_effect(kept: Mapping[str, Any] | None) -> Effect | None:
-    if kept is None:
-        return None
-    pairs = tuple(_two(pair) for pair in kept["pairs"])
-    return Effect(kept["statistic"], float(kept["value"]), _two(kept["interval"]), pairs)
-
-
-def _two(kept: list[Any]) -> tuple[float, float]:
-    first, second = kept
-    return float(first), float(second)
+    fields_of: dict[str, Any] = plain(compared)
+    return fields_of | {name: getattr(compared, name) for name in derived}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Mapping
@@ -19,7 +20,6 @@ from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame, replay_difference
-from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.repeating import (
     refuse_unrepeated,
     repeats,
@@ -45,15 +45,14 @@ from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.sweeps.sweep import tell_failures
-from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.signals.signals import ParsedSignal, SignalLike, own_signals
+from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.systems.policies import check_name_of_policy
 from rtamt_gym.systems.registry import make
 from rtamt_gym.systems.system import no_exit
 
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.play.workers import ClusterBackend
-
-__all__ = ["check_repeats", "evaluate_policy"]
 
 
 @documents_options("episodes")
@@ -436,3 +435,35 @@ def _worst_runs(
     for number, differs in list(differing.items())[:1]:
         warn_of_difference(record.system, number, differs)
     return _WorstRuns(found, frames, tuple(differing))
+
+
+def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
+    """How a runner reads and judges episodes, as JSON can write it.
+
+    It has a signal for each variable of the requirements, wherever it comes from; None stands for a
+    function, of which nobody knows what it reads.
+    """
+    found = runner.reading.written()
+    monitor = runner.monitor
+    signals = {
+        **own_signals(runner.system),
+        **((monitor.judging.signals or {}) if monitor is not None else {}),
+        **(runner.signals or {}),
+    }
+    variables = {name for spec in runner.requirements.values() for name in spec.variables}
+    found["signals"] = {
+        name: _signal_text(ParsedSignal.parse(name, signals[name], SOURCES))
+        for name in sorted(variables)
+        if name in signals
+    }
+    return found
+
+
+def _signal_text(signal: ParsedSignal) -> str | None:
+    """What a signal reads, and its value at reset if it was given one."""
+    if signal.source is None:
+        return None
+    if signal.default is None:
+        return str(signal)
+    value = "unknown" if math.isnan(signal.default) else repr(signal.default)
+    return f"{signal}, {value} at reset"

@@ -47,8 +47,6 @@ if TYPE_CHECKING:  # it is optional
 
     from rtamt_gym.play.runner import Runner
 
-__all__ = ["Evaluation"]
-
 Floats = NDArray[np.float64]
 
 

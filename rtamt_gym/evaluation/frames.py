@@ -27,8 +27,6 @@ from rtamt_gym.wrappers.substeps import read_substep_period
 if TYPE_CHECKING:
     from rtamt_gym.play.runner import Runner
 
-__all__ = ["Film", "Filming", "Frame", "played", "replay_difference"]
-
 _MOST: Final = 22
 """The maximum number of evenly spread pictures; the end and violations have further ones."""
 

@@ -19,9 +19,8 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.method_scores import Estimate, MethodScores
 from rtamt_gym.evaluation.paired import holm
-from rtamt_gym.results.codec import document, read_as, save
+from rtamt_gym.results.codec import document, read_as, read_fields, save
 from rtamt_gym.results.intervals import check_confidence
 from rtamt_gym.results.seeds import (
     improvement,
@@ -33,8 +32,6 @@ from rtamt_gym.results.seeds import (
 )
 from rtamt_gym.tables import Terminal, counted, p_text
 
-__all__ = ["MethodComparison", "compare_methods"]
-
 Floats = NDArray[np.float64]
 
 MethodRuns = ArrayLike | Sequence[Evaluation] | Mapping[str, "ArrayLike | Sequence[Evaluation]"]
@@ -43,6 +40,57 @@ mapping of such."""
 
 _POINTS: Final = 51
 """The thresholds of performance profiles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its bootstrap interval.
+
+    Attributes:
+        value: The number.
+        interval: The two ends.
+    """
+
+    value: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MethodScores:
+    """One method over its training seeds.
+
+    Attributes:
+        scores: The last score of every run, a row for each run and a column for each task.
+        mean: The mean over tasks of the means over runs.
+        interquartile_mean: The mean of the middle half of all scores.
+        profile: For each threshold the share of scores above it.
+        curve: At each point of training the mean; empty without ``steps``.
+        improvement: The chance that a run scores above one of the baseline; None of the baseline.
+        p: The p-value of a permutation test against the baseline, on the means; None of the
+            baseline.
+        adjusted: The same, adjusted by Holm's method for the number of methods.
+    """
+
+    scores: tuple[tuple[float, ...], ...]
+    mean: Estimate
+    interquartile_mean: Estimate
+    profile: tuple[Estimate, ...]
+    curve: tuple[Estimate, ...] = ()
+    improvement: Estimate | None = None
+    p: float | None = None
+    adjusted: float | None = None
+
+    @property
+    def runs(self) -> int:
+        """The number of training seeds."""
+        return len(self.scores)
+
+    @property
+    def quartiles(self) -> tuple[float, float, float, float, float]:
+        """The least score, the quartiles and the greatest: few numbers that hide no failed run."""
+        found = np.quantile(np.array(self.scores), [0.0, 0.25, 0.5, 0.75, 1.0])
+        low, first, middle, third, high = map(float, found)
+        return low, first, middle, third, high
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,12 +161,8 @@ class MethodComparison:
 
     def to_json(self) -> str:
         """Strict JSON that holds all of the comparison."""
-        kept = {each.name: getattr(self, each.name) for each in fields(self)}
-        methods = {
-            name: {each.name: getattr(found, each.name) for each in fields(found)}
-            for name, found in self.methods.items()
-        }
-        return document("methods", _plain({**kept, "methods": methods, "sentence": self.sentence}))
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        return document("methods", own | {"sentence": self.sentence})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the text of `to_json` into a file.
@@ -140,11 +184,7 @@ class MethodComparison:
     @staticmethod
     def of_kept(kept: Mapping[str, Any]) -> MethodComparison:
         """The comparison that a result of the kind ``"methods"`` holds, read as JSON."""
-        values = {each.name: kept[each.name] for each in fields(MethodComparison)}
-        for name in ("tasks", "thresholds", "steps"):
-            values[name] = tuple(values[name])
-        values["methods"] = {name: _read(found) for name, found in kept["methods"].items()}
-        return MethodComparison(**values)
+        return read_fields(MethodComparison, kept)
 
     def __repr__(self) -> str:
         return f"<Comparison of {counted(len(self.methods), 'method')}: {listing(self.methods)}>"
@@ -366,31 +406,3 @@ def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
 def _ends(estimate: Estimate) -> str:
     low, high = estimate.interval
     return f"[{low:.3g}, {high:.3g}]"
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - what a comparison holds
-    """The same with estimates as JSON holds them."""
-    match value:
-        case Estimate():
-            return {"value": value.value, "interval": list(value.interval)}
-        case Mapping():
-            return {name: _plain(each) for name, each in value.items()}
-        case tuple() | list():
-            return [_plain(each) for each in value]
-    return value
-
-
-def _read(kept: Mapping[str, Any]) -> MethodScores:
-    """Reads what `_plain` has made of a method."""
-    values = {each.name: kept[each.name] for each in fields(MethodScores)}
-    values["scores"] = tuple(tuple(map(float, row)) for row in kept["scores"])
-    for name in ("mean", "interquartile_mean", "improvement"):
-        values[name] = None if kept[name] is None else _read_estimate(kept[name])
-    for name in ("profile", "curve"):
-        values[name] = tuple(map(_read_estimate, kept[name]))
-    return MethodScores(**values)
-
-
-def _read_estimate(kept: Mapping[str, Any]) -> Estimate:
-    low, high = kept["interval"]
-    return Estimate(float(kept["value"]), (float(low), float(high)))

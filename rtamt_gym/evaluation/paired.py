@@ -19,8 +19,6 @@ from rtamt_gym.results.intervals import (
     scipy_stats,
 )
 
-__all__ = ["Effect", "effect_of", "holm", "mcnemar", "tango"]
-
 
 @dataclass(frozen=True, slots=True)
 class Effect:

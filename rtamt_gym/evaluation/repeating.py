@@ -17,18 +17,6 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import number
 
-__all__ = [
-    "HOW_TO_REPEAT",
-    "HOW_TO_REPLAY",
-    "UnrepeatedSeedWarning",
-    "alike",
-    "difference",
-    "refuse_unrepeated",
-    "repeats",
-    "tell_unrepeated",
-    "warn_of_difference",
-]
-
 HOW_TO_REPEAT: Final = (
     "give a function that makes an environment whose reset(seed=...) chooses all that is random: "
     "Meta-World wants env.set_task(task) before a reset, robosuite rtamt_gym.benchmarks"

@@ -16,8 +16,6 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.results.intervals import IntervalKind, check_confidence, rate_interval
 
-__all__ = ["MARGIN", "RatioTest", "Rule", "Stopping", "Width", "stopping_of"]
-
 MARGIN: Final = 0.05
 """How far below the target a rate shall be refused, where nothing else is said."""
 

@@ -8,9 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtamt_gym.evaluation.compared import Compared
+from rtamt_gym.evaluation.compared import Compared, effect_sentence, points
 from rtamt_gym.evaluation.paired import Effect
-from rtamt_gym.evaluation.sentences import effect_sentence, points
 from rtamt_gym.play.summaries import failures
 from rtamt_gym.results.intervals import promise, rate_interval
 from rtamt_gym.results.provenance import reuse_lines
@@ -18,8 +17,6 @@ from rtamt_gym.results.statistics import RequirementResult, Statistic, columns_o
 from rtamt_gym.results.trial import end_note, open_at_stop
 from rtamt_gym.results.warnings import evidence_lines
 from rtamt_gym.tables import Terminal, counted, p_text, short
-
-__all__ = ["comparison_table", "evaluation_table", "show"]
 
 _NAMED: Final = 3
 """How many of the worst episodes are named."""

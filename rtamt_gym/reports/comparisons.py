@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from rtamt import RequirementId
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
-from rtamt_gym.evaluation.method_scores import Estimate, MethodScores
-from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.evaluation.methods import Estimate, MethodComparison, MethodScores
 from rtamt_gym.reports.episodes import in_words_of
 from rtamt_gym.reports.figures import Curve, curves_figure, pairs_figure
 from rtamt_gym.reports.model import (

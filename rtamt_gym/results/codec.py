@@ -11,10 +11,12 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import MISSING, fields, is_dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from types import NoneType, UnionType
+from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -27,27 +29,6 @@ from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
-
-__all__ = [
-    "FORMAT",
-    "KINDS",
-    "VERSION",
-    "check_name",
-    "document",
-    "fraction_of",
-    "number_of",
-    "outcome_of",
-    "plain",
-    "plain_outcome",
-    "plain_result",
-    "plain_results",
-    "plain_trial",
-    "read",
-    "read_as",
-    "save",
-    "trial_of",
-    "trials_of",
-]
 
 FORMAT: Final = "rtamt result"
 VERSION: Final = 2
@@ -94,6 +75,8 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
     for kind, make in _PLAIN:
         if isinstance(value, kind):
             return make(value)
+    if is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     return value
 
 
@@ -118,9 +101,8 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         kept["defaults"] = found.defaults
     if found.progress is not None:
         kept["progress"] = found.progress
-    if found.late_start is not None:
-        late = found.late_start
-        kept["late_start"] = {**asdict(late), "left_out": late.left_out}
+    if (late := found.late_start) is not None:
+        kept["late_start"] = {**plain(late), "left_out": late.left_out}
     return {name: plain(each) for name, each in kept.items()}
 
 
@@ -184,7 +166,6 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
     (Fraction, str),
     (Verdict, lambda value: value.name),
     (Case, lambda value: plain(json.loads(value.to_json()))),
-    (Moment, lambda value: {"sample": value.sample, "seconds": plain(value.seconds)}),
     (Trial, plain_trial),
     (RequirementResult, plain_result),
     (np.ndarray, lambda value: plain(value.tolist())),
@@ -194,10 +175,49 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
 """What JSON holds of values that it does not know; the first kind that fits counts."""
 
 
+def read_fields(kind: type[T], stored: Mapping[str, Any]) -> T:
+    """Return the dataclass whose fields `plain` has written; other keys are ignored.
+
+    Raises:
+        KeyError, TypeError, ValueError: If a field without a default is missing, or something else
+            is stored.
+    """
+    hints = _type_hints(kind)  # type: ignore[arg-type]  # classes are hashable
+    values = {
+        each.name: _read_value(hints[each.name], stored[each.name])
+        for each in fields(kind)  # type: ignore[arg-type]  # it is a dataclass
+        if each.name in stored or each.default is each.default_factory is MISSING
+    }
+    return kind(**values)
+
+
+@cache
+def _type_hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401 - a class
+    return get_type_hints(kind)
+
+
+def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a field
+    """Return a value of the type of a field from what `plain` has written."""
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        (kind,) = (arg for arg in args if arg is not NoneType)
+        return None if value is None else _read_value(kind, value)
+    if is_dataclass(hint):
+        return read_fields(hint, value)  # type: ignore[arg-type]  # a class, not an instance
+    if origin is tuple and args[-1] is ...:
+        return tuple(_read_value(args[0], item) for item in value)
+    if origin is tuple:
+        return tuple(_read_value(a, item) for a, item in zip(args, value, strict=True))
+    if origin is Mapping:
+        return {name: _read_value(args[1], item) for name, item in value.items()}
+    return float(value) if hint is float else value
+
+
 def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
     """Reads what `plain_outcome` has made."""
     if kept["verdict"] == "ERROR":
         return Failure(kept["error"])
+    late = kept.get("late_start")
     return Outcome(
         float(kept["robustness"]),
         float(kept["lower"]),
@@ -213,19 +233,13 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
         unknown=tuple(kept.get("unknown", ())),
         progress=number_of(kept.get("progress")),
-        late_start=_late_start(kept.get("late_start")),
+        late_start=None if late is None else read_fields(LateStart, late),
         ended=_moment(kept.get("ended_at")),
     )
 
 
 def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
-    return None if kept is None else Moment(kept["sample"], number_of(kept["seconds"]))
-
-
-def _late_start(kept: Mapping[str, Any] | None) -> LateStart | None:
-    if kept is None:
-        return None
-    return LateStart(**{**{n: v for n, v in kept.items() if n != "left_out"}, "of": (*kept["of"],)})
+    return None if kept is None else read_fields(Moment, kept)
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:

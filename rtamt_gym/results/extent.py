@@ -9,8 +9,6 @@ from typing import Any, Final, Self
 
 from rtamt_gym.tables import counted, number, time_text
 
-__all__ = ["Extent", "Gap", "LateStart", "gap_summary", "length_text", "short_text"]
-
 _LONG: Final = 10
 """A gap of more than so many usual steps is noted."""
 

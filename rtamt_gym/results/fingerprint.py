@@ -15,8 +15,6 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.tables import counted
 
-__all__ = ["ChangedModelError", "Fingerprint", "Mixture", "Reuse", "check_unchanged", "listed"]
-
 _SHOWN: Final = 4
 """The number of changes that an error lists."""
 

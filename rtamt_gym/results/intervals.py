@@ -19,22 +19,6 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.extras import naming_extra
 
-__all__ = [
-    "QUANTILES",
-    "IntervalKind",
-    "bootstrap",
-    "check_confidence",
-    "clopper_pearson",
-    "differences",
-    "median",
-    "median_interval",
-    "promise",
-    "quantiles",
-    "rate_interval",
-    "scipy_stats",
-    "wilson",
-]
-
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 """The shares of which `quantiles` gives the values."""
 

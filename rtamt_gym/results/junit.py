@@ -17,8 +17,6 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import VerdictWarning, failing_cell, never_triggered_word
 from rtamt_gym.tables import number
 
-__all__ = ["discard_junit", "to_junit"]
-
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
 

@@ -15,8 +15,6 @@ from rtamt_gym.results.warnings import (
     triggered_in,
 )
 
-__all__ = ["to_markdown"]
-
 _MOST = 50
 """The number of cells that are explained: the pages of CI systems are limited in size."""
 

@@ -16,20 +16,6 @@ from rtamt_gym.results.table import Results
 from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
 
-__all__ = [
-    "LEGEND",
-    "Matrix",
-    "cell_text",
-    "indented",
-    "label",
-    "legend",
-    "matrix_lines",
-    "note_lines",
-    "summary",
-    "times_text",
-    "undecided_lines",
-]
-
 _WIDTH = 80
 
 LEGEND = "numbers are robustness; V: violated, U: undecided, E: error, else satisfied"

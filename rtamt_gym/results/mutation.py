@@ -12,8 +12,6 @@ from typing import Any, Final, Literal
 
 from rtamt_gym.tables import counted, shorten, table, wrapped
 
-__all__ = ["JudgedMutant", "MutantSays", "MutationScore", "percent", "score_lines", "score_text"]
-
 MutantSays = Literal["noticed", "missed", "same", "unknown"]
 """What became of a mutant: a trace notices it; none does, and one that would is known; it is proved
 to be the same requirement; or none does, and nobody knows whether one would."""

@@ -11,20 +11,6 @@ from typing import Any, Final, Literal, Self
 from rtamt import Asked, DenseAsked, Evidence, Verdict
 from rtamt_gym.results.extent import LateStart
 
-__all__ = [
-    "BY_END",
-    "WORDS",
-    "Failure",
-    "Moment",
-    "Outcome",
-    "Word",
-    "asked_of",
-    "order",
-    "verdict_text",
-    "violated_by_end",
-    "word",
-]
-
 BY_END: Final = "by how it ended"
 """What is said of a violation beside a robustness that holds."""
 

@@ -16,16 +16,6 @@ from rtamt import RequirementId, Specification
 from rtamt.errors import shown
 from rtamt_gym.results.fingerprint import Fingerprint, Reuse
 
-__all__ = [
-    "Provenance",
-    "file_hash",
-    "ids_lines",
-    "plain_provenance",
-    "provenance_of",
-    "reuse_lines",
-    "versions_in_use",
-]
-
 _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
 

@@ -15,15 +15,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "improvement",
-    "interquartile_mean",
-    "mean",
-    "permutation_p",
-    "profile",
-    "stratified_bootstrap",
-]
-
 Floats = NDArray[np.float64]
 
 _AT_ONCE: Final = 2_000_000

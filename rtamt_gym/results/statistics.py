@@ -20,19 +20,6 @@ from rtamt_gym.results.outcome import Outcome, order
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.tables import Coloured, counted, short
 
-__all__ = [
-    "STATISTICS",
-    "SUCCESS",
-    "RequirementResult",
-    "Statistic",
-    "columns_of",
-    "expected_shortfall",
-    "mean_progress",
-    "progress_text",
-    "rank",
-    "result_of",
-]
-
 Floats = NDArray[np.float64]
 
 SUCCESS: Final = "all requirements"

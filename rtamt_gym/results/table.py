@@ -19,8 +19,6 @@ from rtamt_gym.results.trial import Trial
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
 
-__all__ = ["Results", "together"]
-
 
 class Results(Sequence[Trial]):
     """Trials under the same requirements: a sequence of `Trial`, in the order of their cases.

@@ -20,17 +20,6 @@ from rtamt_gym.results.outcome import (
     word,
 )
 
-__all__ = [
-    "MEASURES",
-    "OF_TRIAL",
-    "STOPPED",
-    "Measure",
-    "RunEnd",
-    "Trial",
-    "end_note",
-    "open_at_stop",
-]
-
 RunEnd = Literal[
     "violation",
     "decided",

@@ -222,7 +222,7 @@ FOLDERS: Final = {
                 *(f"rtamt_gym/results/{name}.py" for name in ("statistics", "intervals", "seeds")),
                 *(
                     f"rtamt_gym/evaluation/{name}.py"
-                    for name in ("compared", "method_scores", "methods", "paired", "sequential")
+                    for name in ("compared", "methods", "paired", "sequential")
                 ),
             ),
             _STATISTICS,
