@@ -20,7 +20,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from rtamt_gym import MethodComparison, StlMonitor, compare_methods, evaluate_policy
-from rtamt_gym.evaluation.methods import Estimate
+from rtamt_gym.results.seeds import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
 """A row says how many of the episodes satisfied the requirement after so many steps of training,

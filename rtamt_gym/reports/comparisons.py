@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rtamt import RequirementId
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
-from rtamt_gym.evaluation.methods import Estimate, MethodComparison, MethodScores
+from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.reports.episodes import in_words_of
 from rtamt_gym.reports.figures import Curve, curves_figure, pairs_figure
 from rtamt_gym.reports.model import (
@@ -23,6 +23,7 @@ from rtamt_gym.reports.model import (
 )
 from rtamt_gym.reports.numbers import number, percent, rounded, six
 from rtamt_gym.reports.requirements import TRIALS
+from rtamt_gym.results.seeds import Estimate, MethodScores
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.tables import counted, p_text
 
